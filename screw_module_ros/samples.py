@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples that cross from the device drivers to the laws, in SI units with stamps in integer ns.
+
+Units end at the drivers: above them nobody sees a raw sensor word. Every sample carries the number
+of the tick it was asked for. All nodes that poll or send SYNC tick at whole multiples of their
+period of CLOCK_MONOTONIC, so the tick number of one instant is the same in every process of a
+machine, and samples of different devices line up without a clock server.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+SEQUENCE_MASK = 0xFFFFFFFF
+_HALF_RANGE = 0x80000000
+
+
+class EncoderReading(NamedTuple):
+    """One position of the vertical module's motor-side encoder.
+
+    sequence: tick number, modulo 2^32.
+    monotonic_ns: acquisition (when the SYNC went out) on CLOCK_MONOTONIC [ns].
+    stamp_ns: the same instant on the system clock [ns since the epoch].
+    count: encoder count, unwrapped [counts, 20000 per screw turn].
+    position: nut height above the bottom of travel, up positive [m].
+    velocity: back difference of position through the 30 Hz filter [m/s].
+    homed: position is absolute.
+    """
+
+    sequence: int
+    monotonic_ns: int
+    stamp_ns: int
+    count: int
+    position: float
+    velocity: float
+    homed: bool
+
+
+class ForceReading(NamedTuple):
+    """One wrench of the patient on the robot, in the handle frame, tare removed.
+
+    sequence: tick number, modulo 2^32.
+    monotonic_ns: when the sensor was asked, on CLOCK_MONOTONIC [ns].
+    stamp_ns: the same instant on the system clock [ns since the epoch].
+    fx, fy, fz: force [N], fz up positive.
+    tx, ty, tz: torque [Nm].
+    status: the sensor's status word (ATI NETCANOEM), 0 = healthy.
+    """
+
+    sequence: int
+    monotonic_ns: int
+    stamp_ns: int
+    fx: float
+    fy: float
+    fz: float
+    tx: float
+    ty: float
+    tz: float
+    status: int
+
+
+class DriveReading(NamedTuple):
+    """One cyclic answer of a CiA 402 drive.
+
+    monotonic_ns: arrival on CLOCK_MONOTONIC [ns].
+    statusword: object 6041.
+    position: object 6064, raw [counts, signed 32 bit].
+    torque: object 6077 on the motor shaft, with the robot's sign [Nm].
+    """
+
+    monotonic_ns: int
+    statusword: int
+    position: int
+    torque: float
+
+
+def tick_number(monotonic_ns: int, period_ns: int) -> int:
+    """Return the number of the tick an instant belongs to.
+
+    monotonic_ns: CLOCK_MONOTONIC [ns]; period_ns: tick period [ns]. The number wraps at 2^32.
+    """
+    return (monotonic_ns // period_ns) & SEQUENCE_MASK
+
+
+def sequence_gap(previous: int, current: int) -> int:
+    """Return how many ticks are missing between two sequence numbers, modulo 2^32.
+
+    0 = the very next one, n > 0 = n samples are missing, -1 = the same one again, below -1 = older.
+    """
+    return ((current - previous - 1 + _HALF_RANGE) & SEQUENCE_MASK) - _HALF_RANGE
