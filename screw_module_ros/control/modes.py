@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control modes of the vertical axis: the constants of screw_module_msgs/ForceCommand."""
+
+from __future__ import annotations
+
+OFF = 0
+IMPEDANCE = 1
+FRICTION_COMPENSATION = 2
+FORCE_FEEDBACK = 3
+COMBINED = 4
+
+MODE_NAMES = {
+    OFF: "OFF",
+    IMPEDANCE: "IMPEDANCE",
+    FRICTION_COMPENSATION: "FRICTION_COMPENSATION",
+    FORCE_FEEDBACK: "FORCE_FEEDBACK",
+    COMBINED: "COMBINED",
+}
+
+
+def uses_impedance(mode: int) -> bool:
+    """Return whether the mode makes spring, damper and gravity forces."""
+    return IMPEDANCE <= mode <= COMBINED
+
+
+def uses_friction(mode: int) -> bool:
+    """Return whether the mode adds the friction model's feed-forward."""
+    return mode == FRICTION_COMPENSATION or mode == COMBINED
+
+
+def uses_feedback(mode: int) -> bool:
+    """Return whether the mode feeds the handle force back."""
+    return mode == FORCE_FEEDBACK or mode == COMBINED

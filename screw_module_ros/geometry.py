@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Geometry of the robot: the screw that lifts the handle and the planar arm that carries it.
+
+Screw (thesis 3.1, 5.1): z = L theta / 2 pi, F = 2 pi T / L. Height z is zero at the bottom of
+travel and positive up.
+
+Plane (thesis 2.3, MIT-MANUS): a five-bar linkage whose two motors stand at the base, so both joint
+angles are absolute: the shoulder turns the upper arm, the elbow motor turns the forearm, each
+measured from +x counter-clockwise in frame `manus_base` (x to the patient's right, y away from the
+patient, origin in the centre of the workspace).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from .settings import Setting
+
+
+class Screw(NamedTuple):
+    """The screw and the encoder on its motor (thesis 2.3, 3.1.8)."""
+
+    lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 0.1)] = 0.01905
+    counts_per_turn: Annotated[int, Setting("encoder counts per turn", "", 4, 10_000_000)] = 20_000
+
+
+class PlanarArm(NamedTuple):
+    """Dimensions of the planar arm and where its base stands (thesis 2.3, MIT-MANUS)."""
+
+    upper_arm: Annotated[float, Setting("length of the upper arm", "m", 0.05, 2.0)] = 0.4064
+    forearm: Annotated[float, Setting("length of the forearm", "m", 0.05, 2.0)] = 0.51435
+    base_x: Annotated[float, Setting("base, x from the workspace centre", "m", -2.0, 2.0)] = 0.0
+    base_y: Annotated[float, Setting("base, y from the workspace centre", "m", -2.0, 2.0)] = -0.65
+
+
+SCREW = Screw()
+MANUS = PlanarArm()
+
+
+def counts_to_height(counts: float, screw: Screw = SCREW) -> float:
+    """Return the travel of the nut [m] for encoder counts [counts]."""
+    return counts * screw.lead / screw.counts_per_turn
+
+
+def height_to_counts(height: float, screw: Screw = SCREW) -> float:
+    """Return encoder counts [counts, not rounded] for a travel of the nut [m]."""
+    return height * screw.counts_per_turn / screw.lead
+
+
+def height_to_angle(height: float, screw: Screw = SCREW) -> float:
+    """Return the screw angle [rad] for a travel of the nut [m]."""
+    return 2.0 * math.pi * height / screw.lead
+
+
+def angle_to_height(angle: float, screw: Screw = SCREW) -> float:
+    """Return the travel of the nut [m] for a screw angle [rad]."""
+    return angle * screw.lead / (2.0 * math.pi)
+
+
+def force_to_torque(force: float, screw: Screw = SCREW) -> float:
+    """Return the motor torque [Nm] that makes a force at the handle [N], without friction (3.1)."""
+    return force * screw.lead / (2.0 * math.pi)
+
+
+def torque_to_force(torque: float, screw: Screw = SCREW) -> float:
+    """Return the force at the handle [N] of a motor torque [Nm], without friction (eq 3.1)."""
+    return 2.0 * math.pi * torque / screw.lead
+
+
+def forward(shoulder: float, elbow: float, arm: PlanarArm = MANUS) -> tuple[float, float]:
+    """Return the handle's x, y [m] from the workspace centre for absolute joint angles [rad]."""
+    return (
+        arm.base_x + arm.upper_arm * math.cos(shoulder) + arm.forearm * math.cos(elbow),
+        arm.base_y + arm.upper_arm * math.sin(shoulder) + arm.forearm * math.sin(elbow),
+    )
+
+
+def inverse(x: float, y: float, arm: PlanarArm = MANUS) -> tuple[float, float]:
+    """Return absolute joint angles [rad] that put the handle at x, y [m] from the workspace centre.
+
+    Of the two solutions the one with elbow - shoulder in [0, pi] is taken: the elbow stands out to
+    the right (+x). A point out of reach gives the arm stretched or folded towards it.
+    """
+    dx = x - arm.base_x
+    dy = y - arm.base_y
+    squared = dx * dx + dy * dy
+    cosine = (squared - arm.upper_arm * arm.upper_arm - arm.forearm * arm.forearm) / (
+        2.0 * arm.upper_arm * arm.forearm
+    )
+    between = math.acos(min(1.0, max(-1.0, cosine)))
+    shoulder = math.atan2(dy, dx) - math.atan2(
+        arm.forearm * math.sin(between), arm.upper_arm + arm.forearm * math.cos(between)
+    )
+    return shoulder, shoulder + between
+
+
+def jacobian(
+    shoulder: float, elbow: float, arm: PlanarArm = MANUS
+) -> tuple[float, float, float, float]:
+    """Return (dx/dshoulder, dx/delbow, dy/dshoulder, dy/delbow) [m/rad] at joint angles [rad]."""
+    return (
+        -arm.upper_arm * math.sin(shoulder),
+        -arm.forearm * math.sin(elbow),
+        arm.upper_arm * math.cos(shoulder),
+        arm.forearm * math.cos(elbow),
+    )
