@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+# Each command sets up what it needs first; what is done already is skipped.
+
+PYTHON ?= python3
+VENV_PYTHON := .venv/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help build demo test lint shell clean
+
+help:  ## say what there is
+	@echo "screw_module_ros: make COMMAND"
+	@sed -n 's/^\([a-z]*\):.*## /  \1\t/p' $(MAKEFILE_LIST)
+	@echo "Python 3.10 to 3.13 is needed: make build PYTHON=python3.12 names one."
+
+build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: uses that)
+	@$(PYTHON) tools/build.py
+
+demo: build  ## the whole robot against the simulated rig: table, figures and a bag
+	@tools/run demo
+
+test: build  ## all tests; pass options with ARGS="-k friction"
+	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
+
+lint: build  ## style, docstrings and the import rule
+	@$(VENV_PYTHON) -m ruff check .
+	@$(VENV_PYTHON) tools/import_rule.py
+
+shell: build  ## a shell in which the nodes can be started by name
+	@tools/run $${SHELL:-sh}
+
+clean:  ## remove everything that was built, the virtual environment too
+	rm -rf .venv build install log .pytest_cache .hypothesis .ruff_cache

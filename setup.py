@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Installs screw_module_ros as an ament_python package: code, executables, data, index marker."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "screw_module_ros"
+NODES = (
+    "encoder",
+    "force_sensor",
+    "impedance_controller",
+    "amplifier",
+    "manus",
+    "endpoint_state",
+    "supervisor",
+    "session_recorder",
+    "sim_rig",
+    "bringup",
+    "demo",
+)
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="A three-axis upper-limb therapy robot: MIT-MANUS and a vertical screw module.",
+    license="Apache-2.0",
+    maintainer="screw_module_ros maintainers",
+    maintainer_email="maintainers@screw-module-ros.invalid",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["rig/eds/*.eds"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/params", sorted(glob("params/*.yaml"))),
+        (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
+        (f"share/{NAME}/eds", sorted(glob(f"{NAME}/rig/eds/*.eds"))),
+    ],
+    zip_safe=False,
+    entry_points={"console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]},
+)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Makes the ROS wheels usable for building: their CMake files name folders of the wheels' builder.
+
+The exported targets of the message packages carry the include folders of the Python and the numpy
+they were compiled with (`/opt/python/cp3XX-cp3XX/...`); CMake refuses a target whose include folder
+does not exist. They are rewritten to the folders of the virtual environment in use.
+"""
+
+from __future__ import annotations
+
+import re
+import sysconfig
+from pathlib import Path
+
+_BUILDER = r"/opt/python/cp3\d+-cp3\d+"
+_NUMPY_INCLUDE = re.compile(_BUILDER + r"/lib/python3\.\d+/site-packages/numpy/(?:_core|core)/include")
+_PYTHON_INCLUDE = re.compile(_BUILDER + r"/include/python3\.\d+")
+
+
+def with_local_paths(text: str, python_include: str, numpy_include: str) -> str:
+    """Return the text of a CMake file with the builder's include folders replaced."""
+    text = _NUMPY_INCLUDE.sub(lambda _: numpy_include, text)
+    return _PYTHON_INCLUDE.sub(lambda _: python_include, text)
+
+
+def rewrite_cmake_files(venv: Path) -> int:
+    """Rewrite every CMake file under the environment's `share`; return how many changed."""
+    python_include = sysconfig.get_path("include")
+    version = sysconfig.get_python_version()
+    numpy_include = str(venv / f"lib/python{version}/site-packages/numpy/_core/include")
+    changed = 0
+    for file in (venv / "share").glob("*/cmake/*.cmake"):
+        old = file.read_text(encoding="utf-8", errors="surrogateescape")
+        new = with_local_paths(old, python_include, numpy_include)
+        if new != old:
+            file.write_text(new, encoding="utf-8", errors="surrogateescape")
+            changed += 1
+    return changed

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Progress of long steps: one line each, output kept in a log and shown only when it fails."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections import deque
+from pathlib import Path
+
+LINES_SHOWN_ON_FAILURE = 30
+SECONDS_BETWEEN_LINES = 10.0  # how often a long step says that it lives, when not on a terminal
+
+
+class StepFailed(Exception):
+    """A step did not succeed; the text is what the user should read, way out included."""
+
+
+class Progress:
+    """Writes `[2/5] what ... 12.3 s` and keeps the total, on a terminal or in a plain log."""
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._number = 0
+        self._live = sys.stdout.isatty()
+        self._started = time.monotonic()
+        self._title = ""
+        self._last_line = 0.0
+
+    def begin(self, what: str) -> None:
+        """Announce the next step."""
+        self._number += 1
+        self._title = f"[{self._number}/{self._total}] {what}"
+        self._started = self._last_line = time.monotonic()
+        print(self._title, end=" " if self._live else "\n", flush=True)
+
+    def tick(self, detail: str) -> None:
+        """Show that the running step goes on: in place on a terminal, else a line now and then."""
+        now = time.monotonic()
+        elapsed = f"{now - self._started:.0f} s"
+        if self._live:
+            print(f"\r\x1b[K{self._title} {elapsed}  {detail[:60]}", end="", flush=True)
+        elif now - self._last_line >= SECONDS_BETWEEN_LINES:
+            self._last_line = now
+            print(f"      {elapsed}  {detail[:80]}", flush=True)
+
+    def done(self, note: str = "") -> None:
+        """Close the step with its time."""
+        result = note or f"done in {time.monotonic() - self._started:.1f} s"
+        print(f"\r\x1b[K{self._title} {result}" if self._live else f"      {result}", flush=True)
+
+    def failed(self) -> None:
+        """Leave the step's line on the terminal."""
+        if self._live:
+            print(flush=True)
+
+
+def run_logged(
+    command: list[str], log: Path, progress: Progress, env: dict[str, str] | None = None,
+    cwd: Path | None = None,
+) -> None:
+    """Run a command with its output appended to `log`; raise StepFailed with the output's end."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    last: deque[str] = deque(maxlen=LINES_SHOWN_ON_FAILURE)
+    with log.open("a", encoding="utf-8") as file:
+        file.write("$ " + " ".join(command) + "\n")
+        with subprocess.Popen(
+            command, cwd=cwd, env=env, text=True, errors="replace", bufsize=1,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        ) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                file.write(line)
+                if line.strip():
+                    last.append(line.rstrip())
+                    progress.tick(line.strip())
+    if process.returncode != 0:
+        progress.failed()
+        tail = "\n".join("    " + line for line in last)
+        where = os.path.relpath(log)
+        raise StepFailed(f"{Path(command[0]).name} failed; its last lines (all in {where}):\n{tail}")
