@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction model of the screw module (thesis 5.2.5) and its file.
+
+The thesis fits the force that pushes the handle at a constant speed, gravity included, upward and
+downward apart: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2
+the ripple of one cycle per turn, Fv the speed factor. The 10 N of gravity belong to the controller's
+gravity term; `friction_force` is the friction alone, Fv (Fp1 + Fp2 - 10 N).
+
+Three things are ours. Position is held within the fitted range and speed below the fastest
+measured one: the polynomials are never extrapolated. And below `ramp_speed` the speed factor goes
+to zero in a straight line instead of as |v|^0.15, whose slope at rest is infinite: one encoder
+count moves the filtered velocity by up to 0.18 mm/s (count / time constant of the 30 Hz filter),
+which the power law would answer with half of the friction. With 2 mm/s the largest answer to one
+count is 0.18 / 2 x 0.9 x 14.8 N (the mean friction at the top), 1.2 N, and above it the thesis's
+model holds unchanged.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from .calibration import CalibrationError, Section, read_calibration
+from .limits import clamp
+
+FORMAT = "screw_module_ros/friction"
+_LARGEST_PLAUSIBLE = 60.0  # [N], about four times what the thesis measured
+
+
+class FrictionFileError(CalibrationError):
+    """A friction file that cannot be used."""
+
+
+class FrictionBranch(NamedTuple):
+    """Fit for one direction of motion, in the thesis's units (mm, mm/s, N).
+
+    trend: 8 coefficients of Fp1, highest power first; ripple: 6 coefficients of the amplitude of
+    Fp2, highest power first; flip_below: below this position [mm] the ripple is turned by pi;
+    Fv = low_gain v^low_exponent up to break_speed [mm/s], high_slope v + high_offset above.
+    """
+
+    trend: tuple[float, ...]
+    ripple: tuple[float, ...]
+    flip_below: float
+    break_speed: float
+    low_gain: float
+    low_exponent: float
+    high_slope: float
+    high_offset: float
+
+
+class FrictionModel(NamedTuple):
+    """Friction of the module, in the thesis's units.
+
+    low, high: range of the fit [mm]; fastest: fastest speed measured [mm/s]; ramp_speed: below it
+    the model goes to zero in a straight line [mm/s]; lead: travel per ripple cycle [mm]; phase of
+    the ripple [rad]; gravity: the weight included in the fits [N].
+    """
+
+    low: float
+    high: float
+    fastest: float
+    ramp_speed: float
+    lead: float
+    phase: float
+    gravity: float
+    up: FrictionBranch
+    down: FrictionBranch
+
+
+def friction_force(model: FrictionModel, position: float, velocity: float) -> float:
+    """Return the force to add so that friction is made up for [N], gravity excluded.
+
+    position [m], velocity [m/s], up positive. The force has the direction of motion or is zero, and
+    goes continuously through zero with the velocity.
+    """
+    speed = abs(velocity) * 1000.0
+    z = clamp(position * 1000.0, model.low, model.high)
+    branch = model.up if velocity > 0.0 else model.down
+    push = _held_speed(model, branch, z) - model.gravity
+    force = push * _speed_factor(branch, clamp(speed, model.ramp_speed, model.fastest))
+    force *= min(1.0, speed / model.ramp_speed)
+    return max(0.0, force) if velocity > 0.0 else min(0.0, force)
+
+
+def _held_speed(model: FrictionModel, branch: FrictionBranch, z: float) -> float:
+    """Return Fp1 + Fp2 at z [mm]: the mean force that holds a speed, gravity included [N]."""
+    angle = 2.0 * math.pi / model.lead * z + model.phase
+    sine = math.sin(angle) if z > branch.flip_below else -math.sin(angle)
+    return _polynomial(branch.trend, z) + _polynomial(branch.ripple, z) * sine
+
+
+def _speed_factor(branch: FrictionBranch, speed: float) -> float:
+    """Return Fv, the factor on the mean friction, at speed [mm/s] > 0."""
+    if speed <= branch.break_speed:
+        return branch.low_gain * speed**branch.low_exponent
+    return branch.high_slope * speed + branch.high_offset
+
+
+def _polynomial(coefficients: tuple[float, ...], x: float) -> float:
+    """Return the polynomial at x, coefficients from the highest power down (Horner)."""
+    value = 0.0
+    for coefficient in coefficients:
+        value = value * x + coefficient
+    return value
+
+
+def load_friction_model(path: str | Path) -> FrictionModel:
+    """Read a friction file (see params/friction_thesis.yaml, which explains each key).
+
+    Raises FrictionFileError naming the file, the key, what is wrong and the way out.
+    """
+    top = read_calibration(path, FORMAT, FrictionFileError)
+    low = top.number("low_mm", -1000.0, 1000.0)
+    high = top.number("high_mm", -1000.0, 1000.0)
+    fastest = top.number("fastest_mm_s", 1.0, 2000.0)
+    model = FrictionModel(
+        low=low,
+        high=high,
+        fastest=fastest,
+        ramp_speed=top.number("ramp_speed_mm_s", 0.1, fastest),
+        lead=top.number("lead_mm", 0.1, 1000.0),
+        phase=top.number("phase_rad"),
+        gravity=top.number("gravity_N", -100.0, 100.0),
+        up=_read_branch(top.section("up")),
+        down=_read_branch(top.section("down")),
+    )
+    if not low < high:
+        top.fail("high_mm", f"{high:g} is not above low_mm {low:g}", "give the range of the fit")
+    top.finish()
+    _check_plausible(top, model)
+    return model
+
+
+def _read_branch(section: Section) -> FrictionBranch:
+    order = "the polynomial's coefficients from the highest power to the constant"
+    branch = FrictionBranch(
+        trend=section.numbers("trend", 8, order),
+        ripple=section.numbers("ripple", 6, order),
+        flip_below=section.number("flip_below_mm"),
+        break_speed=section.number("break_speed_mm_s", 0.0, 2000.0),
+        low_gain=section.number("low_gain", 0.0, 100.0),
+        low_exponent=section.number("low_exponent", 0.0, 2.0),
+        high_slope=section.number("high_slope", -1.0, 1.0),
+        high_offset=section.number("high_offset", 0.0, 100.0),
+    )
+    section.finish()
+    return branch
+
+
+def _check_plausible(top: Section, model: FrictionModel) -> None:
+    """Refuse coefficients that make forces no such module has, each 1 % of the range."""
+    for step in range(101):
+        z = (model.low + (model.high - model.low) * step / 100.0) / 1000.0
+        for speed in (model.ramp_speed, model.fastest):
+            for velocity in (speed / 1000.0, -speed / 1000.0):
+                force = friction_force(model, z, velocity)
+                if not abs(force) <= _LARGEST_PLAUSIBLE:
+                    top.fail(
+                        "up" if velocity > 0.0 else "down",
+                        f"{force:.3g} N of friction at {z:.3f} m and {velocity:.3f} m/s, more than "
+                        f"{_LARGEST_PLAUSIBLE:g} N",
+                        "check the coefficients and their order",
+                    )

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Linearization of the amplifier: which torque command yields a torque (thesis 4.1.1, fig 4-3).
+
+The servo amplifier answers small commands with too little torque. The thesis undoes it with a map
+from desired torque to command in three pieces: a line, a cubic between about -0.025 and +0.025 Nm,
+a line; continuous, with a step in slope of about a tenth at the joints. Torque and command are both
+in Nm on the motor shaft: a command is the torque a perfect amplifier would make of it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from .calibration import CalibrationError, Section, read_calibration
+
+FORMAT = "screw_module_ros/linearization"
+_LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N at the handle
+_BISECTIONS = 60
+_FILE_KEYS = {
+    "upper_joint": "joints_Nm",
+    "lower_slope": "lower.slope",
+    "lower_offset": "lower.offset_Nm",
+    "cubic": "middle",
+    "upper_slope": "upper.slope",
+    "upper_offset": "upper.offset_Nm",
+}
+
+
+class LinearizationFileError(CalibrationError):
+    """A linearization file that cannot be used."""
+
+
+class Linearization(NamedTuple):
+    """Map from desired torque T [Nm] to torque command [Nm].
+
+    lower_joint, upper_joint: where the pieces meet [Nm]; below and above them the command is
+    slope T + offset [Nm], between them c3 T^3 + c2 T^2 + c1 T + c0 with cubic = (c3, c2, c1, c0).
+    """
+
+    lower_joint: float
+    upper_joint: float
+    lower_slope: float
+    lower_offset: float
+    cubic: tuple[float, float, float, float]
+    upper_slope: float
+    upper_offset: float
+
+
+IDENTITY = Linearization(-0.025, 0.025, 1.0, 0.0, (0.0, 0.0, 1.0, 0.0), 1.0, 0.0)
+
+
+def torque_command(linearization: Linearization, torque: float) -> float:
+    """Return the torque command [Nm] that yields a torque [Nm]."""
+    if torque < linearization.lower_joint:
+        return linearization.lower_slope * torque + linearization.lower_offset
+    if torque > linearization.upper_joint:
+        return linearization.upper_slope * torque + linearization.upper_offset
+    c3, c2, c1, c0 = linearization.cubic
+    return ((c3 * torque + c2) * torque + c1) * torque + c0
+
+
+def torque_yielded(linearization: Linearization, command: float) -> float:
+    """Return the torque [Nm] a torque command [Nm] yields: the inverse, for checks and fits."""
+    low, high = linearization.lower_joint, linearization.upper_joint
+    if command < linearization.lower_slope * low + linearization.lower_offset:
+        return (command - linearization.lower_offset) / linearization.lower_slope
+    if command > linearization.upper_slope * high + linearization.upper_offset:
+        return (command - linearization.upper_offset) / linearization.upper_slope
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if torque_command(linearization, middle) < command:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def default_linearization(dead_zone: float = 0.025, joint: float = 0.025) -> Linearization:
+    """Return the map for an amplifier that swallows the first dead_zone [Nm] of a command.
+
+    Lines of slope 1 are moved out by dead_zone; between -joint and +joint [Nm] an odd cubic joins
+    them with nine tenths of their slope. The thesis prints no coefficients: this is the reading of
+    figures 4-2 and 4-3 in which the dead zone is as wide as the range it disturbs. A measured
+    amplifier brings its own file.
+    """
+    slope = 0.9
+    edge = joint + dead_zone
+    c1 = (3.0 * edge - slope * joint) / (2.0 * joint)
+    c3 = (slope * joint - edge) / (2.0 * joint**3)
+    linearization = Linearization(
+        -joint, joint, 1.0, -dead_zone, (c3, 0.0, c1, 0.0), 1.0, dead_zone
+    )
+    return validated_linearization(linearization)
+
+
+def validated_linearization(linearization: Linearization) -> Linearization:
+    """Return it unchanged when it is continuous and rises everywhere.
+
+    Raises ValueError that names the field, its value and what is wrong.
+    """
+    field, problem = _flaw(linearization)
+    if field:
+        raise ValueError(f"Linearization: {field}: {problem}")
+    return linearization
+
+
+def load_linearization(path: str | Path) -> Linearization:
+    """Read a linearization file.
+
+    ::
+
+        format: screw_module_ros/linearization
+        version: 1
+        joints_Nm: [-0.025, 0.025]
+        lower: {slope: 1.0, offset_Nm: -0.025}
+        middle: [-880.0, 0.0, 2.55, 0.0]    # cubic, highest power first
+        upper: {slope: 1.0, offset_Nm: 0.025}
+
+    Raises LinearizationFileError naming the file, the key, what is wrong and the way out.
+    """
+    top = read_calibration(path, FORMAT, LinearizationFileError)
+    joints = top.numbers("joints_Nm", 2, "the torques where the pieces meet, lower and upper")
+    lower_slope, lower_offset = _read_line(top.section("lower"))
+    cubic = top.numbers("middle", 4, "the cubic's coefficients from the highest power down")
+    upper_slope, upper_offset = _read_line(top.section("upper"))
+    top.finish()
+    linearization = Linearization(
+        *joints, lower_slope, lower_offset, cubic, upper_slope, upper_offset
+    )
+    field, problem = _flaw(linearization)
+    if field:
+        top.fail(_FILE_KEYS[field], problem, "fit the three pieces again")
+    return linearization
+
+
+def _read_line(section: Section) -> tuple[float, float]:
+    line = section.number("slope"), section.number("offset_Nm", -10.0, 10.0)
+    section.finish()
+    return line
+
+
+def _flaw(linearization: Linearization) -> tuple[str, str]:
+    """Return the first field that is wrong and what is wrong with it, or two empty strings."""
+    low, high = linearization.lower_joint, linearization.upper_joint
+    if not -10.0 <= low < high <= 10.0:
+        return "upper_joint", f"{high!r} Nm is not above lower_joint {low!r} Nm"
+    for name in ("lower_slope", "upper_slope"):
+        slope = getattr(linearization, name)
+        if not 0.01 <= slope <= 100.0:
+            return name, f"{slope!r} is outside 0.01 to 100"
+    c3, c2, c1, _ = linearization.cubic
+    turning = [-c2 / (3.0 * c3)] if c3 != 0.0 and low < -c2 / (3.0 * c3) < high else []
+    if not all((3.0 * c3 * t + 2.0 * c2) * t + c1 > 0.0 for t in [low, high, *turning]):
+        return "cubic", f"{linearization.cubic!r} does not rise all the way between the joints"
+    for name, slope, offset, joint in (
+        ("lower_offset", linearization.lower_slope, linearization.lower_offset, low),
+        ("upper_offset", linearization.upper_slope, linearization.upper_offset, high),
+    ):
+        step = slope * joint + offset - torque_command(linearization, joint)
+        if not abs(step) <= _LARGEST_STEP:
+            return name, f"{offset!r} Nm makes a step of {step:.3g} Nm at {joint:g} Nm"
+    return "", ""

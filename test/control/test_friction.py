@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The friction model against the thesis's printed figures, and its behaviour at every edge."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from screw_module_ros.control.friction import (
+    FrictionFileError,
+    friction_force,
+    load_friction_model,
+)
+
+FILE = Path(__file__).parents[2] / "params" / "friction_thesis.yaml"
+MODEL = load_friction_model(FILE)
+heights = st.floats(-0.1, 0.5)
+speeds = st.floats(-3.0, 3.0)
+
+
+def printed(z, v):
+    """Friction alone as section 5.2.5 prints it, z [mm], v [mm/s], written out independently."""
+    wave = 2 * math.pi / 19.05 * z + 0.385
+    if v > 0:
+        trend = (
+            -7.27e-16 * z**7 - 9.97e-14 * z**6 + 6.63e-10 * z**5 - 3.54e-7 * z**4 + 7.57e-5 * z**3
+            - 0.0069 * z**2 + 0.2334 * z + 13.6820
+        )  # fmt: skip
+        ripple = (
+            1.17e-11 * z**5 - 8.14e-9 * z**4 + 1.42e-6 * z**3 + 2.13e-6 * z**2 + 5.55e-7 * z
+            - 0.0052
+        ) * math.sin(wave)  # fmt: skip
+        factor = 0.754 * v**0.15 if v <= 2.5 else 0.00296 * v + 0.857
+    else:
+        trend = (
+            4.76e-15 * z**7 - 5.56e-12 * z**6 + 2.50e-9 * z**5 - 5.39e-7 * z**4 + 5.66e-5 * z**3
+            - 0.0028 * z**2 + 0.0676 * z + 2.7001
+        )  # fmt: skip
+        ripple = (
+            2.59e-11 * z**5 - 1.49e-8 * z**4 + 2.01e-6 * z**3 + 2.59e-6 * z**2 + 1.14e-7 * z
+            - 0.0038
+        ) * math.sin(wave + (math.pi if z <= 212.5 else 0.0))  # fmt: skip
+        factor = 0.8098 * (-v) ** 0.15 if -v <= 2.5 else 0.0025 * -v + 0.923
+    return factor * (trend + ripple - 10.0)
+
+
+@given(st.floats(0.0, 355.0), st.floats(2.0, 150.0), st.sampled_from([-1, 1]))
+def test_the_printed_model_in_its_range(z, speed, sign):
+    found = friction_force(MODEL, z / 1000.0, sign * speed / 1000.0)
+    assert found == pytest.approx(printed(z, sign * speed), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("z", "sign", "trend"),
+    [(0, 1, 13.7), (200, 1, 20.0), (350, 1, 14.7), (0, -1, 2.7), (200, -1, -0.3), (350, -1, -6.0)],
+)
+def test_mean_friction_is_the_thesis_figure_within_the_ripple(z, sign, trend):
+    mean_speed = 0.0483 if sign > 0 else 0.0308  # where Fv = 1
+    found = friction_force(MODEL, z / 1000.0, sign * mean_speed) + 10.0
+    assert found == pytest.approx(trend, abs=2.2 if sign > 0 else 3.2)
+
+
+def test_no_force_at_rest():
+    assert friction_force(MODEL, 0.18, 0.0) == 0.0
+
+
+@given(heights, speeds)
+def test_never_against_the_motion_and_never_beyond_the_map(position, velocity):
+    force = friction_force(MODEL, position, velocity)
+    assert force * velocity >= 0.0
+    assert abs(force) < 25.0
+
+
+@given(heights, st.floats(-0.0021, 0.0021), st.floats(-0.0021, 0.0021))
+def test_slope_round_rest_is_bounded(position, one, other):
+    difference = friction_force(MODEL, position, one) - friction_force(MODEL, position, other)
+    assert abs(difference) <= 8000.0 * abs(one - other) + 1e-9  # [Ns/m], 8 N per mm/s
+
+
+@given(heights, speeds)
+def test_held_outside_the_fitted_range(position, velocity):
+    held = friction_force(MODEL, min(0.355, max(0.0, position)), min(0.15, max(-0.15, velocity)))
+    assert friction_force(MODEL, position, velocity) == held
+
+
+def changed(tmp_path, old, new):
+    text = FILE.read_text()
+    assert old in text
+    path = tmp_path / "friction.yaml"
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("high_mm: 355.0", "", "high_mm: missing"),
+        ("high_mm: 355.0", "high_mm: tall", "high_mm: a number is needed"),
+        ("high_mm: 355.0", "high_mm: .nan", "high_mm: nan is not a finite"),
+        ("high_mm: 355.0", "high_mm: .inf", "high_mm: inf is not a finite"),
+        ("high_mm: 355.0", "high_mm: true", "high_mm: a number is needed"),
+        ("high_mm: 355.0", "high_mm: 1e2", "decimal point"),
+        ("high_mm: 355.0", "high_mm: -5.0", "high_mm: -5 is not above low_mm"),
+        ("high_mm: 355.0", "high_mm: 355.0\nhigh_mm: 300.0", "written twice"),
+        ("lead_mm: 19.05", "lead_mm: 0.0", "lead_mm: 0 is outside"),
+        ("ramp_speed_mm_s: 2.0", "ramp_speed_mm_s: 0.0", "ramp_speed_mm_s: 0 is outside"),
+        ("13.6820]", "]", "up.trend: 7 numbers found, 8"),
+        ("13.6820]", ".nan]", r"up.trend\[7\]: nan"),
+        ("13.6820]", "1368.2]", "up: .* N of friction"),
+        ("-0.0038]", "-0.0038, 1.0]", "down.ripple: 7 numbers found, 6"),
+        ("gravity_N: 10.0", "gravity_N: 10.0\ncolour: red", "colour: unknown key"),
+        ("low_gain: 0.754", "low_gain: 0.754\n  extra: 1", "up.extra: unknown key"),
+        ("up:", "up: 3\nupward:", "up: a mapping is needed"),
+        ("version: 1", "version: 2", "version: 2 is not known"),
+        ("screw_module_ros/friction", "screw_module_ros/linearization", "format: "),
+        ("version: 1", "version: [", "not a YAML file"),
+        ("version: 1", "version: 2001-99-99", "not a YAML file"),
+    ],
+)
+def test_a_malformed_file_is_refused_by_key(tmp_path, old, new, named):
+    path = changed(tmp_path, old, new)
+    with pytest.raises(FrictionFileError, match=named) as caught:
+        load_friction_model(path)
+    assert str(caught.value).startswith(str(path))
+    assert ";" in str(caught.value), "the way out is missing"
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        (b"", "a YAML mapping is needed"),
+        (b"- 1\n- 2\n", "a YAML mapping is needed"),
+        (b"\xff\xfe\x00", "not a YAML file"),
+        (b"[" * 20_000, "not a YAML file"),
+        (b"# " + b"x" * 1_000_001, "larger than"),
+    ],
+)
+def test_something_else_than_a_calibration_is_refused(tmp_path, content, named):
+    path = tmp_path / "friction.yaml"
+    path.write_bytes(content)
+    with pytest.raises(FrictionFileError, match=named):
+        load_friction_model(path)
+
+
+def test_an_absent_file_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(FrictionFileError, match="cannot be read"):
+        load_friction_model(tmp_path / "nothing.yaml")
+    with pytest.raises(FrictionFileError, match="cannot be read"):
+        load_friction_model(tmp_path)

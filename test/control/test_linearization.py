@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Line / cubic / line is continuous, rises everywhere, and undoes a dead zone (thesis 4.1.1)."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from screw_module_ros.control.linearization import (
+    IDENTITY,
+    LinearizationFileError,
+    default_linearization,
+    load_linearization,
+    torque_command,
+    torque_yielded,
+    validated_linearization,
+)
+
+DEFAULT = default_linearization()
+torques = st.floats(-1.6, 1.6)
+
+GOOD = """
+format: screw_module_ros/linearization
+version: 1
+joints_Nm: [-0.025, 0.025]
+lower: {slope: 1.0, offset_Nm: -0.025}
+middle: [-880.0, 0.0, 2.55, 0.0]
+upper: {slope: 1.0, offset_Nm: 0.025}
+"""
+
+
+def dead_zone(command, width=0.025):
+    """An amplifier that swallows the first `width` of a command."""
+    return math.copysign(max(0.0, abs(command) - width), command)
+
+
+@given(torques)
+def test_exact_outside_the_cubic_and_within_its_width_inside(torque):
+    error = dead_zone(torque_command(DEFAULT, torque)) - torque
+    assert abs(error) <= (1e-12 if abs(torque) > 0.025 else 0.0105)
+
+
+def test_correlation_after_the_fix_is_the_thesis_figure():
+    wanted = [1.6 * k / 500 for k in range(-500, 501)]
+    made = [dead_zone(torque_command(DEFAULT, torque)) for torque in wanted]
+    correlation = sum(w * m for w, m in zip(wanted, made, strict=True)) / math.sqrt(
+        sum(w * w for w in wanted) * sum(m * m for m in made)
+    )
+    assert correlation > 0.99996
+
+
+@pytest.mark.parametrize("joint", [DEFAULT.lower_joint, DEFAULT.upper_joint])
+def test_continuous_at_the_joints_with_a_tenth_of_slope_step(joint):
+    step = 1e-7
+    below, at, above = (torque_command(DEFAULT, joint + d) for d in (-step, 0.0, step))
+    assert above - below < 1e-6
+    slopes = (at - below) / step, (above - at) / step
+    assert min(slopes) / max(slopes) == pytest.approx(0.9, abs=1e-3)
+
+
+@given(torques)
+def test_inverse_undoes_the_map(torque):
+    assert torque_yielded(DEFAULT, torque_command(DEFAULT, torque)) == pytest.approx(
+        torque, abs=1e-9
+    )
+
+
+@given(torques, torques)
+def test_more_torque_never_needs_less_command(one, other):
+    low, high = sorted((one, other))
+    assert torque_command(DEFAULT, low) <= torque_command(DEFAULT, high)
+
+
+@given(torques)
+def test_identity_changes_nothing(torque):
+    assert torque_command(IDENTITY, torque) == pytest.approx(torque)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"upper_joint": -0.03}, "upper_joint"),
+        ({"upper_joint": math.nan}, "upper_joint"),
+        ({"lower_slope": 0.0}, "lower_slope"),
+        ({"upper_slope": math.inf}, "upper_slope"),
+        ({"cubic": (-3000.0, 0.0, 2.55, 0.0)}, "cubic"),
+        ({"cubic": (math.nan, 0.0, 2.55, 0.0)}, "cubic"),
+        ({"lower_offset": 0.0}, "lower_offset"),
+        ({"upper_offset": math.nan}, "upper_offset"),
+    ],
+)
+def test_a_broken_map_is_refused_by_field(change, named):
+    with pytest.raises(ValueError, match=named):
+        validated_linearization(DEFAULT._replace(**change))
+
+
+def test_file_gives_the_default_map(tmp_path):
+    path = tmp_path / "amplifier.yaml"
+    path.write_text(GOOD)
+    loaded = load_linearization(path)
+    for torque in (-1.0, -0.02, 0.0, 0.01, 0.5):
+        assert torque_command(loaded, torque) == pytest.approx(torque_command(DEFAULT, torque))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("middle: [-880.0, 0.0, 2.55, 0.0]", "middle: [1.0, 2.0]", "middle: 2 numbers"),
+        ("offset_Nm: 0.025", "offset_Nm: 0.1", "upper.offset_Nm"),
+        ("joints_Nm", "joints", "joints_Nm: missing"),
+        ("slope: 1.0, offset_Nm: -0.025", "slope: steep, offset_Nm: -0.025", "lower.slope"),
+    ],
+)
+def test_a_broken_file_is_refused_by_key(tmp_path, old, new, named):
+    path = tmp_path / "amplifier.yaml"
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(LinearizationFileError, match=named) as caught:
+        load_linearization(path)
+    assert str(path) in str(caught.value)
