@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions as rosbag2 bags (MCAP): written without ROS, safe against kill -9, audited, read back."""
+
+from .audit import Counts
+from .bag import BagWriter, Topic
+from .definitions import Definition, Definitions
+from .errors import (
+    BagBusyError,
+    BagError,
+    BagExistsError,
+    BagFolderError,
+    BagReadError,
+    BagWriteError,
+    DefinitionError,
+)
+from .mcap_file import Message
+from .metadata import Qos
+from .session import Session, Status
+from .storage import StorageSettings
+
+__all__ = [
+    "BagBusyError",
+    "BagError",
+    "BagExistsError",
+    "BagFolderError",
+    "BagReadError",
+    "BagWriteError",
+    "BagWriter",
+    "Counts",
+    "Definition",
+    "DefinitionError",
+    "Definitions",
+    "Message",
+    "Qos",
+    "Session",
+    "Status",
+    "StorageSettings",
+    "Topic",
+]

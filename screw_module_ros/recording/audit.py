@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counts what is missing from a topic, from the tick numbers and the middleware's own numbers.
+
+Two things are told apart. `lost`: tick numbers (`sequence`, design section 5) that never came, be
+it that the sensor missed them, that the publisher skipped them or that they were lost on the way.
+`missed`: messages that were published but did not reach the recorder, from the number the
+middleware gives each message of a publisher. A bag with lost but not missed shows what happened on
+the robot; missed ones are the recorder's own.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import NamedTuple
+
+from .definitions import fields
+
+NO_SEQUENCE, FLAT, HEADER = 0, 1, 2
+
+_MASK = 0xFFFFFFFF
+_RESTART = 100_000  # ticks; a larger step is a restart of the counter, not a gap
+_MANY = 256  # different steps; a topic with more has no period
+_REGULAR = 0.75  # share of steps that are whole multiples of the commonest
+
+
+class Counts(NamedTuple):
+    """What is known about one topic.
+
+    messages: recorded.
+    stride: ticks from one message to the next, 0 when there is no sequence or no period.
+    gaps: places where messages are missing.
+    lost: messages missing there, at that stride.
+    duplicates: messages with the tick number of the one before.
+    out_of_order: messages older than one before them.
+    restarts: steps too large for a gap (node restarted with another period, clock reset).
+    missed: messages published but not received, by the middleware's numbers.
+    dropped: messages received but not written (cache full, disk full).
+    """
+
+    messages: int = 0
+    stride: int = 0
+    gaps: int = 0
+    lost: int = 0
+    duplicates: int = 0
+    out_of_order: int = 0
+    restarts: int = 0
+    missed: int = 0
+    dropped: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is known to be missing."""
+        return not (self.lost or self.missed or self.dropped or self.out_of_order)
+
+    def as_text(self) -> str:
+        """Return the counts as JSON, as they are written into the bag."""
+        return json.dumps(self._asdict())
+
+    @classmethod
+    def from_text(cls, text: str) -> Counts:
+        """Read what `as_text` wrote. Raises ValueError when it is something else."""
+        try:
+            return cls(**json.loads(text))
+        except TypeError as error:
+            raise ValueError(f"not an audit: {text!r}") from error
+
+
+def layout(definition: str) -> int:
+    """Say where `uint32 sequence` stands in messages of this definition.
+
+    FLAT: right after a stamp. HEADER: right after a std_msgs/Header. Else NO_SEQUENCE.
+    """
+    first = fields(definition)[:2]
+    if len(first) < 2 or first[1] != ("uint32", "sequence"):
+        return NO_SEQUENCE
+    return {"builtin_interfaces/Time": FLAT, "std_msgs/Header": HEADER}.get(first[0][0], 0)
+
+
+def sequence_of(data: bytes, where: int) -> int:
+    """Return the sequence in a CDR message of layout `where`.
+
+    The four bytes of encapsulation come first, then stamp (8), then for HEADER the frame's length
+    (4) and text; the number is aligned to 4 from the end of the encapsulation.
+    """
+    order = "little" if data[1] & 1 else "big"
+    if where == FLAT:
+        return int.from_bytes(data[12:16], order)
+    text = int.from_bytes(data[12:16], order)
+    start = 16 + (text + 3 & ~3)
+    return int.from_bytes(data[start : start + 4], order)
+
+
+class TopicAudit:
+    """Counts for one topic, one cheap `update` per message."""
+
+    def __init__(self, where: int):
+        self._where = where
+        self._last = -1
+        self._steps: dict[int, int] = {}
+        self._number = 0
+        self.messages = 0
+        self._late = 0
+        self._restarts = 0
+        self._missed = 0
+        self.dropped = 0
+        self.single_publisher = True
+
+    def update(self, data: bytes, number: int) -> None:
+        """Take in one message and the number its publisher's middleware gave it (0 = none)."""
+        self.messages += 1
+        if number:
+            step = number - self._number
+            if step > 1 and self._number and self.single_publisher:
+                self._missed += step - 1
+            self._number = number
+        if self._where:
+            self._tick(sequence_of(data, self._where))
+
+    def _tick(self, sequence: int) -> None:
+        last = self._last
+        if last < 0:
+            self._last = sequence
+            return
+        step = (sequence - last) & _MASK
+        if step < _RESTART:
+            self._last = sequence
+            steps = self._steps
+            if step in steps or len(steps) <= _MANY:
+                steps[step] = steps.get(step, 0) + 1
+        elif _MASK + 1 - step < _RESTART:
+            self._late += 1
+        else:
+            self._last = sequence
+            self._restarts += 1
+
+    def counts(self) -> Counts:
+        """Return the counts up to now."""
+        forward = {step: n for step, n in self._steps.items() if step}
+        stride = _stride(forward)
+        gaps = lost = 0
+        if stride:
+            for step, n in forward.items():
+                missing = (2 * step + stride) // (2 * stride) - 1
+                if missing > 0:
+                    gaps += n
+                    lost += n * missing
+        return Counts(
+            messages=self.messages,
+            stride=stride,
+            gaps=gaps,
+            # A late message was counted as lost when it was passed over.
+            lost=max(0, lost - self._late),
+            duplicates=self._steps.get(0, 0),
+            out_of_order=self._late,
+            restarts=self._restarts,
+            missed=self._missed,
+            dropped=self.dropped,
+        )
+
+
+def _stride(steps: dict[int, int]) -> int:
+    """Return the commonest step when most others are whole multiples of it, else 0."""
+    if not steps or len(steps) > _MANY:
+        return 0
+    stride = max(steps, key=lambda step: (steps[step], -step))
+    whole = sum(n for step, n in steps.items() if step % stride == 0)
+    return stride if whole >= _REGULAR * sum(steps.values()) else 0

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rosbag2 bag being written: folder, MCAP files, metadata.yaml, audit of the sequences.
+
+What `ros2 bag record -s mcap` of Jazzy leaves, plus the audit and the recorder's own metadata, each
+both as an MCAP metadata record and in metadata.yaml's `custom_data` (as JSON, so that a file torn
+by a power failure does not take them along).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from .audit import Counts, TopicAudit, layout
+from .definitions import Definition
+from .errors import BagExistsError, BagFolderError, BagWriteError
+from .mcap_file import McapFile, Message
+from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
+from .storage import StorageSettings
+
+PREFIX = "screw_module_ros/"
+AUDIT = PREFIX + "audit"
+STATE = PREFIX + "state"
+RECORDING, CLOSED, RECOVERED = "recording", "closed", "recovered"
+METADATA_FILE = "metadata.yaml"
+
+
+class Topic(NamedTuple):
+    """A topic to be recorded.
+
+    name: full name. type: `package/msg/Type`. definition: see `definitions.Definitions`.
+    type_hash: RIHS01 hash as the publishers tell it, empty for the definition's own.
+    qos: what its publishers offer.
+    """
+
+    name: str
+    type: str
+    definition: Definition
+    type_hash: str = ""
+    qos: Sequence[Qos] = ()
+
+
+class BagWriter:
+    """Writes one bag. Not thread-safe: `session.Session` gives it a thread of its own."""
+
+    def __init__(self, folder: Path | str, settings: StorageSettings | None = None):
+        """Create the bag's folder with an empty, complete bag in it.
+
+        Raises BagExistsError when there is something at `folder`, BagFolderError when it cannot
+        be made or written.
+        """
+        self.folder = Path(folder)
+        self._settings = settings or StorageSettings()
+        self._topics: list[Topic] = []
+        self._hashes: list[str] = []
+        self._qos: list[str] = []
+        self._audits: list[TopicAudit] = []
+        self._done: list[FileLine] = []
+        self._done_counts: list[int] = []
+        self._values: dict[str, dict[str, str]] = {}
+        self._state = RECORDING
+        self._broken = self._closed = False
+        _make_folder(self.folder)
+        try:
+            self._file = self._next_file()
+            self.flush()
+        except (OSError, BagWriteError) as error:
+            _remove_empty(self.folder)
+            raise BagFolderError(f"cannot write a bag to {self.folder}: {error}") from None
+
+    def _next_file(self) -> McapFile:
+        name = f"{self.folder.name}_{len(self._done)}.mcap"
+        file = McapFile(self.folder / name, self._settings)
+        for number in range(len(self._topics)):
+            self._declare(file, number)
+        return file
+
+    def _declare(self, file: McapFile, number: int) -> int:
+        topic = self._topics[number]
+        known = {schema.name: schema.id for schema in file.schemas}
+        schema = known.get(topic.type) or file.add_schema(
+            topic.type, topic.definition.encoding, topic.definition.text
+        )
+        metadata = {
+            "offered_qos_profiles": self._qos[number],
+            "topic_type_hash": self._hashes[number],
+        }
+        return file.add_channel(topic.name, schema, metadata)
+
+    def add_topic(self, topic: Topic) -> int:
+        """Add a topic, return the channel for its messages."""
+        self._topics.append(topic)
+        self._hashes.append(topic.type_hash or topic.definition.type_hash)
+        self._qos.append(qos_yaml(topic.qos))
+        self._audits.append(TopicAudit(layout(topic.definition.text)))
+        self._done_counts.append(0)
+        return self._declare(self._file, len(self._topics) - 1)
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Keep `values` in the bag under `name`, in place of earlier ones of that name."""
+        self._values[PREFIX + name] = dict(values)
+
+    def write(self, messages: Iterable[Message]) -> None:
+        """Append messages, oldest first. Raises BagWriteError when the disk refuses them."""
+        audits = self._audits
+        kept = list(messages)
+        for message in kept:
+            audits[message[0] - 1].update(message[4], message[3])
+        try:
+            self._file.extend(kept)
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def dropped(self, channel: int, number: int) -> None:
+        """Say how many messages of a topic were received and not written, altogether."""
+        self._audits[channel - 1].dropped = number
+
+    def several_publishers(self, channel: int) -> None:
+        """Say that a topic has more than one publisher: their own numbers do not line up."""
+        self._audits[channel - 1].single_publisher = False
+
+    def flush(self) -> None:
+        """Make everything written so far safe on the disk, metadata.yaml included.
+
+        Raises BagWriteError when the disk refuses; the bag is then what it was a flush before.
+        """
+        try:
+            self._file.close_chunk()
+            text = self._information()
+            self._file.metadata = {
+                "rosbag2": {"serialized_metadata": text},
+                AUDIT: {name: counts.as_text() for name, counts in self.audit().items()},
+                **self._values,
+            }
+            self._file.flush()
+            write_atomically(self.folder / METADATA_FILE, document(text))
+        except OSError as error:
+            raise self._failure(error) from None
+        self._split_when_long()
+
+    def _failure(self, error: OSError) -> BagWriteError:
+        self._broken = True
+        lost = sum(audit.messages for audit in self._audits) - self.message_count
+        return BagWriteError(
+            f"cannot write to {error.filename or self._file.path}: {error.strerror}; "
+            f"{lost} messages of the last moment are not in the bag, everything before is"
+        )
+
+    def _split_when_long(self) -> None:
+        limit = int(self._settings.max_file_duration * 1e9)
+        file = self._file
+        if not limit or self._state != RECORDING or file.end_time - file.start_time < limit:
+            return
+        self._done.append(_line(file))
+        for channel, count in file.counts.items():
+            self._done_counts[channel - 1] += count
+        file.close()
+        try:
+            self._file = self._next_file()
+        except OSError as error:
+            raise self._failure(error) from None
+        self.flush()
+
+    def close(self, state: str = CLOSED) -> None:
+        """Flush, mark the bag as closed, and close it; a second time it does nothing.
+
+        Raises BagWriteError when the last flush fails; after such a failure it only lets go.
+        """
+        if self._closed:
+            return
+        self._closed, self._state = True, state
+        try:
+            if not self._broken:
+                self.flush()
+        finally:
+            self._file.close()
+
+    def audit(self) -> dict[str, Counts]:
+        """Return the counts of each topic."""
+        return {t.name: a.counts() for t, a in zip(self._topics, self._audits, strict=True)}
+
+    @property
+    def size(self) -> int:
+        """Size of the file being written [B]."""
+        return self._file.size
+
+    @property
+    def message_count(self) -> int:
+        """Messages safe on the disk."""
+        return self._file.saved + sum(self._done_counts)
+
+    def _information(self) -> str:
+        topics = [
+            TopicLine(
+                topic.name, topic.type, self._hashes[number], self._qos[number],
+                self._done_counts[number] + self._file.counts.get(number + 1, 0),
+            )
+            for number, topic in enumerate(self._topics)
+        ]
+        custom = {STATE: self._state}
+        custom[AUDIT] = json.dumps({name: c._asdict() for name, c in self.audit().items()})
+        for name, values in self._values.items():
+            custom[name] = json.dumps(values)
+        return information(topics, [*self._done, _line(self._file)], custom)
+
+
+def _line(file: McapFile) -> FileLine:
+    return FileLine(file.path.name, file.start_time, file.end_time, file.message_count)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        raise BagExistsError(
+            f"{folder} exists already and is never overwritten: choose another name or move it away"
+        ) from None
+    except OSError as error:
+        raise BagFolderError(f"cannot make the bag folder {folder}: {error.strerror}") from None
+
+
+def _remove_empty(folder: Path) -> None:
+    """Take away what a bag that never held anything left behind."""
+    for path in folder.glob("*"):
+        path.unlink()
+    folder.rmdir()
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace `path` by `text` in one step: a reader sees the old or the new, never a half."""
+    temporary = path.with_name(f".{path.name}.new")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One MCAP file that is complete after every flush, so that a killed recorder leaves a good file.
+
+MCAP (https://mcap.dev/spec) puts index and footer at the end; a writer that is killed before it
+writes them leaves a file that most readers refuse. Here each flush writes the new chunks over the
+previous end of the file, followed at once by metadata, index and footer. When the disk is full the
+previous end is put back, so the file stays complete then too. Only a write torn by a power failure
+leaves an unfinished file: `recovery.recover` completes it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import struct
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from .errors import BagBusyError
+from .storage import StorageSettings
+
+MAGIC = b"\x89MCAP0\r\n"
+PROFILE = "ros2"
+LIBRARY = "screw_module_ros"
+FOOTER_BYTES = 9 + 20 + len(MAGIC)
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_FIXED = 22  # bytes of a message record's content before the data
+_PENDING_LIMIT = 8 * 2**20  # B; closed chunks are written early beyond this
+
+
+class Message(NamedTuple):
+    """One message as it goes into the file.
+
+    channel: id as `McapFile.add_channel` gave it.
+    log_time: when it was received [ns since the epoch].
+    publish_time: when it was published [ns since the epoch].
+    sequence: the publisher's number of it, 0 when unknown.
+    data: CDR bytes with the four bytes of encapsulation in front.
+    """
+
+    channel: int
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
+class McapFile:
+    """Writer of one MCAP file. Not thread-safe; `session.Session` gives it a thread of its own."""
+
+    def __init__(self, path: Path, settings: StorageSettings, create: bool = True):
+        """Open `path`; `create` a new file, else the caller restores the state of an old one.
+
+        Raises OSError when the file cannot be opened and BagBusyError when another process
+        writes it.
+        """
+        self.path = path
+        self._settings = settings
+        self._zstd = zstandard.ZstdCompressor(level=settings.compression_level)
+        flags = os.O_RDWR | (os.O_CREAT | os.O_EXCL if create else 0)
+        self.descriptor = os.open(path, flags, 0o644)
+        self._lock()
+        self.counts: dict[int, int] = {}
+        self.start_time = 0
+        self.end_time = 0
+        self.data_end = 0
+        self.saved = 0
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
+        self._unwritten: list[Schema | Channel] = []
+        self._chunk_index = bytearray()
+        self._chunks = 0
+        self._chunk = bytearray()
+        self._index: dict[int, list[int]] = {}
+        self._pending = bytearray()
+        self._tail = b""
+        self.metadata: dict[str, dict[str, str]] = {}
+        if create:
+            header = RecordBuilder()
+            Header(PROFILE, LIBRARY).write(header)
+            self._pending += MAGIC + header.end()
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self.descriptor)
+            raise BagBusyError(f"{self.path} is being written by another process") from None
+
+    @property
+    def message_count(self) -> int:
+        """Messages in closed chunks."""
+        return sum(self.counts.values())
+
+    @property
+    def size(self) -> int:
+        """Size of the file on the disk after the last flush [B]."""
+        return self.data_end + len(self._tail)
+
+    def add_schema(self, name: str, encoding: str, text: str) -> int:
+        """Add a schema, return its id."""
+        schema = Schema(id=len(self.schemas) + 1, data=text.encode(), encoding=encoding, name=name)
+        self.schemas.append(schema)
+        self._unwritten.append(schema)
+        return schema.id
+
+    def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
+        """Add a channel for `topic` with messages in CDR, return its id."""
+        number = len(self.channels) + 1
+        channel = Channel(
+            id=number, topic=topic, message_encoding="cdr", schema_id=schema, metadata=metadata
+        )
+        self.channels.append(channel)
+        self._unwritten.append(channel)
+        self.counts[number] = 0
+        return number
+
+    def extend(self, messages: Iterable[Message]) -> None:
+        """Append messages; they reach the disk with the next `flush`."""
+        limit = self._settings.chunk_size
+        pack = _MESSAGE.pack
+        for channel, log_time, publish_time, sequence, data in messages:
+            if len(self._chunk) >= limit:
+                self.close_chunk()
+            if self._unwritten:
+                self._declare()
+            chunk = self._chunk
+            entries = self._index.get(channel)
+            if entries is None:
+                entries = self._index[channel] = []
+            entries.append(log_time)
+            entries.append(len(chunk))
+            chunk += pack(
+                5, _MESSAGE_FIXED + len(data), channel, sequence & 0xFFFFFFFF, log_time,
+                publish_time,
+            )
+            chunk += data
+        if len(self._pending) > _PENDING_LIMIT:
+            self._write()
+
+    def _declare(self) -> None:
+        """Put new schemas and channels in front of the first message that may need them."""
+        builder = RecordBuilder()
+        for record in self._unwritten:
+            record.write(builder)
+        self._chunk += builder.end()
+        self._unwritten.clear()
+
+    def close_chunk(self) -> None:
+        """Close the chunk in hand, so that the counts hold every message."""
+        if not self._index:
+            return
+        records = bytes(self._chunk)
+        compressed = self._settings.compression == "zstd"
+        times = [time for entries in self._index.values() for time in entries[::2]]
+        chunk = Chunk(
+            compression="zstd" if compressed else "",
+            data=self._zstd.compress(records) if compressed else records,
+            message_start_time=min(times),
+            message_end_time=max(times),
+            uncompressed_crc=zlib.crc32(records),
+            uncompressed_size=len(records),
+        )
+        builder = RecordBuilder()
+        chunk.write(builder)
+        offset = self.data_end + len(self._pending)
+        self._pending += builder.end()
+        self._pending += self.note_chunk(chunk, offset, self._index)
+        self._chunk = bytearray()
+        self._index = {}
+
+    def note_chunk(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> bytes:
+        """Count a chunk that stands at `offset`; return the message indexes that follow it.
+
+        index: per channel, log time [ns] and offset in the chunk of each message, alternating.
+        """
+        start = offset + _chunk_length(chunk)
+        indexes = bytearray()
+        offsets = {}
+        for channel, entries in index.items():
+            offsets[channel] = start + len(indexes)
+            size = 8 * len(entries)
+            indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + size, channel, size)
+            indexes += struct.pack(f"<{len(entries)}Q", *entries)
+            self.counts[channel] = self.counts.get(channel, 0) + len(entries) // 2
+        first = chunk.message_start_time
+        self.start_time = min(self.start_time, first) if self._chunks else first
+        self.end_time = max(self.end_time, chunk.message_end_time)
+        self._chunks += 1
+        builder = RecordBuilder()
+        ChunkIndex(
+            chunk_length=start - offset,
+            chunk_start_offset=offset,
+            compression=chunk.compression,
+            compressed_size=len(chunk.data),
+            message_end_time=chunk.message_end_time,
+            message_index_length=len(indexes),
+            message_index_offsets=offsets,
+            message_start_time=first,
+            uncompressed_size=chunk.uncompressed_size,
+        ).write(builder)
+        self._chunk_index += builder.end()
+        return bytes(indexes)
+
+    def resume(self, end: int, pending: bytes) -> None:
+        """Go on at `end`, where `pending` is to be written first; for recovery."""
+        self.data_end = end
+        self._pending = bytearray(pending)
+
+    def flush(self) -> None:
+        """Bring everything to the disk and leave a complete file that carries `metadata`.
+
+        Raises OSError when it cannot be written; the file is then as it was before.
+        """
+        self.close_chunk()
+        self._write()
+
+    def _write(self) -> None:
+        end = self.data_end + len(self._pending)
+        tail = self._tail_at(end)
+        try:
+            _write_all(self.descriptor, bytes(self._pending) + tail, self.data_end)
+            os.ftruncate(self.descriptor, end + len(tail))
+            os.fdatasync(self.descriptor)
+        except OSError:
+            self._put_back()
+            raise
+        self.data_end, self._tail = end, tail
+        self._pending = bytearray()
+        self.saved = self.message_count
+
+    def _put_back(self) -> None:
+        """Make the file what it was: its blocks are still allocated, so this needs no space."""
+        _write_all(self.descriptor, self._tail, self.data_end)
+        os.ftruncate(self.descriptor, self.data_end + len(self._tail))
+
+    def _tail_at(self, base: int) -> bytes:
+        data = RecordBuilder()
+        indexes = RecordBuilder()
+        for name, values in self.metadata.items():
+            start = data.count
+            Metadata(name=name, metadata=values).write(data)
+            MetadataIndex(
+                offset=base + start, length=data.count - start, name=name
+            ).write(indexes)
+        DataEnd(0).write(data)
+        closing = data.end()
+        groups = {
+            Opcode.SCHEMA: _records(self.schemas),
+            Opcode.CHANNEL: _records(self.channels),
+            Opcode.STATISTICS: _records([self._statistics()]),
+            Opcode.CHUNK_INDEX: bytes(self._chunk_index),
+            Opcode.METADATA_INDEX: indexes.end(),
+        }
+        return closing + _summary(groups, base + len(closing))
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self.channels),
+            channel_message_counts=self.counts,
+            chunk_count=self._chunks,
+            message_count=self.message_count,
+            message_end_time=self.end_time,
+            message_start_time=self.start_time,
+            metadata_count=len(self.metadata),
+            schema_count=len(self.schemas),
+        )
+
+    def close(self) -> None:
+        """Close the file as it stands on the disk; call `flush` before to keep the rest."""
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            self.descriptor = -1
+
+
+def _chunk_length(chunk: Chunk) -> int:
+    return 9 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)
+
+
+def _records(records: Iterable[Schema | Channel | Statistics]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
+
+
+def _summary(groups: Mapping[Opcode, bytes], start: int) -> bytes:
+    """Return summary, summary offsets, footer and magic for a summary that begins at `start`."""
+    summary = b"".join(groups.values())
+    offsets = RecordBuilder()
+    position = start
+    for opcode, group in groups.items():
+        if group:
+            SummaryOffset(
+                group_opcode=opcode, group_start=position, group_length=len(group)
+            ).write(offsets)
+        position += len(group)
+    summary += offsets.end()
+    fields = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, position)
+    builder = RecordBuilder()
+    Footer(
+        summary_start=start,
+        summary_offset_start=position,
+        summary_crc=zlib.crc32(fields, zlib.crc32(summary)),
+    ).write(builder)
+    return summary + builder.end() + MAGIC
+
+
+def _write_all(descriptor: int, data: bytes, offset: int) -> None:
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(descriptor, view, offset)
+        view = view[written:]
+        offset += written

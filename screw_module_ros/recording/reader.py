@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads bags for figures, reports and audits; rosbags decodes.
+
+`columns` is for figures: every number of a topic as an array over time. `read_bag` walks through
+the messages one by one. `raw_messages` leaves them as bytes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.interfaces import Connection
+
+from .bag import METADATA_FILE, PREFIX
+from .errors import BagReadError
+
+
+class BagMessage(NamedTuple):
+    """One message of a bag.
+
+    topic, type: as recorded. log_time: when it was received [ns since the epoch].
+    message: decoded, its fields as attributes, fixed and variable arrays of numbers as numpy.
+    """
+
+    topic: str
+    type: str
+    log_time: int
+    message: Any
+
+
+class RawMessage(NamedTuple):
+    """One message of a bag as CDR bytes; `log_time` in ns since the epoch."""
+
+    topic: str
+    type: str
+    log_time: int
+    data: bytes
+
+
+class TopicSummary(NamedTuple):
+    """Type, number of messages and ros2msg definition of one topic."""
+
+    type: str
+    messages: int
+    definition: str
+
+
+@contextmanager
+def open_bag(path: Path | str) -> Iterator[AnyReader]:
+    """Give rosbags' reader for the bag folder (or .mcap file) `path`.
+
+    Raises BagReadError when there is no readable bag.
+    """
+    path = Path(path)
+    try:
+        reader = AnyReader([path])
+        reader.open()
+    except (AnyReaderError, OSError, AssertionError) as error:
+        hint = f"; if it was cut off, run: session recover {path}" if path.exists() else ""
+        raise BagReadError(f"cannot read {path} as a bag: {error}{hint}") from None
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def topics(path: Path | str) -> dict[str, TopicSummary]:
+    """Return what the bag holds, by topic name."""
+    with open_bag(path) as reader:
+        return {
+            c.topic: TopicSummary(c.msgtype, c.msgcount, str(c.msgdef.data))
+            for c in reader.connections
+        }
+
+
+def metadata(path: Path | str) -> dict[str, Any]:
+    """Return what the recorder noted in a bag folder: state, audit, configuration and so on.
+
+    Keys lack the recorder's prefix. A bag recorded by rosbag2 gives an empty dict.
+    """
+    file = Path(path) / METADATA_FILE
+    try:
+        information = yaml.safe_load(file.read_text(encoding="utf-8"))
+        custom = information["rosbag2_bagfile_information"]["custom_data"] or {}
+    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
+        raise BagReadError(f"cannot read {file}: {error}") from None
+    return {
+        key.removeprefix(PREFIX): _from_json(value)
+        for key, value in custom.items()
+        if key.startswith(PREFIX)
+    }
+
+
+def _from_json(text: str) -> Any:
+    return json.loads(text) if text[:1] in ("{", "[") else text
+
+
+def raw_messages(path: Path | str, names: Collection[str] | None = None) -> Iterator[RawMessage]:
+    """Yield the messages of the topics `names` (all by default) in order of log time."""
+    with open_bag(path) as reader:
+        for connection, log_time, data in reader.messages(_chosen(reader, path, names)):
+            yield RawMessage(connection.topic, connection.msgtype, log_time, data)
+
+
+def read_bag(path: Path | str, names: Collection[str] | None = None) -> Iterator[BagMessage]:
+    """Yield the decoded messages of the topics `names` (all by default) in order of log time.
+
+    Raises BagReadError when the bag cannot be read or lacks a topic.
+    """
+    with open_bag(path) as reader:
+        decode = reader.deserialize
+        for connection, log_time, data in reader.messages(_chosen(reader, path, names)):
+            kind = connection.msgtype
+            yield BagMessage(connection.topic, kind, log_time, decode(data, kind))
+
+
+def columns(path: Path | str, topic: str) -> dict[str, np.ndarray]:
+    """Return every field of `topic` as an array over the messages, in order of log time.
+
+    Fields of fields are named with dots (`position.x`); arrays of numbers of one length become
+    two-dimensional; texts are arrays of objects. `log_time` is added [ns since the epoch]. SI units
+    as in the message definitions. Raises BagReadError when the bag lacks the topic.
+    """
+    times: list[int] = []
+    messages: list[Any] = []
+    for _, _, log_time, message in read_bag(path, [topic]):
+        times.append(log_time)
+        messages.append(message)
+    found = {"log_time": np.array(times, dtype=np.int64)}
+    if messages:
+        for name, get in _getters(messages[0]):
+            found[name] = _array([get(message) for message in messages])
+    return found
+
+
+def _getters(sample: Any, prefix: str = "") -> Iterator[tuple[str, Callable[[Any], Any]]]:
+    """Yield (dotted name, getter) of every plain field of a message like `sample`."""
+    for field in fields(sample):
+        if field.name.startswith("__") or field.name.isupper():
+            continue
+        name = f"{prefix}{field.name}"
+        value = getattr(sample, field.name)
+        if is_dataclass(value):
+            yield from ((n, _through(field.name, g)) for n, g in _getters(value, f"{name}."))
+        else:
+            yield name, attrgetter(field.name)
+
+
+def _through(name: str, get: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda message: get(getattr(message, name))
+
+
+def _array(values: list[Any]) -> np.ndarray:
+    first = values[0]
+    if isinstance(first, np.ndarray) and len({value.shape for value in values}) == 1:
+        return np.stack(values)
+    if isinstance(first, (bool, int, float)):
+        return np.array(values)
+    found = np.empty(len(values), dtype=object)
+    found[:] = values
+    return found
+
+
+def _chosen(
+    reader: AnyReader, path: Path | str, names: Collection[str] | None
+) -> list[Connection]:
+    if names is None:
+        return list(reader.connections)
+    missing = set(names) - {connection.topic for connection in reader.connections}
+    if missing:
+        known = ", ".join(sorted(connection.topic for connection in reader.connections))
+        raise BagReadError(f"{path} holds no {', '.join(sorted(missing))}; it holds: {known}")
+    return [connection for connection in reader.connections if connection.topic in names]

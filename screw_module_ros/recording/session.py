@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording under way: messages handed over by one thread are written by another.
+
+The receiving thread only appends to a queue; audit, chunks, compression and disk belong to the
+writing thread, which leaves the interpreter to others while it compresses and waits for the disk.
+Nothing raises into the receiving thread: an error ends the recording, is kept as a sentence in
+`status`, and every message after it is counted as dropped.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from .audit import Counts
+from .bag import BagWriter, Topic
+from .errors import BagWriteError
+from .mcap_file import Message
+from .storage import StorageSettings
+
+_OVERHEAD = 300  # B a waiting message costs beyond its data
+_PASS_S = 0.1
+
+
+class Status(NamedTuple):
+    """What is known of a recording.
+
+    error: why it ended by itself, empty while all is well.
+    messages: written and safe on the disk; waiting: received, not yet written; dropped: lost.
+    size: of the file being written [B]. audit: counts per topic.
+    """
+
+    error: str
+    messages: int
+    waiting: int
+    dropped: int
+    size: int
+    audit: dict[str, Counts]
+
+
+class Session:
+    """Writes a bag on a thread of its own, from `start` until `close`."""
+
+    def __init__(
+        self,
+        writer: BagWriter,
+        settings: StorageSettings | None = None,
+        free_space: Callable[[], int] | None = None,
+    ):
+        """Take over `writer`. `free_space` tells what the disk has left [B]."""
+        self.folder = writer.folder
+        self._writer = writer
+        self._settings = settings or StorageSettings()
+        self._free_space = free_space or (lambda: shutil.disk_usage(self.folder).free)
+        self._queue: deque[list[Message]] = deque()
+        # Each counter is written by one thread only, so that none needs the lock.
+        self._received = self._received_bytes = 0
+        self._taken = self._taken_bytes = 0
+        self._refused: Counter[int] = Counter()
+        self._unwritten: Counter[int] = Counter()
+        self._lock = threading.Lock()
+        self._error = ""
+        self._flushed_ns: int | None = None
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Start the writing thread."""
+        self._thread = threading.Thread(target=self._run, name="bag writer", daemon=True)
+        self._thread.start()
+
+    def add_topic(self, topic: Topic) -> int:
+        """Add a topic, return the channel for its messages. From any thread."""
+        with self._lock:
+            return self._writer.add_topic(topic)
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Keep `values` in the bag under `name`. From any thread."""
+        with self._lock:
+            self._writer.add_metadata(name, values)
+
+    def several_publishers(self, channel: int) -> None:
+        """Say that a topic has more than one publisher. From any thread."""
+        with self._lock:
+            self._writer.several_publishers(channel)
+
+    def put(self, messages: Sequence[Message]) -> None:
+        """Hand over messages. From one receiving thread; never blocks, never raises."""
+        size = _size(messages)
+        waiting = self._received_bytes - self._taken_bytes
+        if self._error or waiting + size > self._settings.max_cache:
+            self._refused.update(message[0] for message in messages)
+            return
+        self._received_bytes += size
+        self._received += len(messages)
+        self._queue.append(list(messages))
+
+    def work(self, now_ns: int) -> None:
+        """One pass of the writing thread at `now_ns` (CLOCK_MONOTONIC): write, flush when due."""
+        batch = self._take()
+        with self._lock:
+            if self._error:
+                self._unwritten.update(message[0] for message in batch)
+                return
+            try:
+                self._writer.write(batch)
+                if self._flushed_ns is None:
+                    self._flushed_ns = now_ns
+                if now_ns - self._flushed_ns >= self._settings.flush_period * 1e9:
+                    self._flushed_ns = now_ns
+                    self._flush()
+            except BagWriteError as error:
+                self._error = str(error)
+
+    def _take(self) -> list[Message]:
+        batch: list[Message] = []
+        while self._queue:
+            messages = self._queue.popleft()
+            self._taken_bytes += _size(messages)
+            self._taken += len(messages)
+            batch += messages
+        # Taken topic by topic; in order of time a player needs less searching.
+        batch.sort(key=_log_time)
+        return batch
+
+    def _flush(self) -> None:
+        self._note_dropped()
+        self._writer.flush()
+        free = self._free_space()
+        if free < self._settings.min_free_space:
+            self._writer.close()
+            self._error = (
+                f"only {free / 2**20:.0f} MiB left on the disk of {self.folder}: the bag was "
+                "closed in good order; make room or choose another folder"
+            )
+
+    def _note_dropped(self) -> None:
+        for channel, number in (Counter(self._refused) + self._unwritten).items():
+            self._writer.dropped(channel, number)
+
+    def status(self) -> Status:
+        """Return what is known now. From any thread."""
+        with self._lock:
+            self._note_dropped()
+            return Status(
+                error=self._error,
+                messages=self._writer.message_count,
+                waiting=self._received - self._taken,
+                dropped=self._refused.total() + self._unwritten.total(),
+                size=self._writer.size,
+                audit=self._writer.audit(),
+            )
+
+    def close(self) -> Status:
+        """Write what waits, close the bag, and return the last status."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+        self.work(time.monotonic_ns())
+        with self._lock:
+            self._note_dropped()
+            try:
+                self._writer.close()
+            except BagWriteError as error:
+                self._error = self._error or str(error)
+        return self.status()
+
+    def _run(self) -> None:
+        while not self._stopping.wait(_PASS_S):
+            try:
+                self.work(time.monotonic_ns())
+            except Exception as error:  # a defect must reach the operator, not end a thread unseen
+                self._error = f"the recording failed: {type(error).__name__}: {error}"
+
+
+def _size(messages: Sequence[Message]) -> int:
+    """Return what messages take in memory [B]."""
+    return sum(len(message[4]) for message in messages) + _OVERHEAD * len(messages)
+
+
+def _log_time(message: Message) -> int:
+    return message[1]
