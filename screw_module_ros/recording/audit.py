@@ -33,7 +33,8 @@ class Counts(NamedTuple):
     duplicates: messages with the tick number of the one before.
     out_of_order: messages older than one before them.
     restarts: steps too large for a gap (node restarted with another period, clock reset).
-    missed: messages published but not received, by the middleware's numbers.
+    missed: messages published but not received, by the middleware's numbers; -1 when several
+        publishers share the topic, whose numbers do not line up.
     dropped: messages received but not written (cache full, disk full).
     """
 
@@ -50,7 +51,7 @@ class Counts(NamedTuple):
     @property
     def complete(self) -> bool:
         """Whether nothing is known to be missing."""
-        return not (self.lost or self.missed or self.dropped or self.out_of_order)
+        return not (self.lost or self.missed > 0 or self.dropped or self.out_of_order)
 
     def as_text(self) -> str:
         """Return the counts as JSON, as they are written into the bag."""
@@ -110,7 +111,7 @@ class TopicAudit:
         self.messages += 1
         if number:
             step = number - self._number
-            if step > 1 and self._number and self.single_publisher:
+            if step > 1 and self._number:
                 self._missed += step - 1
             self._number = number
         if self._where:
@@ -153,7 +154,7 @@ class TopicAudit:
             duplicates=self._steps.get(0, 0),
             out_of_order=self._late,
             restarts=self._restarts,
-            missed=self._missed,
+            missed=self._missed if self.single_publisher else -1,
             dropped=self.dropped,
         )
 

@@ -195,7 +195,10 @@ class BagWriter:
     def _information(self) -> str:
         topics = [
             TopicLine(
-                topic.name, topic.type, self._hashes[number], self._qos[number],
+                topic.name,
+                topic.type,
+                self._hashes[number],
+                self._qos[number],
                 self._done_counts[number] + self._file.counts.get(number + 1, 0),
             )
             for number, topic in enumerate(self._topics)

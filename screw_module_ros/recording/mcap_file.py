@@ -19,29 +19,25 @@ from pathlib import Path
 from typing import NamedTuple
 
 import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
     Chunk,
     ChunkIndex,
     DataEnd,
-    Footer,
     Header,
     Metadata,
     MetadataIndex,
     Schema,
     Statistics,
-    SummaryOffset,
 )
 
 from .errors import BagBusyError
+from .mcap_records import MAGIC, chunk_length, encoded, summary_section
 from .storage import StorageSettings
 
-MAGIC = b"\x89MCAP0\r\n"
 PROFILE = "ros2"
 LIBRARY = "screw_module_ros"
-FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIXED = 22  # bytes of a message record's content before the data
@@ -96,9 +92,7 @@ class McapFile:
         self._tail = b""
         self.metadata: dict[str, dict[str, str]] = {}
         if create:
-            header = RecordBuilder()
-            Header(PROFILE, LIBRARY).write(header)
-            self._pending += MAGIC + header.end()
+            self._pending += MAGIC + encoded(Header(PROFILE, LIBRARY))
 
     def _lock(self) -> None:
         try:
@@ -151,7 +145,11 @@ class McapFile:
             entries.append(log_time)
             entries.append(len(chunk))
             chunk += pack(
-                5, _MESSAGE_FIXED + len(data), channel, sequence & 0xFFFFFFFF, log_time,
+                5,
+                _MESSAGE_FIXED + len(data),
+                channel,
+                sequence & 0xFFFFFFFF,
+                log_time,
                 publish_time,
             )
             chunk += data
@@ -160,10 +158,7 @@ class McapFile:
 
     def _declare(self) -> None:
         """Put new schemas and channels in front of the first message that may need them."""
-        builder = RecordBuilder()
-        for record in self._unwritten:
-            record.write(builder)
-        self._chunk += builder.end()
+        self._chunk += encoded(*self._unwritten)
         self._unwritten.clear()
 
     def close_chunk(self) -> None:
@@ -181,10 +176,8 @@ class McapFile:
             uncompressed_crc=zlib.crc32(records),
             uncompressed_size=len(records),
         )
-        builder = RecordBuilder()
-        chunk.write(builder)
         offset = self.data_end + len(self._pending)
-        self._pending += builder.end()
+        self._pending += encoded(chunk)
         self._pending += self.note_chunk(chunk, offset, self._index)
         self._chunk = bytearray()
         self._index = {}
@@ -194,7 +187,7 @@ class McapFile:
 
         index: per channel, log time [ns] and offset in the chunk of each message, alternating.
         """
-        start = offset + _chunk_length(chunk)
+        start = offset + chunk_length(chunk)
         indexes = bytearray()
         offsets = {}
         for channel, entries in index.items():
@@ -207,8 +200,7 @@ class McapFile:
         self.start_time = min(self.start_time, first) if self._chunks else first
         self.end_time = max(self.end_time, chunk.message_end_time)
         self._chunks += 1
-        builder = RecordBuilder()
-        ChunkIndex(
+        entry = ChunkIndex(
             chunk_length=start - offset,
             chunk_start_offset=offset,
             compression=chunk.compression,
@@ -218,8 +210,8 @@ class McapFile:
             message_index_offsets=offsets,
             message_start_time=first,
             uncompressed_size=chunk.uncompressed_size,
-        ).write(builder)
-        self._chunk_index += builder.end()
+        )
+        self._chunk_index += encoded(entry)
         return bytes(indexes)
 
     def resume(self, end: int, pending: bytes) -> None:
@@ -255,24 +247,21 @@ class McapFile:
         os.ftruncate(self.descriptor, self.data_end + len(self._tail))
 
     def _tail_at(self, base: int) -> bytes:
-        data = RecordBuilder()
-        indexes = RecordBuilder()
+        data = indexes = b""
         for name, values in self.metadata.items():
-            start = data.count
-            Metadata(name=name, metadata=values).write(data)
-            MetadataIndex(
-                offset=base + start, length=data.count - start, name=name
-            ).write(indexes)
-        DataEnd(0).write(data)
-        closing = data.end()
+            record = encoded(Metadata(name=name, metadata=values))
+            index = MetadataIndex(offset=base + len(data), length=len(record), name=name)
+            data += record
+            indexes += encoded(index)
+        data += encoded(DataEnd(0))
         groups = {
-            Opcode.SCHEMA: _records(self.schemas),
-            Opcode.CHANNEL: _records(self.channels),
-            Opcode.STATISTICS: _records([self._statistics()]),
+            Opcode.SCHEMA: encoded(*self.schemas),
+            Opcode.CHANNEL: encoded(*self.channels),
+            Opcode.STATISTICS: encoded(self._statistics()),
             Opcode.CHUNK_INDEX: bytes(self._chunk_index),
-            Opcode.METADATA_INDEX: indexes.end(),
+            Opcode.METADATA_INDEX: indexes,
         }
-        return closing + _summary(groups, base + len(closing))
+        return data + summary_section(groups, base + len(data))
 
     def _statistics(self) -> Statistics:
         return Statistics(
@@ -292,39 +281,6 @@ class McapFile:
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1
-
-
-def _chunk_length(chunk: Chunk) -> int:
-    return 9 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)
-
-
-def _records(records: Iterable[Schema | Channel | Statistics]) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return builder.end()
-
-
-def _summary(groups: Mapping[Opcode, bytes], start: int) -> bytes:
-    """Return summary, summary offsets, footer and magic for a summary that begins at `start`."""
-    summary = b"".join(groups.values())
-    offsets = RecordBuilder()
-    position = start
-    for opcode, group in groups.items():
-        if group:
-            SummaryOffset(
-                group_opcode=opcode, group_start=position, group_length=len(group)
-            ).write(offsets)
-        position += len(group)
-    summary += offsets.end()
-    fields = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, position)
-    builder = RecordBuilder()
-    Footer(
-        summary_start=start,
-        summary_offset_start=position,
-        summary_crc=zlib.crc32(fields, zlib.crc32(summary)),
-    ).write(builder)
-    return summary + builder.end() + MAGIC
 
 
 def _write_all(descriptor: int, data: bytes, offset: int) -> None:

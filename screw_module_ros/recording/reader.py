@@ -170,9 +170,7 @@ def _array(values: list[Any]) -> np.ndarray:
     return found
 
 
-def _chosen(
-    reader: AnyReader, path: Path | str, names: Collection[str] | None
-) -> list[Connection]:
+def _chosen(reader: AnyReader, path: Path | str, names: Collection[str] | None) -> list[Connection]:
     if names is None:
         return list(reader.connections)
     missing = set(names) - {connection.topic for connection in reader.connections}

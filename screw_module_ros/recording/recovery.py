@@ -19,7 +19,7 @@ from typing import NamedTuple
 import yaml
 from mcap.records import Channel
 
-from .audit import TopicAudit, layout
+from .audit import Counts, TopicAudit, layout
 from .bag import AUDIT, METADATA_FILE, PREFIX, RECOVERED, STATE, write_atomically
 from .errors import BagError, BagReadError, BagWriteError
 from .mcap_file import McapFile
@@ -160,8 +160,8 @@ def _count(file: McapFile, found: ScannedChunk, topics: dict[str, _Known]) -> No
 def _write(
     folder: Path, files: list[McapFile], torn: list[McapFile], topics: dict[str, _Known]
 ) -> None:
-    counts = {name: known.audit.counts() for name, known in topics.items()}
     custom = _custom_data(folder)
+    counts = _counts(topics, custom)
     custom[STATE] = RECOVERED
     custom[AUDIT] = json.dumps({name: count._asdict() for name, count in counts.items()})
     totals = dict.fromkeys(topics, 0)
@@ -170,8 +170,11 @@ def _write(
             totals[channel.topic] += file.counts[channel.id]
     lines = [
         TopicLine(
-            name, known.type, known.channel.metadata["topic_type_hash"],
-            known.channel.metadata["offered_qos_profiles"], totals[name],
+            name,
+            known.type,
+            known.channel.metadata["topic_type_hash"],
+            known.channel.metadata["offered_qos_profiles"],
+            totals[name],
         )
         for name, known in topics.items()
     ]
@@ -185,6 +188,16 @@ def _write(
         }
         file.flush()
     write_atomically(folder / METADATA_FILE, document(text))
+
+
+def _counts(topics: dict[str, _Known], custom: dict[str, str]) -> dict[str, Counts]:
+    """Count anew; what only the recorder knew is taken from its own last audit."""
+    noted = json.loads(custom.get(AUDIT, "{}"))
+    for name, known in topics.items():
+        last = Counts(**noted.get(name, {}))
+        known.audit.dropped = last.dropped
+        known.audit.single_publisher = last.missed >= 0
+    return {name: known.audit.counts() for name, known in topics.items()}
 
 
 def _custom_data(folder: Path) -> dict[str, str]:

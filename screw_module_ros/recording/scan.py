@@ -19,7 +19,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, Schema
 
 from .errors import BagReadError
-from .mcap_file import FOOTER_BYTES, LIBRARY, MAGIC, Message
+from .mcap_file import LIBRARY, Message
+from .mcap_records import FOOTER_BYTES, MAGIC
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -96,9 +97,7 @@ def _stream(buffer: memoryview, record: tuple[int, int, int]) -> ReadDataStream:
     return ReadDataStream(BytesIO(buffer[record[1] : record[2]]))
 
 
-def _chunk(
-    buffer: memoryview, position: int, record: tuple[int, int, int]
-) -> ScannedChunk | None:
+def _chunk(buffer: memoryview, position: int, record: tuple[int, int, int]) -> ScannedChunk | None:
     try:
         chunk = Chunk.read(_stream(buffer, record))
         data = chunk.data

@@ -27,10 +27,17 @@ class StorageSettings(NamedTuple):
         float, Setting("a new file of the same bag begins after this time, 0 for never", "s", 0.0)
     ] = 1800.0
     max_cache: Annotated[
-        int, Setting("messages waiting for the disk, beyond it they are dropped and counted",
-                     "B", 2**20, 2**33)
+        int,
+        Setting(
+            "messages waiting for the disk, beyond it they are dropped and counted",
+            "B",
+            2**20,
+            2**33,
+        ),
     ] = 100 * 2**20
     min_free_space: Annotated[
-        int, Setting("recording stops in good order when the disk has less than this left",
-                     "B", 0, 2**40)
+        int,
+        Setting(
+            "recording stops in good order when the disk has less than this left", "B", 0, 2**40
+        ),
     ] = 50 * 2**20
