@@ -14,6 +14,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -38,7 +39,7 @@ def main() -> int:
     started = time.monotonic()
     try:
         prerequisites.check_python()
-        ros = prerequisites.ros_prefix(VENV)
+        ros = prerequisites.ros_prefix()
         prerequisites.check_compiler()
         if ros is None:
             prerequisites.check_wheels_fit()
@@ -61,8 +62,11 @@ def build(ros: Path | None, progress: Progress) -> bool:
     environment = digest([str(ROOT), sys.version, str(ros)])
     files = requirement_files(ros)
     packages = digest([environment], files + [ROOT / "tools/venv_hook.py"])
-    messages = digest([packages], sorted(f for f in (ROOT / "msg_defs").rglob("*") if f.is_file()))
-    installed = digest([packages, *data_files()], [ROOT / n for n in ("setup.py", "package.xml")])
+    builders = [file for file in files if file.stem in ("build", "ros")]
+    definitions = sorted(file for file in (ROOT / "msg_defs").rglob("*") if file.is_file())
+    messages = digest([environment], builders + definitions)
+    described = [ROOT / name for name in ("setup.py", "setup.cfg", "package.xml")]
+    installed = digest([environment, *data_files()], builders + described)
     steps = (
         ("virtual environment", VENV, environment, lambda: make_venv(ros)),
         ("pinned packages", VENV / "bin", packages, lambda: install(files, ros, progress)),
@@ -88,7 +92,7 @@ def make_venv(ros: Path | None) -> None:
     for folder in (VENV, BUILD / MESSAGES, BUILD / PACKAGE, INSTALL):
         shutil.rmtree(folder, ignore_errors=True)
     options = ["--system-site-packages"] if ros else []
-    command = [sys.executable, "-m", "venv", *options, str(VENV)]
+    command = [prerequisites.interpreter(), "-m", "venv", *options, str(VENV)]
     made = subprocess.run(command, capture_output=True, text=True, check=False)
     if made.returncode != 0:
         raise StepFailed(f"python -m venv failed: {(made.stderr or made.stdout).strip()}")
@@ -109,7 +113,7 @@ def install(files: list[Path], ros: Path | None, progress: Progress) -> None:
         raise StepFailed(f"{error}\nIs the package index reachable? Then run it again.") from None
     if ros is None:
         ros_wheels.rewrite_cmake_files(VENV)
-    site_packages = VENV / f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
+    site_packages = VENV / f"lib/python{sysconfig.get_python_version()}/site-packages"
     shutil.copy(ROOT / "tools/venv_hook.py", site_packages / f"{HOOK}.py")
     (site_packages / f"{HOOK}.pth").write_text(f"import {HOOK}\n")
 
@@ -119,7 +123,7 @@ def colcon(package: str, ros: Path | None, progress: Progress) -> None:
     env = dict(os.environ, PATH=f"{VENV / 'bin'}{os.pathsep}{os.environ.get('PATH', os.defpath)}")
     env["VIRTUAL_ENV"] = str(VENV)
     if ros is None:
-        env["CMAKE_PREFIX_PATH"] = str(VENV)
+        env["CMAKE_PREFIX_PATH"] = env["AMENT_PREFIX_PATH"] = str(VENV)
     command = [str(VENV / "bin/colcon"), "--log-base", str(LOGS / "colcon"), "build"]
     command += ["--packages-select", package, "--event-handlers", "console_direct+"]
     if package == MESSAGES:

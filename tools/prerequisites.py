@@ -13,6 +13,7 @@ from pathlib import Path
 
 OLDEST_PYTHON = (3, 10)
 NEWEST_PYTHON = (3, 13)
+OTHER_PYTHONS = ("python3.12", "python3.11", "python3.13", "python3.10")
 OLDEST_GLIBC = (2, 28)  # of the ROS wheels
 DISK_NEEDED = 2.5e9  # bytes, for the virtual environment, its downloads and the build
 COMPILERS = ("c++", "g++", "clang++")
@@ -22,43 +23,66 @@ class Missing(Exception):
     """A prerequisite is missing; the text is one line that ends with the way out."""
 
 
-def ros_prefix(venv: Path) -> Path | None:
+def interpreter() -> str:
+    """Return the Python to make the virtual environment with: never one of a virtual environment.
+
+    The one in use may be that of the environment which is about to be replaced.
+    """
+    return getattr(sys, "_base_executable", "") or sys.executable
+
+
+def ros_prefix() -> Path | None:
     """Return the prefix of a sourced ROS 2 Jazzy, None without one.
 
-    Raises Missing when another ROS is sourced. The wheels in `venv` are no sourced ROS.
+    Raises Missing when another ROS is sourced, or one that this Python cannot use. A virtual
+    environment with the wheels is no sourced ROS.
     """
     prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
-    found = next((p for p in prefixes if p != venv and (p / "share/rclpy").is_dir()), None)
-    if found is None:
+    prefixes = [p for p in prefixes if not (p / "pyvenv.cfg").exists()]
+    rclpy = [p for p in prefixes if (p / "share/rclpy").is_dir()]
+    if not rclpy:
         return None
     distro = os.environ.get("ROS_DISTRO", "unknown")
     if distro != "jazzy":
         raise Missing(
-            f"ROS 2 {distro} is sourced ({found}), this package is for jazzy: "
+            f"ROS 2 {distro} is sourced ({rclpy[0]}), this package is for jazzy: "
             "source jazzy's setup.bash, or use a shell without ROS to build with wheels"
         )
-    return found
+    if not _works(interpreter(), "import rclpy"):
+        raise Missing(
+            f"{interpreter()} cannot import the sourced ROS's rclpy: name the Python that ROS was "
+            "made for, usually: make build PYTHON=/usr/bin/python3"
+        )
+    return rclpy[0]
 
 
 def check_python() -> None:
-    """Refuse a Python that cannot make a virtual environment or compile the messages."""
-    version = sys.version_info[:2]
-    if not OLDEST_PYTHON <= version <= NEWEST_PYTHON:
-        raise Missing(
-            f"Python {version[0]}.{version[1]} is not supported ({sys.executable}): "
-            "name one from 3.10 to 3.13, for example: make build PYTHON=python3.12"
-        )
+    """Refuse a Python that cannot make a virtual environment or compile the messages.
+
+    Python that is too old or too new is replaced by a supported one where there is one.
+    """
+    version = sysconfig.get_python_version()
+    if not OLDEST_PYTHON <= sys.version_info[:2] <= NEWEST_PYTHON:
+        other = next((name for name in OTHER_PYTHONS if _works(name, "import venv")), None)
+        if other is None:
+            raise Missing(
+                f"Python {version} is not supported ({sys.executable}) and none from 3.10 to 3.13 "
+                f"is on the PATH: install one, or name it: make build PYTHON=/path/to/python3.12"
+            )
+        print(f"Python {version} is not supported, using {other}.", flush=True)
+        os.execvp(other, [other, *sys.argv])
     for module in ("venv", "ensurepip"):
-        if not _has_module(module):
+        # ensurepip may be there and refuse to work: so it is with Debian's Python without venv
+        if not _works(interpreter(), f"import {module}; getattr({module}, 'version', str)()"):
             raise Missing(
                 f"Python's {module} module is missing: "
-                f"on Debian or Ubuntu, apt install python{version[0]}.{version[1]}-venv"
+                f"on Debian or Ubuntu, apt install python{version}-venv"
             )
     header = Path(sysconfig.get_path("include")) / "Python.h"
     if not header.is_file():
         raise Missing(
             f"Python's headers are missing ({header}): "
-            f"on Debian or Ubuntu, apt install python{version[0]}.{version[1]}-dev"
+            f"on Debian or Ubuntu, apt install python{version}-dev"
         )
 
 
@@ -97,7 +121,9 @@ def check_disk(folder: Path) -> None:
         )
 
 
-def _has_module(name: str) -> bool:
-    # In a process of its own: ensurepip may be there and refuse to work (Debian without venv).
-    command = [sys.executable, "-c", f"import {name}; getattr({name}, 'version', str)()"]
-    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+def _works(python: str, code: str) -> bool:
+    try:
+        run = subprocess.run([python, "-c", code], capture_output=True, check=False)
+    except OSError:
+        return False
+    return run.returncode == 0

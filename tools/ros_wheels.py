@@ -13,7 +13,7 @@ import sysconfig
 from pathlib import Path
 
 _BUILDER = r"/opt/python/cp3\d+-cp3\d+"
-_NUMPY_INCLUDE = re.compile(_BUILDER + r"/lib/python3\.\d+/site-packages/numpy/(?:_core|core)/include")
+_NUMPY_INCLUDE = re.compile(_BUILDER + r"/lib/python3\.\d+/site-packages/numpy/_?core/include")
 _PYTHON_INCLUDE = re.compile(_BUILDER + r"/include/python3\.\d+")
 
 

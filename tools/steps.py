@@ -79,5 +79,5 @@ def run_logged(
     if process.returncode != 0:
         progress.failed()
         tail = "\n".join("    " + line for line in last)
-        where = os.path.relpath(log)
-        raise StepFailed(f"{Path(command[0]).name} failed; its last lines (all in {where}):\n{tail}")
+        what = f"{Path(command[0]).name} failed; its last lines (all in {os.path.relpath(log)})"
+        raise StepFailed(f"{what}:\n{tail}")

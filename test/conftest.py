@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fixtures for all tests: a ROS domain and CAN ports of their own, waiting, and no leaked bus.
+
+`make test` gives the run its domain and ports; pytest started by hand takes them here.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterator
+
+import can
+import can.interfaces.virtual
+import pytest
+
+import isolation
+import leftovers
+
+PORTS_PER_TEST = 8
+SECONDS_BETWEEN_POLLS = 0.005
+
+_buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
+_blocks = itertools.cycle(range(0, isolation.CAN_PORTS_PER_RUN, PORTS_PER_TEST))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """Give this run its own ROS domain, in the environment of this process and its children."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        if isolation.PORT_VARIABLE in os.environ:
+            yield int(os.environ[isolation.DOMAIN_VARIABLE])
+            return
+        with isolation.own_domain() as domain:
+            for name, value in isolation.variables(domain).items():
+                patch.setenv(name, value)
+            yield domain
+
+
+@pytest.fixture
+def can_port_base(ros_domain_id: int) -> int:
+    """Return the first of eight UDP ports for `udp_multicast` that this test has to itself."""
+    return int(os.environ[isolation.PORT_VARIABLE]) + next(_blocks)
+
+
+@pytest.fixture
+def wait_until() -> Callable[..., None]:
+    """Return `wait_until(predicate, deadline_s=10.0, what="")`: polls, fails at the deadline.
+
+    The predicate may do work, such as pumping a bus. The deadline is only there to end a test
+    that will fail; no test should be about how long something took.
+    """
+    pause = threading.Event()
+
+    def wait(predicate: Callable[[], object], deadline_s: float = 10.0, what: str = "") -> None:
+        deadline = time.monotonic() + deadline_s
+        while not predicate():
+            if time.monotonic() > deadline:
+                pytest.fail(f"{what or 'what was waited for'} did not happen in {deadline_s} s")
+            pause.wait(SECONDS_BETWEEN_POLLS)
+
+    return wait
+
+
+@pytest.fixture
+def kill_9() -> Callable[[int], None]:
+    """Return `kill_9(pid)`: kills a process and removes the shared memory it had to itself."""
+    return leftovers.kill
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _note_buses() -> Iterator[None]:
+    """Note each bus that is opened, for `no_leaked_bus`."""
+    original = can.BusABC.__init__
+
+    def init(self: can.BusABC, *args: object, **kwargs: object) -> None:
+        original(self, *args, **kwargs)
+        _buses.add(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(can.BusABC, "__init__", init)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def no_leaked_bus(_note_buses: None) -> Iterator[None]:
+    """Fail a test that leaves a CAN bus open, or a channel of the virtual bus behind."""
+    buses, channels = set(_buses), set(can.interfaces.virtual.channels)
+    yield
+    left = [bus for bus in set(_buses) - buses if not bus._is_shutdown]
+    names = [str(bus) for bus in left]
+    for bus in left:
+        bus.shutdown()
+    names += [f"virtual channel {n}" for n in set(can.interfaces.virtual.channels) - channels]
+    if names:
+        pytest.fail("left open by this test: " + ", ".join(names))

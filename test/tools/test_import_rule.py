@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import import_rule
+
+
+def check(folder: Path, file: str, source: str) -> list[str]:
+    path = folder / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(source)
+    return [violation.reason for violation in import_rule.violations(folder)]
+
+
+@pytest.mark.parametrize(
+    ("file", "source"),
+    [
+        ("devices/encoder.py", "import rclpy"),
+        ("devices/encoder.py", "import rclpy.node"),
+        ("recording/bag.py", "from screw_module_msgs.msg import EncoderSample"),
+        ("rig/rig.py", "def late():\n    from std_msgs.msg import Header"),
+        ("samples.py", "from builtin_interfaces.msg import Time"),
+        ("plant/world.py", "from screw_module_ros.control import friction"),
+        ("plant/world.py", "from screw_module_ros import devices"),
+        ("plant/world.py", "from ..control.friction import friction_force"),
+        ("rig/rig.py", "from ..devices import encoder"),
+        ("rig/rig.py", "import screw_module_ros.control.limits"),
+        ("control/gate.py", "from screw_module_ros.plant.world import World"),
+        ("control/gate.py", "import canopen"),
+        ("filters.py", "import can"),
+        ("recording/bag.py", "from screw_module_ros.nodes import bringup"),
+        ("control/__init__.py", "from ..nodes import bringup"),
+        ("__init__.py", "from . import nodes"),
+    ],
+)
+def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
+    assert len(check(tmp_path, file, source)) == 1
+
+
+@pytest.mark.parametrize(
+    ("file", "source"),
+    [
+        ("nodes/encoder.py", "import rclpy\nfrom ..devices.encoder import Encoder"),
+        ("nodes/sim_rig.py", "from screw_module_ros.rig.rig import Rig"),
+        ("rig/rig.py", "from screw_module_ros.plant.world import World\nimport can"),
+        ("devices/drive.py", "import can\nfrom . import bus\nfrom ..samples import DriveReading"),
+        ("control/vertical.py", "import math\nfrom .impedance import force"),
+        ("plant/world.py", "from screw_module_ros.compiled import compiled"),
+    ],
+)
+def test_what_the_layers_may_import(tmp_path: Path, file: str, source: str) -> None:
+    assert check(tmp_path, file, source) == []
+
+
+def test_a_violation_names_file_and_line(tmp_path: Path) -> None:
+    check(tmp_path, "plant/world.py", "import math\nimport rclpy\n")
+    (violation,) = import_rule.violations(tmp_path)
+    assert str(violation).startswith(f"{tmp_path}/plant/world.py:2: ")
+
+
+def test_this_package_keeps_to_the_rule() -> None:
+    package = Path(import_rule.__file__).parent.parent / import_rule.PACKAGE
+    assert import_rule.violations(package) == []

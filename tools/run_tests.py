@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`make test`: pytest in a ROS domain of its own; a run that leaves something behind has failed.
+
+What was left is removed, so that the next run starts clean. Arguments go to pytest.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import uuid
+from pathlib import Path
+
+import isolation
+import leftovers
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def main() -> int:
+    """Run pytest and look for leftovers; return the exit code."""
+    mark = uuid.uuid4().hex
+    with isolation.own_domain() as domain:
+        env = {**os.environ, **isolation.variables(domain), leftovers.MARK: mark}
+        # Plugins by name only: a sourced ROS brings some that do not fit this pytest.
+        env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
+        command = [sys.executable, "-m", "pytest", *sys.argv[1:]]
+        with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
+            try:
+                code = subprocess.run(command, cwd=ROOT, env=env, check=False).returncode
+            except KeyboardInterrupt:
+                code = 130
+        clean = clean_up(watch)
+    return code if clean else code or 1
+
+
+def clean_up(watch: leftovers.Watch) -> bool:
+    """Remove what the run left behind, saying what it was; return whether there was nothing."""
+    processes, files = watch.processes(), watch.files()
+    for pid, command in processes.items():
+        print(f"left running, killed now: {pid} {command}", file=sys.stderr)
+        leftovers.kill(pid)
+    files = sorted({*files, *watch.files()})
+    for file in files:
+        print(f"left in shared memory, removed now: {file}", file=sys.stderr)
+        file.unlink(missing_ok=True)
+    if processes or files:
+        print("make test: failed, the tests left something behind (above)", file=sys.stderr)
+    return not (processes or files)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
