@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`bringup`: start every node of the graph as a process of its own, stop them in order.
+
+The same table serves `ros2 launch screw_module_ros therapy_robot.launch.py`; this executable is
+for environments without the launch package.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import click
+
+from screw_module_ros.resources import resource_path
+
+from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen
+from .support.leftovers import remove_orphans
+
+_POLITE_S = 8.0
+_PR_SET_PDEATHSIG = 1
+
+
+class Process:
+    """One node's process."""
+
+    def __init__(self, name: str, arguments: list[str]):
+        self.name = name
+        # Its own session: Ctrl-C reaches bringup alone, which then stops the nodes in order.
+        self._process = subprocess.Popen(
+            [executable_path(name), *arguments],
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def exit_code(self) -> int | None:
+        """Return the exit code, None while it runs."""
+        return self._process.poll()
+
+    def stop(self) -> int:
+        """SIGINT, then SIGTERM, then SIGKILL, each with time to obey; return the exit code."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            if self._process.poll() is None:
+                self._process.send_signal(number)
+            try:
+                return self._process.wait(_POLITE_S)
+            except subprocess.TimeoutExpired:
+                click.echo(f"bringup: {self.name} ignored {number.name}", err=True)
+        return self._process.wait()
+
+
+def executable_path(name: str) -> str:
+    """Return the installed executable `name`, which lies beside this one.
+
+    Raises FileNotFoundError saying how to install.
+    """
+    beside = Path(sys.argv[0]).resolve().parent / name
+    if beside.is_file():
+        return str(beside)
+    try:
+        from ament_index_python.packages import get_package_prefix
+
+        path = Path(get_package_prefix("screw_module_ros")) / "lib" / "screw_module_ros" / name
+    except (ImportError, LookupError):
+        path = beside
+    if not path.is_file():
+        raise FileNotFoundError(f"no executable {name} at {path}: build and source the workspace")
+    return str(path)
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def start(
+    simulation: bool = True,
+    params: str | None = None,
+    namespace: str = "",
+    only: list[str] = (),
+    without: list[str] = (),
+    extra: list[str] = (),
+) -> list[Process]:
+    """Start the chosen nodes and return their processes, in the order of the table.
+
+    `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args.
+    """
+    default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
+    arguments = ["--ros-args", "--params-file", params or str(resource_path(default)), *extra]
+    if namespace:
+        arguments += ["-r", f"__ns:={namespace}"]
+    return [Process(entry.executable, arguments) for entry in chosen(simulation, only, without)]
+
+
+def stop(processes: list[Process]) -> dict[str, int]:
+    """Stop in reverse order, so that the drives go off while the rig still answers."""
+    codes = {process.name: process.stop() for process in reversed(processes)}
+    if any(code == -signal.SIGKILL for code in codes.values()):
+        remove_orphans()
+    return codes
+
+
+@click.command(context_settings={"ignore_unknown_options": True})
+@click.option("--bench", is_flag=True, help="Real hardware: no sim_rig, params/bench.yaml.")
+@click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
+@click.option("--namespace", default="", help="For a second robot, like /second.")
+@click.option("--only", multiple=True, help="Start only this node (repeat for more).")
+@click.option("--without", multiple=True, help="Leave this node out (repeat for more).")
+def command(bench: bool, params: str | None, namespace: str, only, without) -> None:
+    """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
+    stopping = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopping.set())
+    try:
+        processes = start(not bench, params, namespace, list(only), list(without))
+    except (ValueError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+    codes = _watch(processes, stopping)
+    failed = {name: code for name, code in codes.items() if code}
+    if failed:
+        raise click.ClickException(f"ended with an error: {failed}")
+
+
+def _watch(processes: list[Process], stopping: threading.Event) -> dict[str, int]:
+    told: set[str] = set()
+    try:
+        while not stopping.wait(0.2) and len(told) < len(processes):
+            for process in processes:
+                if process.exit_code() is not None and process.name not in told:
+                    told.add(process.name)
+                    click.echo(
+                        f"bringup: {process.name} ended with code {process.exit_code()}; it is "
+                        "not restarted by itself",
+                        err=True,
+                    )
+    finally:
+        begun = time.monotonic()
+        codes = stop(processes)
+        click.echo(f"bringup: all stopped in {time.monotonic() - begun:.1f} s", err=True)
+    return codes
+
+
+def main() -> None:
+    """Console entry point."""
+    command()

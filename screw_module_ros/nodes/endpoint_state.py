@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`endpoint_state`: the 3-D state for games and tools, joined from all axes.
+
+It only shows; nothing that moves depends on it. Axes that are stale or not homed are marked
+invalid, their last values are replaced by NaN.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Annotated, NamedTuple
+
+from sensor_msgs.msg import JointState
+
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    EndpointState,
+    ForceSample,
+    PlanarState,
+    SafetyState,
+)
+from screw_module_ros.settings import Setting
+
+from .support import qos
+from .support.freshness import Newest
+from .support.realtime import Inbox, Ticker
+from .support.runtime import OK, WARN, Health, ModuleNode
+from .support.runtime import main as run_node
+
+_NAN = math.nan
+_JOINTS_EVERY = 2
+
+
+class EndpointSettings(NamedTuple):
+    """What the node publishes and for how long it believes a sample."""
+
+    rate: Annotated[float, Setting("endpoint states per second", "Hz", 10.0, 500.0)] = 200.0
+    max_age: Annotated[float, Setting("samples older than this are invalid", "s", 0.005, 1.0)] = 0.1
+
+
+class EndpointStateNode(ModuleNode):
+    """Takes the newest of everything at its own rate; never waits for any of it."""
+
+    def __init__(self):
+        super().__init__("endpoint_state")
+        self.parameters.declare(EndpointSettings)
+        self._message = EndpointState()
+        self._message.header.frame_id = "manus_base"
+        self._joints = JointState(name=["shoulder", "elbow", "vertical"])
+        self._joints.header.frame_id = "manus_base"
+
+    def connect(self) -> None:
+        """Make the topics."""
+        settings = self.parameters.read(EndpointSettings)
+        self._period_ns = round(1e9 / settings.rate)
+        age_ns = int(settings.max_age * 1e9)
+        self._inbox = inbox = Inbox(self)
+        take = inbox.subscribe
+        self._encoder = Newest(take(EncoderSample, "screw/encoder", qos.SAMPLE), age_ns)
+        self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), age_ns)
+        self._plane = Newest(take(PlanarState, "manus/state", qos.STATE), age_ns)
+        self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.STATE), age_ns)
+        self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), age_ns)
+        self._state_publisher = self.create_publisher(EndpointState, "endpoint_state", qos.STATE)
+        self._joint_publisher = self.create_publisher(JointState, "joint_states", qos.STATE)
+
+    def begin(self) -> None:
+        """Start the clock."""
+        self._ticker = Ticker(self._period_ns)
+        self._ticks = 0
+
+    def disconnect(self) -> None:
+        """Remove the topics."""
+        if hasattr(self, "_inbox"):
+            self._inbox.close()
+            self.destroy_publisher(self._state_publisher)
+            self.destroy_publisher(self._joint_publisher)
+            del self._inbox
+
+    def step(self) -> None:
+        """Publish one state."""
+        tick = self._ticker.sleep()
+        now = tick.monotonic_ns
+        encoder, force = self._encoder.fresh(now), self._force.fresh(now)
+        plane, amplifier = self._plane.fresh(now), self._amplifier.fresh(now)
+        safety = self._safety.fresh(now)
+        message = self._message
+        stamp = encoder.stamp if encoder else self.get_clock().now().to_msg()
+        message.header.stamp = stamp
+        message.sequence = encoder.sequence if encoder else 0
+        _fill_plane(message, plane)
+        _fill_vertical(message, encoder)
+        _fill_force(message, force)
+        message.enabled = [
+            bool(plane and plane.enabled), bool(amplifier and amplifier.enabled)
+        ]
+        message.safety = safety.level if safety else SafetyState.UNKNOWN
+        message.vertical_locked = bool(safety and safety.vertical_locked)
+        self._state_publisher.publish(message)
+        self._ticks += 1
+        if self._ticks % _JOINTS_EVERY == 0:
+            self._publish_joints(stamp, encoder, plane, amplifier)
+
+    def _publish_joints(self, stamp, encoder, plane, amplifier) -> None:
+        joints = self._joints
+        joints.header.stamp = stamp
+        angles = list(plane.joint_position) if plane and plane.homed else [_NAN, _NAN]
+        speeds = list(plane.joint_velocity) if plane else [_NAN, _NAN]
+        torques = list(plane.measured_torque) if plane else [_NAN, _NAN]
+        joints.position = [*angles, encoder.position if encoder and encoder.homed else _NAN]
+        joints.velocity = [*speeds, encoder.velocity if encoder else _NAN]
+        joints.effort = [*torques, amplifier.measured_torque if amplifier else _NAN]
+        self._joint_publisher.publish(joints)
+
+    def health(self) -> Health:
+        """Say which inputs are stale."""
+        now = time.monotonic_ns()
+        inputs = {
+            "screw/encoder": self._encoder,
+            "handle/force": self._force,
+            "manus/state": self._plane,
+            "screw/amplifier_state": self._amplifier,
+            "safety_state": self._safety,
+        }
+        ages = {f"age {name} [s]": newest.age_text(now) for name, newest in inputs.items()}
+        stale = [name for name, newest in inputs.items() if newest.stale(now)]
+        values = {"rate [1/s]": self.parameters.read(EndpointSettings).rate, "published": self._ticks, **ages}
+        if stale:
+            return Health(WARN, f"no fresh {', '.join(stale)}", values)
+        return Health(OK, "all inputs fresh", values)
+
+
+def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
+    valid = bool(plane and plane.homed)
+    message.valid[0] = message.valid[1] = valid
+    x, y = plane.position if valid else (_NAN, _NAN)
+    message.position.x, message.position.y = float(x), float(y)
+    x, y = plane.velocity if valid else (_NAN, _NAN)
+    message.velocity.x, message.velocity.y = float(x), float(y)
+
+
+def _fill_vertical(message: EndpointState, encoder: EncoderSample | None) -> None:
+    message.valid[2] = bool(encoder and encoder.homed)
+    message.position.z = encoder.position if message.valid[2] else _NAN
+    message.velocity.z = encoder.velocity if encoder else _NAN
+
+
+def _fill_force(message: EndpointState, force: ForceSample | None) -> None:
+    message.force_valid = bool(force and force.status == 0)
+    f = message.force
+    f.x, f.y, f.z = (force.fx, force.fy, force.fz) if message.force_valid else (_NAN,) * 3
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(EndpointStateNode)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A signal is valid only while fresh: the newest message of a topic with its time of arrival."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+
+class Newest:
+    """The newest message of one hot subscription.
+
+    `take` returns a message or None; `max_age_ns` is how long one is believed. Arrival is when it
+    was taken, so that a sender whose clock is wrong cannot look fresh.
+    """
+
+    def __init__(self, take: Callable[[], Any], max_age_ns: int):
+        self._take = take
+        self._max_age_ns = max_age_ns
+        self.message: Any = None
+        self.arrival_ns = 0
+
+    def update(self, now_ns: int) -> Any:
+        """Take what has come; return it when there was something new, else None."""
+        message = self._take()
+        if message is not None:
+            self.message = message
+            self.arrival_ns = now_ns
+        return message
+
+    def fresh(self, now_ns: int) -> Any:
+        """Take what has come; return the newest message while it is fresh, else None."""
+        self.update(now_ns)
+        return None if self.stale(now_ns) else self.message
+
+    def stale(self, now_ns: int) -> bool:
+        """Return whether there is no message young enough."""
+        return self.message is None or now_ns - self.arrival_ns > self._max_age_ns
+
+    def age_text(self, now_ns: int) -> str:
+        """Return the age in seconds as text, `never` when nothing has come."""
+        if self.message is None:
+            return "never"
+        return f"{(now_ns - self.arrival_ns) * 1e-9:.3f}"

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings tuples as ROS parameters: declared once, checked at start and at run time."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from screw_module_ros.settings import Field, declared, problem
+
+_OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_INT64 = 2**63 - 1
+
+
+class ParameterError(ValueError):
+    """A parameter given at start is unknown or out of bounds; the message names it."""
+
+
+class Parameters:
+    """The parameters of one node: NamedTuples of settings under name prefixes.
+
+    `changed(kind)` is called after fields of that tuple were changed at run time; `active()` tells
+    whether fields that are not live must be refused.
+    """
+
+    def __init__(self, node: Node, changed, active):
+        self._node = node
+        self._changed = changed
+        self._active = active
+        self._defaults: dict[tuple[type, str], tuple] = {}
+        self._fields: dict[str, tuple[type, Field]] = {}
+        self._declared = False
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def declare(self, kind: type, prefix: str = "", **defaults: Any) -> None:
+        """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
+
+        `defaults` replace the tuple's own. Raises ParameterError for a bad value at start.
+        """
+        group = self._defaults[kind, prefix] = kind(**defaults)
+        for field in declared(kind).values():
+            name = _join(prefix, field.name)
+            self._fields[name] = (kind, field)
+            self._declare_one(name, field, getattr(group, field.name))
+
+    def _declare_one(self, name: str, field: Field, default: Any) -> None:
+        value = _to_ros(default)
+        given = self._node._parameter_overrides.get(name)
+        if given is not None:
+            wrong = _problem(name, field, given.value, type(value))
+            if wrong:
+                raise ParameterError(f"parameter {wrong}")
+        self._node.declare_parameter(name, value, _descriptor(field, value))
+
+    def finish(self) -> None:
+        """End the declarations; raise ParameterError when a given name was never declared."""
+        self._declared = True
+        for name in self._node._parameter_overrides:
+            if name.startswith(_OWN_TO_RCLPY) or self._node.has_parameter(name):
+                continue
+            raise ParameterError(
+                f"parameter {name} is unknown to node {self._node.get_name()}; "
+                f"it knows: {', '.join(sorted(self._fields))}"
+            )
+
+    def read(self, kind: type, prefix: str = "") -> Any:
+        """Return the NamedTuple `kind` declared under `prefix`, with the values of now."""
+        values = {
+            name: _from_ros(self._node.get_parameter(_join(prefix, name)).value)
+            for name in declared(kind)
+        }
+        return self._defaults[kind, prefix]._replace(**values)
+
+    def write(self, prefix: str = "", **values: Any) -> str:
+        """Set fields as a client would; return why not, empty when done."""
+        given = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
+        return self._node.set_parameters_atomically(given).reason
+
+    def as_text(self) -> dict[str, str]:
+        """Return every declared name with its value as text, sorted by name."""
+        return {name: str(self._node.get_parameter(name).value) for name in sorted(self._fields)}
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            known = self._fields.get(parameter.name)
+            if known is None or not self._node.has_parameter(parameter.name):
+                continue
+            _, field = known
+            current = self._node.get_parameter(parameter.name).value
+            wrong = _problem(parameter.name, field, parameter.value, type(current))
+            if not wrong and not field.setting.live and self._active():
+                if list(_flat(parameter.value)) != list(_flat(current)):
+                    wrong = f"{parameter.name} is fixed while the node is active: deactivate first"
+            if wrong:
+                return SetParametersResult(successful=False, reason=wrong)
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: list[Parameter]) -> None:
+        if not self._declared:  # rclpy reports each declaration too
+            return
+        names = {parameter.name for parameter in parameters}
+        for kind in {self._fields[name][0] for name in names if name in self._fields}:
+            self._changed(kind)
+
+
+def _join(prefix: str, name: str) -> str:
+    return f"{prefix}.{name}" if prefix else name
+
+
+def _flat(value: Any):
+    return value if isinstance(value, (list, tuple)) else (value,)
+
+
+def _problem(name: str, field: Field, value: Any, wanted: type) -> str:
+    if not _fits(value, wanted):
+        example = " (write 1.0, not 1)" if wanted is float and isinstance(value, int) else ""
+        return f"{name} = {value!r}: a value of type {wanted.__name__} is wanted{example}"
+    if wanted is list:
+        size = len(get_args(field.kind))  # a bare `tuple` may have any length
+        if size and len(value) != size:
+            return f"{name} = {list(value)!r}: {size} numbers are wanted"
+    return problem(field, value, name)
+
+
+def _fits(value: Any, wanted: type) -> bool:
+    if wanted is list:
+        return not isinstance(value, (str, bytes)) and hasattr(value, "__len__")
+    return type(value) is wanted
+
+
+def _to_ros(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _from_ros(value: Any) -> Any:
+    return value if isinstance(value, (bool, int, float, str)) else tuple(value)
+
+
+def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
+    setting = field.setting
+    unit = f" [{setting.unit}]" if setting.unit else ""
+    when = "" if setting.live else " Fixed while active."
+    told = ParameterDescriptor(name=field.name, description=f"{setting.text}{unit}.{when}")
+    if setting.choices:
+        told.additional_constraints = "one of " + ", ".join(map(str, setting.choices))
+    sample = value[0] if isinstance(value, list) and value else value
+    if setting.low is None and setting.high is None or isinstance(sample, (bool, str)):
+        return told
+    if isinstance(sample, float):
+        low = -1e308 if setting.low is None else float(setting.low)
+        high = 1e308 if setting.high is None else float(setting.high)
+        told.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    else:
+        low = -_INT64 if setting.low is None else int(setting.low)
+        high = _INT64 if setting.high is None else int(setting.high)
+        told.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+    return told

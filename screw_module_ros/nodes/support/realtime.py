@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hot loop's tools: ticks on CLOCK_MONOTONIC, a wait set of our own, thread settings.
+
+rclpy's executor spends about 60 us per callback. The hot subscriptions of a node are therefore
+kept out of its executor (`HotGroup`) and taken by hand from a wait set.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import sys
+import time
+from typing import Annotated, Any, NamedTuple
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from screw_module_ros.settings import Setting
+
+_PR_SET_TIMERSLACK = 29
+_SWITCH_INTERVAL = 100e-6  # s; a service callback holds the interpreter at most this long
+
+
+class RealtimeSettings(NamedTuple):
+    """How the process is scheduled."""
+
+    priority: Annotated[
+        int, Setting("SCHED_FIFO priority of the loop, 0 for the normal scheduler", "", 0, 90)
+    ] = 0
+    cores: Annotated[
+        tuple, Setting("processor cores this process may use, -1 for all", "", -1, 1023)
+    ] = (-1,)
+
+
+def prepare(settings: RealtimeSettings, spare: set[int]) -> list[str]:
+    """Give every thread of the process but `spare` (native ids) its scheduling.
+
+    Call from the loop's thread after start-up. Returns what could not be had, as sentences.
+    """
+    refused: list[str] = []
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    wanted = {core for core in settings.cores if core >= 0}
+    missing = wanted - set(range(os.cpu_count() or 1))
+    if missing:
+        refused.append(f"realtime.cores names {sorted(missing)}, which this machine does not have")
+    for thread in map(int, os.listdir("/proc/self/task")):
+        try:
+            if wanted and not missing:
+                os.sched_setaffinity(thread, wanted)
+            if settings.priority and thread not in spare:
+                os.sched_setscheduler(
+                    thread, os.SCHED_FIFO, os.sched_param(settings.priority)
+                )
+        except PermissionError:
+            refused.append(
+                f"no permission for SCHED_FIFO {settings.priority}: running with the normal "
+                "scheduler (grant rtprio in limits.conf to have it)"
+            )
+            break
+        except ProcessLookupError:
+            continue
+    gc.collect()
+    gc.freeze()
+    return refused
+
+
+class Tick(NamedTuple):
+    """One multiple of the period on CLOCK_MONOTONIC."""
+
+    sequence: int
+    monotonic_ns: int
+    stamp_ns: int
+    skipped: int
+
+
+class Ticker:
+    """Whole multiples of `period_ns` of CLOCK_MONOTONIC; an overrun skips ticks, never bursts."""
+
+    def __init__(self, period_ns: int):
+        self.period_ns = period_ns
+        self._last = time.monotonic_ns() // period_ns
+
+    def due_ns(self) -> int:
+        """Return the time of the next tick, CLOCK_MONOTONIC in ns."""
+        return (self._last + 1) * self.period_ns
+
+    def sleep(self) -> Tick:
+        """Sleep until the next tick."""
+        wait = self.due_ns() - time.monotonic_ns()
+        if wait > 0:
+            time.sleep(wait * 1e-9)
+        return self.take()
+
+    def take(self) -> Tick:
+        """Return the tick of now; the caller has seen to it that it is due."""
+        now = time.monotonic_ns()
+        number = max(now // self.period_ns, self._last + 1)
+        skipped = number - self._last - 1
+        self._last = number
+        return Tick(number & 0xFFFFFFFF, now, time.time_ns(), skipped)
+
+
+class HotGroup(CallbackGroup):
+    """A group no executor ever serves: its subscriptions are taken by the hot loop."""
+
+    def can_execute(self, entity) -> bool:
+        """Return False: the executor leaves the entity alone."""
+        return False
+
+    def beginning_execution(self, entity) -> bool:
+        """Return False: never executed."""
+        return False
+
+    def ending_execution(self, entity) -> None:
+        """Do nothing: never executed."""
+
+
+class Inbox:
+    """Subscriptions of the hot loop, waited for together and taken one by one."""
+
+    def __init__(self, node: Node):
+        self._node = node
+        self._group = HotGroup()
+        self._subscriptions: list[Subscription] = []
+        self._waking: list[Any] = []
+        self._wait_set: Any = None
+
+    def subscribe(self, kind: type, topic: str, qos: QoSProfile, wakes: bool = False):
+        """Subscribe; return a function that takes the newest message or None.
+
+        `wakes`: `wait` returns when a message of this subscription is there.
+        """
+        subscription = self._node.create_subscription(
+            kind, topic, _never, qos, callback_group=self._group
+        )
+        self._subscriptions.append(subscription)
+        if wakes:
+            self._waking.append(subscription.handle)
+        raw_take = subscription.handle.take_message
+
+        def take():
+            taken = raw_take(kind, False)
+            return taken[0] if taken is not None else None
+
+        return take
+
+    def publishers(self, topic: str) -> int:
+        """Return how many publishers there are on `topic` for the subscription made to it."""
+        return self._node.count_publishers(topic)
+
+    def wait(self, timeout_ns: int) -> None:
+        """Wait at most `timeout_ns` for a message of a waking subscription."""
+        if self._wait_set is None:
+            context = self._node.context
+            with context.handle:
+                self._wait_set = _rclpy.WaitSet(len(self._waking), 0, 0, 0, 0, 0, context.handle)
+        wait_set = self._wait_set
+        wait_set.clear_entities()
+        for handle in self._waking:
+            wait_set.add_subscription(handle)
+        wait_set.wait(max(0, timeout_ns))
+
+    def close(self) -> None:
+        """Destroy the subscriptions."""
+        self._wait_set, self._waking = None, []
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = []
+
+
+def _never(message) -> None:
+    raise AssertionError("a hot subscription is never served by the executor")
+
+
+def fill_stamp(message: Any, stamp_ns: int) -> None:
+    """Write `stamp_ns` (ns since the epoch) into the flat message's stamp."""
+    message.stamp.sec, message.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)

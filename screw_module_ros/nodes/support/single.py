@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One copy of each node, one client per device: locks that die with their process.
+
+An abstract Unix socket is bound as the lock: the kernel frees it however the process ends, so a
+killed node never blocks its successor and nothing is left on the disk.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+
+
+class AlreadyRunning(RuntimeError):
+    """Another process holds the name; the message says which and what to do."""
+
+
+class Lock:
+    """A machine-wide name held by this process until `release` or its end."""
+
+    def __init__(self, name: str, taken: str):
+        """Take `name`; raise AlreadyRunning with the sentence `taken` when somebody has it."""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(b"\0screw_module_ros/" + name.encode())
+        except OSError:
+            self._socket.close()
+            raise AlreadyRunning(taken) from None
+
+    def release(self) -> None:
+        """Give the name back."""
+        self._socket.close()
+
+
+def lock_node(full_name: str) -> Lock:
+    """Hold the node name `full_name` within the ROS domain of this process."""
+    domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    return Lock(
+        f"node/{domain}{full_name}",
+        f"a node {full_name} already runs in ROS domain {domain}: stop it first, or start this "
+        "one in another namespace (--ros-args -r __ns:=/second)",
+    )
+
+
+def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
+    """Hold one device of one bus: two SDO clients on a device would corrupt each other."""
+    return Lock(
+        f"device/{interface}/{channel}/{port}/{device}",
+        f"{device} on {interface} {channel} port {port} is already driven by another process of "
+        "this machine: stop that one first",
+    )
