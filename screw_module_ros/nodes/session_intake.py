@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where `session_recorder` gets its messages: discovery, matching QoS, raw taking.
+
+Nothing waits here. The middleware queues what arrives, with the time of arrival; every few
+milliseconds all queues are emptied at once, which costs a few microseconds a message. An executor
+would spend tens on each.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import importlib
+from typing import Any, NamedTuple
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from screw_module_ros.recording import (
+    BagError,
+    Definition,
+    DefinitionError,
+    Definitions,
+    Message,
+    Qos,
+    Session,
+    Topic,
+)
+
+from .support.realtime import HotGroup
+
+_DEPTH = 2000  # messages; two seconds of a 1 kHz topic may wait for us
+_AT_ONCE = 4000  # messages of one topic before the others have their turn
+_NO_DEFINITION = Definition("", "", "")
+
+
+class Selection(NamedTuple):
+    """Which topics: names or patterns (`/screw/*`) to record and to leave out."""
+
+    topics: tuple[str, ...] = ("*",)
+    exclude: tuple[str, ...] = ()
+    hidden: bool = False
+
+    def takes(self, name: str) -> bool:
+        """Whether the topic `name` is to be recorded."""
+        if not self.hidden and any(part.startswith("_") for part in name.split("/")):
+            return False
+        wanted = any(fnmatch.fnmatchcase(name, pattern) for pattern in self.topics)
+        return wanted and not any(fnmatch.fnmatchcase(name, pattern) for pattern in self.exclude)
+
+
+class _Tap:
+    """One subscribed topic."""
+
+    def __init__(self, name: str, kind: type, channel: int):
+        self.name = name
+        self.kind = kind
+        self.channel = channel
+        self.numbered = True
+        self.newest = b""
+        self.has_calibration = "calibration" in kind.get_fields_and_field_types()
+        self.subscription: Any = None
+        self.request: QoSProfile | None = None
+
+
+class Intake:
+    """Subscriptions to everything selected, for one session."""
+
+    def __init__(self, node: Node, selection: Selection, session: Session):
+        self._node = node
+        self._selection = selection
+        self._session = session
+        self._definitions = Definitions()
+        self._group = HotGroup()
+        self._taps: dict[str, _Tap] = {}
+        self._taking: list[_Tap] = []
+        self.refused: dict[str, str] = {}
+
+    def discover(self) -> None:
+        """Subscribe to selected topics that appeared; follow changes of their publishers."""
+        for name, types in self._node.get_topic_names_and_types():
+            if not self._selection.takes(name):
+                continue
+            offers = self._node.get_publishers_info_by_topic(name)
+            if not offers:
+                continue
+            tap = self._taps.get(name) or self._new_tap(name, types, offers)
+            if tap is not None:
+                self._follow(tap, offers)
+        self._taking = list(self._taps.values())
+
+    def _new_tap(self, name: str, types: list[str], offers: list[TopicEndpointInfo]) -> _Tap | None:
+        if name in self.refused:
+            return None
+        try:
+            if len(types) != 1:
+                raise BagError(f"it has several types ({', '.join(types)})")
+            kind = message_class(types[0])
+            channel = self._session.add_topic(self._topic(name, types[0], offers))
+        except BagError as error:
+            self.refused[name] = str(error)
+            self._node.get_logger().error(f"{name} is not recorded: {error}")
+            return None
+        self._taps[name] = _Tap(name, kind, channel)
+        return self._taps[name]
+
+    def _topic(self, name: str, type_name: str, offers: list[TopicEndpointInfo]) -> Topic:
+        hashes = {str(offer.topic_type_hash) for offer in offers}
+        type_hash = hashes.pop() if len(hashes) == 1 else ""
+        try:
+            definition = self._definitions.find(type_name)
+        except DefinitionError as error:
+            self._node.get_logger().warning(f"{name} is recorded without a definition: {error}")
+            definition = _NO_DEFINITION
+        if "/action/" in type_name:
+            type_hash = ""  # readers know these types under another name, with another hash
+        elif definition.type_hash and type_hash and definition.type_hash != type_hash:
+            self._node.get_logger().error(
+                f"{name} is recorded without a definition: its publisher was built with another "
+                f"version of {type_name}; rebuild both"
+            )
+            definition = _NO_DEFINITION
+        return Topic(name, type_name, definition, type_hash, [offered(o) for o in offers])
+
+    def _follow(self, tap: _Tap, offers: list[TopicEndpointInfo]) -> None:
+        if len(offers) > 1 and tap.numbered:
+            tap.numbered = False
+            self._session.several_publishers(tap.channel)
+        request = matching(offers)
+        if tap.request is None:
+            self._subscribe(tap, request)
+        elif _stricter(tap.request, request):
+            self._node.get_logger().warning(
+                f"{tap.name} has a new publisher with weaker quality of service: following it"
+            )
+            self._node.destroy_subscription(tap.subscription)
+            self._subscribe(tap, request)
+
+    def _subscribe(self, tap: _Tap, request: QoSProfile) -> None:
+        tap.request = request
+        tap.subscription = self._node.create_subscription(
+            tap.kind, tap.name, _never, request, callback_group=self._group, raw=True
+        )
+
+    def drain(self) -> list[Message]:
+        """Take everything that waits."""
+        taken: list[Any] = []
+        for tap in self._taking:
+            take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
+            numbered = tap.numbered
+            before = len(taken)
+            while (got := take(kind, True)) is not None:
+                data, info = got
+                number = (info["publication_sequence_number"] or 0) if numbered else 0
+                received, sent = info["received_timestamp"], info["source_timestamp"]
+                taken.append((channel, received, sent, number, data))
+                if len(taken) - before >= _AT_ONCE:
+                    break
+            if tap.has_calibration and len(taken) > before:
+                tap.newest = taken[-1][4]
+        return taken
+
+    def calibrations(self) -> dict[str, str]:
+        """Return the calibration identity each topic told last."""
+        found = {}
+        for tap in self._taking:
+            if tap.newest:
+                found[tap.name] = deserialize_message(tap.newest, tap.kind).calibration
+        return found
+
+    def close(self) -> None:
+        """Unsubscribe from everything."""
+        self._taking = []
+        for tap in self._taps.values():
+            self._node.destroy_subscription(tap.subscription)
+        self._taps = {}
+
+
+def message_class(type_name: str) -> type:
+    """Return the Python class of `package/msg/Type` or of an action's feedback.
+
+    Raises BagError when the package is not installed.
+    """
+    package, folder, name = type_name.split("/")
+    try:
+        module = importlib.import_module(f"{package}.{folder}")
+        if folder == "action":
+            return getattr(module, name.removesuffix("_FeedbackMessage")).Impl.FeedbackMessage
+        return getattr(module, name)
+    except (ImportError, AttributeError) as error:
+        raise BagError(f"its type {type_name} is not installed here: {error}") from None
+
+
+def matching(offers: list[TopicEndpointInfo]) -> QoSProfile:
+    """Return a request that every offer satisfies, as strict as that allows (as rosbag2 does)."""
+    profiles = [offer.qos_profile for offer in offers]
+    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
+    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    return QoSProfile(
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def _stricter(have: QoSProfile, wanted: QoSProfile) -> bool:
+    """Whether `have` asks for something that `wanted` does not."""
+    return (
+        have.reliability == ReliabilityPolicy.RELIABLE != wanted.reliability
+        or have.durability == DurabilityPolicy.TRANSIENT_LOCAL != wanted.durability
+    )
+
+
+def offered(offer: TopicEndpointInfo) -> Qos:
+    """Return a publisher's quality of service in rosbag2's words."""
+    profile = offer.qos_profile
+    return Qos(
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        deadline=divmod(profile.deadline.nanoseconds, 1_000_000_000),
+        lifespan=divmod(profile.lifespan.nanoseconds, 1_000_000_000),
+        liveliness=profile.liveliness.name.lower(),
+        lease=divmod(profile.liveliness_lease_duration.nanoseconds, 1_000_000_000),
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+    )
+
+
+def _never(message: bytes) -> None:
+    raise AssertionError("a raw subscription is never served by the executor")

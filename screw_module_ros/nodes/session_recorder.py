@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`session_recorder`: records topics as a rosbag2 bag (MCAP) and says what is missing in it.
+
+The bag is complete on the disk every second, whatever happens to this process (see
+`screw_module_ros.recording`). A full disk or an unwritable folder ends the recording, never the
+node, and stands in `~/status` and diagnostics until the next `~/start`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from std_srvs.srv import Trigger
+
+from screw_module_ros.recording import BagError, BagWriter, Session, Status, StorageSettings
+from screw_module_ros.recording.recovery import recover_all
+from screw_module_ros.settings import Setting
+
+from .session_intake import Intake, Selection
+from .support import qos
+from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
+from .support.runtime import main as run_node
+
+_IDLE_S = 0.05
+
+
+class RecorderSettings(NamedTuple):
+    """What is recorded, and where; changes count from the next start of a recording."""
+
+    folder: Annotated[str, Setting("where the bags go, ~ is the home folder", live=True)] = (
+        "~/sessions"
+    )
+    name: Annotated[
+        str, Setting("name of the bag, empty for one made of date and time", live=True)
+    ] = ""
+    record_on_start: Annotated[bool, Setting("start recording when the node is activated")] = False
+    topics: Annotated[tuple, Setting("topics to record, patterns like /screw/* too", live=True)] = (
+        "*",
+    )
+    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = ("",)
+    include_hidden: Annotated[
+        bool, Setting("record topics with a part that begins with _ too", live=True)
+    ] = False
+    configuration: Annotated[
+        tuple, Setting("files whose hashes are noted in the bag, like parameter files", live=True)
+    ] = ("",)
+    period: Annotated[
+        float, Setting("the queues of all topics are emptied once in this time", "s", 0.001, 0.1)
+    ] = 0.01
+
+
+class SessionRecorder(ModuleNode):
+    """Takes messages in the hot loop, writes them on the session's own thread."""
+
+    def __init__(self):
+        super().__init__("session_recorder")
+        self.parameters.declare(RecorderSettings)
+        self.parameters.declare(StorageSettings, "storage")
+        self._session: Session | None = None
+        self._intake: Intake | None = None
+        self._last: Status | None = None
+        self._folder: Path | None = None
+        self._refusal = ""
+        self._lock = threading.Lock()  # the loop takes messages, or services change the session
+        self.create_service(Trigger, "~/start", self._on_start)
+        self.create_service(Trigger, "~/stop", self._on_stop)
+        self._status = self.create_publisher(DiagnosticStatus, "~/status", qos.STATE)
+        self.create_timer(1.0, self._each_second)
+
+    def connect(self) -> None:
+        """Complete bags that a power failure cut off."""
+        self._period = self.parameters.read(RecorderSettings).period
+        for folder, result in recover_all(self._parent()).items():
+            self.get_logger().warning(f"{folder} had been cut off: {result}")
+
+    def _parent(self) -> Path:
+        return Path(self.parameters.read(RecorderSettings).folder).expanduser()
+
+    def begin(self) -> None:
+        """Start recording when the parameters say so."""
+        self._refusal = ""
+        if self.parameters.read(RecorderSettings).record_on_start:
+            self._refusal = self._start()
+
+    def step(self) -> None:
+        """Empty the queues."""
+        if self._session is None:
+            self.stopping.wait(_IDLE_S)
+            return
+        self.stopping.wait(self._period)
+        with self._lock:
+            if self._session is not None and self._intake is not None:
+                self._session.put(self._intake.drain())
+
+    def end(self) -> None:
+        """Close the bag."""
+        self._stop()
+
+    def _start(self) -> str:
+        """Start a bag; return why not, empty when it runs."""
+        settings = self.parameters.read(RecorderSettings)
+        storage = self.parameters.read(StorageSettings, "storage")
+        name = settings.name or datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
+        folder = self._parent() / name
+        try:
+            session = Session(BagWriter(folder, storage), storage)
+        except BagError as error:
+            self.get_logger().error(str(error))
+            return str(error)
+        session.add_metadata("configuration", _hashes(settings.configuration))
+        session.start()
+        topics = tuple(t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics)
+        intake = Intake(self, Selection(topics, settings.exclude, settings.include_hidden), session)
+        intake.discover()
+        with self._lock:
+            self._folder, self._intake, self._session = folder, intake, session
+        self.get_logger().info(f"recording to {folder}")
+        return ""
+
+    def _stop(self) -> None:
+        with self._lock:
+            session, intake = self._session, self._intake
+            self._session = self._intake = None
+            if session is None or intake is None:
+                return
+            session.put(intake.drain())
+            intake.close()
+        self._last = session.close()
+        self.get_logger().info(_summary(self._last))
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active:
+            response.message = "the node is not active: activate it first"
+        elif self._session is not None and not self._session.status().error:
+            response.message = f"already recording to {self._folder}: call ~/stop first"
+        else:
+            self._stop()
+            self._refusal = self._start()
+            response.success = not self._refusal
+            response.message = self._refusal or str(self._folder)
+        return response
+
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._session is None:
+            response.message = "not recording"
+            return response
+        self._stop()
+        response.success = not self._last.error
+        response.message = f"{self._folder}: {_summary(self._last)}"
+        return response
+
+    def _each_second(self) -> None:
+        session, intake = self._session, self._intake
+        if session is not None and intake is not None and not session.status().error:
+            intake.discover()
+            if calibrations := intake.calibrations():
+                session.add_metadata("calibration", calibrations)
+        health = self.health()
+        self._status.publish(
+            DiagnosticStatus(
+                level=health.level,
+                name=self.get_fully_qualified_name().lstrip("/"),
+                message=health.message,
+                values=[KeyValue(key=key, value=str(v)) for key, v in health.values.items()],
+            )
+        )
+
+    def health(self) -> Health:
+        """Say whether a recording runs and what is missing in it."""
+        session, intake = self._session, self._intake
+        status = session.status() if session is not None else self._last
+        values = {"recording": session is not None, "bag": self._folder or ""}
+        if status is None:
+            return Health(ERROR if self._refusal else OK, self._refusal or "not recording", values)
+        values |= {
+            "messages": status.messages,
+            "waiting": status.waiting,
+            "dropped": status.dropped,
+            "size [B]": status.size,
+        }
+        values |= {name: counts.as_text() for name, counts in status.audit.items()}
+        refused = intake.refused if intake is not None else {}
+        values |= {f"not recorded: {name}": why for name, why in refused.items()}
+        if self._refusal or status.error:
+            return Health(ERROR, self._refusal or status.error, values)
+        level = WARN if status.dropped or refused else OK
+        return Health(level, _summary(status), values)
+
+
+def _summary(status: Status) -> str:
+    lost = sum(counts.lost for counts in status.audit.values())
+    missed = sum(max(0, counts.missed) for counts in status.audit.values())
+    text = (
+        f"{status.messages} messages of {len(status.audit)} topics, "
+        f"{lost} ticks lost, {missed} not received, {status.dropped} not written"
+    )
+    return f"{status.error}; {text}" if status.error else text
+
+
+def _hashes(files: tuple[str, ...]) -> dict[str, str]:
+    """Return the SHA-256 of each file; one that cannot be read says so in its place."""
+    found = {}
+    for name in filter(None, files):
+        try:
+            found[name] = (
+                "sha256:" + hashlib.sha256(Path(name).expanduser().read_bytes()).hexdigest()
+            )
+        except OSError as error:
+            found[name] = f"unreadable: {error.strerror}"
+    return found
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(SessionRecorder)
