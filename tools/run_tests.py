@@ -7,6 +7,7 @@ What was left is removed, so that the next run starts clean. Arguments go to pyt
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import uuid
@@ -27,12 +28,17 @@ def main() -> int:
         env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
         command = [sys.executable, "-m", "pytest", *sys.argv[1:]]
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
-            try:
-                code = subprocess.run(command, cwd=ROOT, env=env, check=False).returncode
-            except KeyboardInterrupt:
-                code = 130
+            code = run(command, env)
         clean = clean_up(watch)
     return code if clean else code or 1
+
+
+def run(command: list[str], env: dict[str, str]) -> int:
+    """Run pytest to its end, also when this run is interrupted: it tears its fixtures down."""
+    with subprocess.Popen(command, cwd=ROOT, env=env) as process:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to pytest as well
+        signal.signal(signal.SIGTERM, lambda *_: process.send_signal(signal.SIGINT))
+        return process.wait()
 
 
 def clean_up(watch: leftovers.Watch) -> bool:

@@ -57,21 +57,55 @@ def test_a_process_is_known_by_its_mark(segment: Path) -> None:
         assert leftovers.Watch("another", NO_PORTS).processes() == {}
 
 
-def test_a_file_is_ours_when_our_process_had_it_mapped(
+def test_a_file_is_ours_when_our_process_had_itmapped(
     segment: Path, wait_until: Callable[..., None]
 ) -> None:
     mark = uuid.uuid4().hex
     with leftovers.Watch(mark, NO_PORTS) as ours, leftovers.Watch("another", NO_PORTS) as theirs:
         with start(mark, str(segment)):
-            wait_until(lambda: ours._mapped, what="the watch's look at the process")
+            wait_until(lambda: ours.mapped, what="the watch's look at the process")
         assert ours.files() == [segment]
         assert theirs.files() == []
+
+
+def test_the_lock_file_of_a_segment_is_ours_too(
+    segment: Path, wait_until: Callable[..., None]
+) -> None:
+    mark = uuid.uuid4().hex
+    lock = segment.with_name(segment.name + "_el")
+    lock.touch()
+    with leftovers.Watch(mark, NO_PORTS) as watch, start(mark, str(segment)):
+        wait_until(lambda: watch.mapped, what="the watch's look at the process")
+    assert watch.files() == [segment, lock]
+    lock.unlink()
+
+
+def test_a_later_file_of_the_same_name_is_not_ours(
+    segment: Path, wait_until: Callable[..., None]
+) -> None:
+    mark = uuid.uuid4().hex
+    with leftovers.Watch(mark, NO_PORTS) as watch, start(mark, str(segment)):
+        wait_until(lambda: watch.mapped, what="the watch's look at the process")
+    later = segment.with_suffix(".later")
+    later.touch()
+    later.rename(segment)
+    assert watch.files() == []
 
 
 def test_a_killed_process_leaves_no_segment(segment: Path) -> None:
     process = start(uuid.uuid4().hex, str(segment))
     leftovers.kill(process.pid)
     process.communicate()
+    assert not segment.exists()
+
+
+def test_what_another_process_uses_stays(segment: Path) -> None:
+    first, second = (start(uuid.uuid4().hex, str(segment)) for _ in range(2))
+    leftovers.kill(first.pid)
+    first.communicate()
+    assert segment.exists()
+    leftovers.kill(second.pid)
+    second.communicate()
     assert not segment.exists()
 
 
