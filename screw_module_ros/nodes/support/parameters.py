@@ -41,13 +41,18 @@ class Parameters:
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
-    def declare(self, kind: type, prefix: str = "", **defaults: Any) -> None:
+    def declare(
+        self, kind: type, prefix: str = "", without: tuple[str, ...] = (), **defaults: Any
+    ) -> None:
         """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
 
-        `defaults` replace the tuple's own. Raises ParameterError for a bad value at start.
+        Fields in `without` keep their default and are no parameters here; `defaults` replace the
+        tuple's own. Raises ParameterError for a bad value at start.
         """
         group = self._defaults[kind, prefix] = kind(**defaults)
         for field in declared(kind).values():
+            if field.name in without:
+                continue
             name = _join(prefix, field.name)
             self._fields[name] = (kind, field)
             self._declare_one(name, field, getattr(group, field.name))
@@ -77,6 +82,7 @@ class Parameters:
         values = {
             name: _from_ros(self._node.get_parameter(_join(prefix, name)).value)
             for name in declared(kind)
+            if _join(prefix, name) in self._fields
         }
         return self._defaults[kind, prefix]._replace(**values)
 

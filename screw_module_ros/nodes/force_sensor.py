@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Annotated, NamedTuple
+
+from geometry_msgs.msg import WrenchStamped
+from std_srvs.srv import Trigger
+
+from screw_module_msgs.msg import ForceSample
+from screw_module_ros.devices.errors import DeviceError, NotTared
+from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
+from screw_module_ros.samples import ForceReading
+from screw_module_ros.settings import Setting
+
+from .support import qos
+from .support.driver import DriverNode, RateSettings, device_values
+from .support.rates import RateMeter
+from .support.realtime import fill_stamp
+from .support.runtime import ERROR, OK, Health
+from .support.runtime import main as run_node
+
+_TARE_PATIENCE_S = 3.0
+
+
+class WrenchSettings(NamedTuple):
+    """The slow copy of the force for tools."""
+
+    wrench_rate: Annotated[float, Setting("handle/wrench messages per second", "Hz", 1.0, 500.0)] = (
+        100.0
+    )
+
+
+class ForceSensorNode(DriverNode):
+    """One wrench a tick, of the patient on the robot."""
+
+    def __init__(self):
+        super().__init__("force_sensor", port=43115)
+        self.parameters.declare(ForceSensorSettings, without=("rate",))
+        self.parameters.declare(WrenchSettings)
+        self._message = ForceSample()
+        self._wrench = WrenchStamped()
+        self._wrench.header.frame_id = "handle"
+        self._rate = RateMeter()
+        self._device: ForceSensor | None = None
+        self._taring: list[ForceReading] | None = None
+        self._tared = threading.Event()
+        self.create_service(Trigger, "~/tare", self._tare)
+        self.create_service(Trigger, "~/untare", self._untare)
+
+    def connect(self) -> None:
+        """Find the sensor and read its calibration."""
+        rate = self.parameters.read(RateSettings).rate
+        settings = self.parameters.read(ForceSensorSettings)._replace(rate=rate)
+        port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
+        self._device = ForceSensor(port, settings)
+        self._device.configure()
+        self.hardware_id = self._device.identity
+        self.check_bus_load(self._device.traffic)
+        wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
+        self._wrench_every = max(1, round(rate / wrench_rate))
+        self._publisher = self.create_publisher(ForceSample, "handle/force", qos.SAMPLE)
+        self._wrench_publisher = self.create_publisher(WrenchStamped, "handle/wrench", qos.STATE)
+        self._publish = self._publisher.handle.publish
+
+    def begin(self) -> None:
+        """Let the samples flow."""
+        self._device.start()
+        self.start_clock()
+
+    def end(self) -> None:
+        """Stop asking."""
+        self.stop_clock()
+        self._device.stop()
+
+    def disconnect(self) -> None:
+        """Close the bus."""
+        if hasattr(self, "_publisher"):
+            self.destroy_publisher(self._publisher)
+            self.destroy_publisher(self._wrench_publisher)
+            del self._publisher
+        self._device = None
+        self.close_port()
+
+    def step(self) -> None:
+        """One tick: ask, wait for both halves, publish."""
+        tick = self.next_tick()
+        try:
+            self._device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
+            reading = self.await_reading(self._device)
+        except DeviceError:
+            return  # counted by the driver, shown by the diagnostics
+        if reading is None:
+            return
+        message = self._message
+        fill_stamp(message, reading.stamp_ns)
+        message.sequence = reading.sequence
+        message.monotonic_ns = reading.monotonic_ns
+        message.fx, message.fy, message.fz = reading.fx, reading.fy, reading.fz
+        message.tx, message.ty, message.tz = reading.tx, reading.ty, reading.tz
+        message.status = reading.status
+        self._publish(message)
+        if reading.sequence % self._wrench_every == 0:
+            self._publish_wrench(reading)
+        if self._taring is not None:
+            self._collect(reading)
+
+    def _publish_wrench(self, reading: ForceReading) -> None:
+        wrench = self._wrench
+        fill_stamp(wrench.header, reading.stamp_ns)
+        force, torque = wrench.wrench.force, wrench.wrench.torque
+        force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
+        torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
+        self._wrench_publisher.publish(wrench)
+
+    def _collect(self, reading: ForceReading) -> None:
+        self._taring.append(reading)
+        if len(self._taring) >= self._device.settings.tare_samples:
+            self._tared.set()
+
+    def _tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active:
+            response.message = "the node is not active"
+            return response
+        self._tared.clear()
+        self._taring = []
+        self._tared.wait(_TARE_PATIENCE_S)
+        readings, self._taring = self._taring, None
+        try:
+            bias = self._device.tare(readings)
+        except NotTared as error:
+            response.message = str(error)
+            return response
+        response.success = True
+        response.message = f"tared, removing {_told(bias)}"
+        return response
+
+    def _untare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._device is None:
+            response.message = "the node is not configured"
+            return response
+        response.success = True
+        response.message = f"back to removing {_told(self._device.untare())}"
+        return response
+
+    def poll_slow(self) -> None:
+        """Read the supply and temperature voltages."""
+        self._device.poll_slow()
+
+    def health(self) -> Health:
+        """Rate, faults, counters. A fault that has been gone for a second is forgotten."""
+        device = self._device
+        counters = device.snapshot()
+        rate = self._rate.rate(counters.received, time.monotonic_ns())
+        values = {
+            "rate [1/s]": f"{rate:.1f}",
+            "bias": _told(device.bias),
+            **device_values(counters),
+            **self.port_values(),
+        }
+        if device.fault:
+            fault = device.fault
+            device.clear_fault()  # latched again at once while it persists
+            return Health(ERROR, fault, values)
+        if rate < 0.5e9 / self.period_ns:
+            return Health(ERROR, f"only {rate:.0f} samples/s", values)
+        return Health(OK, "sampling", values)
+
+
+def _told(bias: tuple) -> str:
+    force = ", ".join(f"{x:.2f}" for x in bias[:3])
+    torque = ", ".join(f"{x:.3f}" for x in bias[3:])
+    return f"{force} N and {torque} Nm"
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(ForceSensorNode)
