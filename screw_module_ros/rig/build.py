@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which devices there are, on which bus, with which ids and ratings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from screw_module_ros.rig.axis import Axis, PlanarAxis, VerticalAxis
+from screw_module_ros.rig.drive import Drive, DriveSettings
+from screw_module_ros.rig.encoder import Encoder
+from screw_module_ros.rig.force_sensor import ForceSensor
+from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.port import Port
+from screw_module_ros.settings import Setting
+
+BUSES = ("encoder", "drive", "force_sensor", "planar")
+
+_VERTICAL_COUNTS_PER_TURN = 20_000
+_PLANAR_COUNTS_PER_TURN = 65_536
+"""9.587e-5 rad a count."""
+
+Device = Encoder | Drive | ForceSensor
+
+
+class RigSettings(NamedTuple):
+    """Ids and ratings of the simulated devices."""
+
+    encoder_node: Annotated[int, Setting("node id of the encoder", "", 1, 127)] = 2
+    drive_node: Annotated[int, Setting("node id of the vertical drive", "", 1, 127)] = 1
+    shoulder_node: Annotated[int, Setting("node id of the shoulder drive", "", 1, 127)] = 3
+    elbow_node: Annotated[int, Setting("node id of the elbow drive", "", 1, 127)] = 4
+    sensor_base: Annotated[int, Setting("base id of the force sensor", "", 1, 127)] = 0x12
+    rated_torque: Annotated[
+        float, Setting("rated torque of the vertical motor, object 6076", "Nm", 0.01, 10.0)
+    ] = 0.42
+    torque_constant: Annotated[
+        float, Setting("torque of the vertical motor per ampere", "Nm/A", 0.01, 10.0)
+    ] = 0.16
+    planar_rated_torque: Annotated[
+        float, Setting("rated torque of the planar motors, object 6076", "Nm", 0.1, 100.0)
+    ] = 10.0
+    planar_rated_current: Annotated[
+        float, Setting("rated current of the planar motors, object 6075", "A", 0.1, 100.0)
+    ] = 10.0
+    max_torque: Annotated[
+        int, Setting("largest torque of the drives, object 6072", "per mille", 100, 32767)
+    ] = 4000
+    sync_latency: Annotated[
+        float, Setting("delay from SYNC to the command it led to, clock 'sync'", "s", 0.0, 0.1)
+    ] = 250e-6
+
+
+def build_devices(
+    settings: RigSettings, ports: dict[str, Port], physics: Physics
+) -> Iterator[Device]:
+    """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in."""
+    if "encoder" in ports:
+        yield Encoder(ports["encoder"].plug(), settings.encoder_node, physics.world)
+    if "drive" in ports:
+        axis = VerticalAxis(physics.world, settings.torque_constant)
+        yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
+    if "force_sensor" in ports:
+        yield ForceSensor(ports["force_sensor"].plug(), settings.sensor_base, physics)
+    if "planar" in ports:
+        nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
+        for index, (name, node_id) in enumerate(nodes):
+            axis, rating = PlanarAxis(physics.world, index), planar_rating(settings, node_id)
+            yield _drive(name, ports["planar"], rating, axis, physics)
+
+
+def vertical_rating(settings: RigSettings) -> DriveSettings:
+    """Return what the vertical drive says of itself."""
+    return DriveSettings(
+        node_id=settings.drive_node,
+        rated_torque=settings.rated_torque,
+        rated_current=settings.rated_torque / settings.torque_constant,
+        max_torque=settings.max_torque,
+        counts_per_turn=_VERTICAL_COUNTS_PER_TURN,
+    )
+
+
+def planar_rating(settings: RigSettings, node_id: int) -> DriveSettings:
+    """Return what a planar drive says of itself."""
+    return DriveSettings(
+        node_id=node_id,
+        rated_torque=settings.planar_rated_torque,
+        rated_current=settings.planar_rated_current,
+        max_torque=settings.max_torque,
+        counts_per_turn=_PLANAR_COUNTS_PER_TURN,
+    )
+
+
+def _drive(name: str, port: Port, rating: DriveSettings, axis: Axis, physics: Physics) -> Drive:
+    return Drive(name, port.plug(), rating, axis, physics)

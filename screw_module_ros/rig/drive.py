@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated torque drive (CiA 402): state machine, cyclic synchronous torque, profile torque.
+
+Target 6071 and actual 6077 are per mille of 6076 [mNm]; 6078 is per mille of 6075 [mA]. The drive
+is the robot's last guard: when the master's heartbeat or the RPDO's deadline is missed it acts as
+6007 says, without anybody's help.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from canopen.sdo.exceptions import SdoAbortedError
+
+from screw_module_ros.rig import cia402
+from screw_module_ros.rig.axis import Axis
+from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
+from screw_module_ros.rig.device_faults import add_common_faults
+from screw_module_ros.rig.drive_faults import add_drive_faults
+from screw_module_ros.rig.object_dictionary import INVALID_VALUE
+from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.port import Link
+
+PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE = 4, 10
+TORQUE_MODES = (PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE)
+NMT_LOST = 0x8100
+UNDERVOLTAGE = 0x3220
+
+_ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
+_HALT = 0x0100
+_PER_MILLE_MNM = 1e-6
+_LARGEST_I16 = 32767
+_S = 1_000_000_000
+_STANDSTILL_COUNTS = 2
+_STANDSTILL_POLLS = 10
+_LONGEST_STOP_NS = _S
+
+
+class DriveSettings(NamedTuple):
+    """What tells one drive from another.
+
+    node_id: CANopen node id. rated_torque: object 6076 [Nm]; rated_current: object 6075 [A].
+    max_torque: object 6072 [per mille of rated]. counts_per_turn: object 608F.
+    """
+
+    node_id: int
+    rated_torque: float
+    rated_current: float
+    max_torque: int
+    counts_per_turn: int
+
+
+class Drive(CanopenDevice):
+    """One drive with its motor.
+
+    name: how faults call it; link: its cable; axis: its motor; physics: the world's time.
+    """
+
+    def __init__(
+        self, name: str, link: Link, settings: DriveSettings, axis: Axis, physics: Physics
+    ):
+        super().__init__(name, link, settings.node_id, "drive.eds")
+        self.settings = settings
+        self.axis = axis
+        self.machine = cia402.StateMachine(self.node.value)
+        self.error_code = 0
+        self.causes: dict[str, int] = {}  # faults that last: name -> error code
+        self.warning = self.torque_off = self.refuse_enable = self.motor_open = False
+        self.mode_lost = False
+        self.stuck_torque: float | None = None
+        self.position_shift = 0
+        self.frozen_position: int | None = None
+        self.digital_inputs = 0
+        self._physics = physics
+        self._controlword = self._target = self._torque_offset = self._mode = 0
+        self._demand = 0.0
+        self._ramped_ns = self._stop_ns = 0
+        self._still = self._last_position = 0
+        self._wire_objects()
+        self.restarted()
+        add_common_faults(self)
+        add_drive_faults(self)
+
+    # Objects.
+
+    def statusword(self) -> int:
+        """Return object 6041."""
+        word = cia402.STATUS_BITS[self.machine.state] | cia402.REMOTE
+        if not self.voltage_lost:
+            word |= cia402.VOLTAGE_ENABLED
+        if self.warning:
+            word |= cia402.WARNING
+        if self.machine.driving:
+            if abs(self._wanted()) > self._limit:
+                word |= cia402.INTERNAL_LIMIT
+            if self._mode == CYCLIC_SYNCHRONOUS_TORQUE:
+                word |= cia402.FOLLOWS_COMMAND
+            elif self._demand == self._wanted():
+                word |= cia402.TARGET_REACHED
+        return word
+
+    def position(self) -> int:
+        """Return object 6064, wrapped to 32 bits."""
+        if self.frozen_position is not None:
+            return self.frozen_position
+        count = self.axis.position() + self.position_shift
+        return (count + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+    def torque(self) -> int:
+        """Return object 6077 [per mille of 6076]."""
+        per_mille = round(self.axis.torque() * self._per_newton_metre)
+        return max(-_LARGEST_I16, min(_LARGEST_I16, per_mille))
+
+    @property
+    def voltage_lost(self) -> bool:
+        """Tell whether the power stage has no supply."""
+        return self.torque_off or UNDERVOLTAGE in self.causes.values()
+
+    # What CiA 301 calls back.
+
+    def written(self, now_ns: int) -> None:
+        """Act on a controlword, a target or a setting."""
+        self._physics.advance(now_ns)
+        may_switch_on = not self.voltage_lost
+        self.machine.control(self._controlword, not self.causes, may_switch_on)
+        self._check_fault_gone()
+        if self.refuse_enable and self.machine.state == cia402.ENABLED:
+            self.machine.state = cia402.SWITCHED_ON
+        self._act(now_ns)
+
+    def connection_lost(self, code: int) -> None:
+        """Report the loss and do what 6007 says."""
+        super().connection_lost(code)
+        option = self.node.value(0x6007)
+        if option == _ABORT_FAULT:
+            self.fail(code)
+        elif option == _ABORT_DISABLE:
+            self.machine.disable_voltage()
+        elif option == _ABORT_QUICK_STOP:
+            self.machine.quick_stop()
+        self._act(self.now_ns)
+
+    def connection_back(self, code: int) -> None:
+        """Report that the master is heard again, unless the fault it led to is still latched."""
+        if self.error_code != code:
+            super().connection_back(code)
+
+    def state_changed(self, old: int, new: int) -> None:
+        """Treat NMT stop and resets in mid-run as a lost connection."""
+        if old == OPERATIONAL and new in (STOPPED, INITIALISING):
+            self.connection_lost(NMT_LOST)
+        elif new == OPERATIONAL:
+            self.connection_back(NMT_LOST)
+
+    def went_bus_off(self) -> None:
+        """Lose the bus and, with it, the master."""
+        super().went_bus_off()
+        self.connection_lost(NMT_LOST)
+
+    def restarted(self) -> None:
+        """Start with this drive's own ratings, nothing commanded, motor let go."""
+        settings, node = self.settings, self.node
+        node.put(0x6075, 0, round(settings.rated_current * 1000.0))
+        node.put(0x6076, 0, round(settings.rated_torque * 1000.0))
+        node.put(0x6072, 0, settings.max_torque)
+        node.put(0x608F, 1, settings.counts_per_turn)
+        self._controlword = self._target = self._torque_offset = self._mode = 0
+        self._demand = 0.0
+        self.error_code = 0
+        self._rate(round(settings.rated_torque * 1000.0))
+        self._read_limits()
+        self.machine.boot()
+        if self.causes:
+            self.fail(next(iter(self.causes.values())))
+        self._act(self.now_ns)
+
+    def poll(self, now_ns: int) -> None:
+        """Run the timers, the torque ramp and the wait for standstill."""
+        super().poll(now_ns)
+        if self.machine.stopping:
+            self._watch_stop(now_ns)
+        elif self._mode == PROFILE_TORQUE and self.machine.driving:
+            self._act(now_ns)
+
+    def fail(self, code: int) -> None:
+        """Go into fault with an error code (object 603F), as 605E says."""
+        if self.machine.state not in (cia402.FAULT, cia402.FAULT_REACTION):
+            self.error_code = code
+        self.errors.report(code, code.to_bytes(2, "little"))
+        self.machine.fault()
+        self._act(self.now_ns)
+
+    def refresh_output(self) -> None:
+        """Drive the motor again after a fault was put in or taken out."""
+        if self.torque_off:
+            self.machine.disable_voltage()
+        self._act(self.now_ns)
+
+    # Inside.
+
+    def _wire_objects(self) -> None:
+        node = self.node
+        node.checks.append(self._check_mode)
+        node.sources.update(
+            {
+                (0x603F, 0): lambda: self.error_code,
+                (0x6040, 0): lambda: self._controlword,
+                (0x6041, 0): self.statusword,
+                (0x6060, 0): lambda: self._mode,
+                (0x6061, 0): lambda: 0 if self.mode_lost else self._mode,
+                (0x6064, 0): self.position,
+                (0x6071, 0): lambda: self._target,
+                (0x6074, 0): lambda: round(self._demand),
+                (0x6077, 0): self.torque,
+                (0x6078, 0): self.torque,
+                (0x6079, 0): lambda: 0 if self.voltage_lost else 48_000,
+                (0x60B2, 0): lambda: self._torque_offset,
+                (0x60FD, 0): lambda: self.digital_inputs,
+            }
+        )
+        for index, attribute in ((0x6040, "_controlword"), (0x6071, "_target")):
+            node.sinks[index, 0] = self._setter(attribute)
+        node.sinks[0x60B2, 0] = self._setter("_torque_offset")
+        node.sinks[0x6060, 0] = self._set_mode
+        node.sinks[0x6076, 0] = self._rate
+        for index in (0x6072, 0x6087):
+            node.sinks[index, 0] = lambda _value: self._read_limits()
+
+    def _setter(self, attribute: str):
+        return lambda value: setattr(self, attribute, value)
+
+    def _rate(self, rated: int) -> None:
+        self._newton_metres = max(1, rated) * _PER_MILLE_MNM
+        self._per_newton_metre = 1.0 / self._newton_metres
+
+    def _read_limits(self) -> None:
+        self._limit = min(_LARGEST_I16, self.node.value(0x6072))
+        self._slope = self.node.value(0x6087)
+
+    def _supported(self, mode: int) -> bool:
+        return mode == 0 or (mode > 0 and bool(self.node.value(0x6502) >> mode - 1 & 1))
+
+    def _check_mode(self, index: int, _subindex: int, value: int) -> None:
+        if index == 0x6060 and not self._supported(value):
+            raise SdoAbortedError(INVALID_VALUE)
+
+    def _set_mode(self, value: int) -> None:
+        if self._supported(value):
+            self._mode = value
+
+    def _check_fault_gone(self) -> None:
+        if self.error_code and self.machine.state == cia402.SWITCH_ON_DISABLED:
+            self.error_code = 0
+            self.errors.resolve_all()
+
+    def _wanted(self) -> int:
+        if self._mode == PROFILE_TORQUE:
+            return 0 if self._controlword & _HALT else self._target
+        return self._target + self._torque_offset if self._mode in TORQUE_MODES else 0
+
+    def _act(self, now_ns: int) -> None:
+        """Bring the motor in line with state, mode and target."""
+        machine = self.machine
+        driving = machine.driving and self._mode in TORQUE_MODES
+        elapsed, self._ramped_ns = now_ns - self._ramped_ns, now_ns
+        if driving:
+            goal = float(max(-self._limit, min(self._limit, self._wanted())))
+            if self._mode == PROFILE_TORQUE:
+                step = self._slope * elapsed / _S
+                goal = max(self._demand - step, min(self._demand + step, goal))
+            self._demand = goal
+        else:
+            self._demand = 0.0
+        torque = self._demand * self._newton_metres
+        if self.stuck_torque is not None:
+            torque = self.stuck_torque
+        if self.motor_open:
+            driving = False
+        self.axis.drive(torque if driving else 0.0, driving, machine.braking)
+        if not machine.stopping:
+            self._stop_ns = 0
+
+    def _watch_stop(self, now_ns: int) -> None:
+        """End a stop when the motor has stood still for a while, or took too long."""
+        position = self.axis.position()
+        moved, self._last_position = abs(position - self._last_position), position
+        if not self._stop_ns:
+            self._stop_ns, self._still = now_ns, 0
+        self._still = self._still + 1 if moved <= _STANDSTILL_COUNTS else 0
+        if self._still >= _STANDSTILL_POLLS or now_ns - self._stop_ns > _LONGEST_STOP_NS:
+            self.machine.standstill()
+            self._act(now_ns)

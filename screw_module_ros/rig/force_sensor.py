@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated six-axis force/torque sensor (ATI NETCANOEM, manual 9610-05-1030).
+
+Frame id = base << 4 | opcode, payloads big-endian. A request and its replies share ids: a request
+is told from a reply, our own echo included, by its length. Two replies are as long as the request
+they answer (0x6, 0xC); where the interface echoes, those are awaited and dropped.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+
+from screw_module_ros.rig.calibration import CALIBRATIONS, ZERO_OFFSETS
+from screw_module_ros.rig.faults import Fault, FaultBook
+from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.port import Handler, Link
+
+READ_GAUGES, GAUGES_ODD, READ_MATRIX, READ_SERIAL, SET_CALIBRATION = 0x0, 0x1, 0x2, 0x5, 0x6
+READ_COUNTS, READ_UNITS, READ_DIAGNOSTICS, RESET, READ_FIRMWARE = 0x7, 0x8, 0x9, 0xC, 0xF
+
+WATCHDOG, BAD_CALIBRATION, CAN_ERROR, ANY_ERROR = 1 << 0, 1 << 6, 1 << 14, 1 << 15
+FAULT_BITS = 0x59FC
+"""Bits 2 to 8, 11, 12 and 14: the sensor's values are not to be believed."""
+
+LARGEST_COUNT = 32767
+
+_SERIAL = b"FT-SIM01"
+_FIRMWARE = struct.pack(">BBH", 1, 2, 34)
+_DIAGNOSTICS = {0: 2048, 2: 1870, 3: 2730, 4: 2047, 5: 1}
+"""Index -> ADC counts: mid-supply of the gauges, thermistor, power, DAC, ground."""
+_EVEN = struct.Struct(">Hhhh")
+_ODD = struct.Struct(">hhh")
+_PAIR = struct.Struct(">ff")
+_COUNTS = struct.Struct(">II")
+_ECHO_WITHIN_NS = 50_000_000
+_BOOT_NS = 50_000_000
+_GAUGES = 6
+_LARGEST_WRENCH = 1000.0
+
+
+class ForceSensor:
+    """The sensor between handle and carriage.
+
+    link: its cable; base_id: base of its frame ids, 0x01 to 0x7F; physics: world and its time.
+    """
+
+    def __init__(self, link: Link, base_id: int, physics: Physics):
+        self.name = "force_sensor"
+        self.link = link
+        self.faults = FaultBook(self.name, link)
+        self.now_ns = 0
+        self.unknown_requests = self.own_echoes = 0
+        self.status = 0
+        self.only_first_frame = False
+        self._base = base_id << 4
+        self._physics = physics
+        self._calibration = CALIBRATIONS[0]
+        self._silent_until_ns = 0
+        self._echoes: dict[int, int] = {}
+        self._random = random.Random(base_id)
+        self._force_bias = self._drift = self._noise = 0.0
+        self._drift_from_ns = 0
+        self._saturated: int | None = None
+        self._stuck: list[int] | None = None
+        self.link.listen(self._handlers())
+        self._add_faults()
+
+    def poll(self, now_ns: int) -> None:
+        """Let faults end and frames that are late go out."""
+        self.now_ns = now_ns
+        self.faults.poll(now_ns)
+
+    def gauges(self, now_ns: int) -> list[int]:
+        """Return the six gauges as of now [counts], rounded and limited as the ADC does."""
+        if self._stuck is not None:
+            return self._stuck
+        fx, fy, fz, *torques = self._physics.world.wrench()
+        fz += self._force_bias + self._drift * (now_ns - self._drift_from_ns) * 1e-9
+        raw = self._calibration.gauges((fx, fy, fz, *torques))
+        if self._noise:
+            raw = [value + self._random.gauss(0.0, self._noise) for value in raw]
+        counts = [_limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
+        if self._saturated is not None:
+            counts[self._saturated] = LARGEST_COUNT
+        return counts
+
+    # Requests: handler(data, now_ns) for each opcode.
+
+    def _handlers(self) -> dict[int, Handler]:
+        requests = {
+            READ_GAUGES: self._read_gauges,
+            READ_MATRIX: self._read_matrix,
+            READ_SERIAL: self._reader(READ_SERIAL, lambda: _SERIAL),
+            SET_CALIBRATION: self._set_calibration,
+            READ_COUNTS: self._reader(READ_COUNTS, self._counts),
+            READ_UNITS: self._reader(READ_UNITS, self._units),
+            READ_DIAGNOSTICS: self._read_diagnostics,
+            RESET: self._reset,
+            READ_FIRMWARE: self._reader(READ_FIRMWARE, lambda: _FIRMWARE),
+        }
+        return {self._base | opcode: handler for opcode, handler in requests.items()}
+
+    def _read_gauges(self, data: bytes, now_ns: int) -> None:
+        if data or now_ns < self._silent_until_ns:
+            return
+        self._physics.advance(now_ns)
+        sg = self.gauges(now_ns)
+        status = self.status | (ANY_ERROR if self.status & FAULT_BITS else 0)
+        self.link.send(self._base | READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
+        if not self.only_first_frame:
+            self.link.send(self._base | GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
+
+    def _read_matrix(self, data: bytes, now_ns: int) -> None:
+        if len(data) != 1 or now_ns < self._silent_until_ns:
+            return
+        if data[0] >= _GAUGES:
+            self.unknown_requests += 1
+            return
+        row = self._calibration.matrix[data[0]]
+        for part in range(3):
+            pair = row[2 * part : 2 * part + 2]
+            self.link.send(self._base | READ_MATRIX + part, _PAIR.pack(*pair))
+
+    def _reader(self, opcode: int, payload) -> Handler:
+        """Return a handler that answers an empty request with one frame."""
+
+        def read(data: bytes, now_ns: int) -> None:
+            if not data and now_ns >= self._silent_until_ns:
+                self.link.send(self._base | opcode, payload())
+
+        return read
+
+    def _counts(self) -> bytes:
+        return _COUNTS.pack(self._calibration.force_counts, self._calibration.torque_counts)
+
+    def _units(self) -> bytes:
+        return bytes((self._calibration.force_unit, self._calibration.torque_unit))
+
+    def _set_calibration(self, data: bytes, now_ns: int) -> None:
+        if len(data) != 1 or self._is_echo(SET_CALIBRATION, now_ns):
+            return
+        if now_ns < self._silent_until_ns:
+            return
+        calibration = CALIBRATIONS.get(data[0])
+        if calibration is None:
+            self.status |= BAD_CALIBRATION
+        else:
+            self.status &= ~BAD_CALIBRATION
+            self._calibration = calibration
+        self._send_lookalike(SET_CALIBRATION, data, now_ns)
+
+    def _read_diagnostics(self, data: bytes, now_ns: int) -> None:
+        if len(data) != 1 or now_ns < self._silent_until_ns:
+            return
+        if data[0] not in _DIAGNOSTICS:
+            self.unknown_requests += 1
+            return
+        value = _DIAGNOSTICS[data[0]]
+        self.link.send(self._base | READ_DIAGNOSTICS, value.to_bytes(2, "big"))
+
+    def _reset(self, data: bytes, now_ns: int) -> None:
+        if data or self._is_echo(RESET, now_ns) or now_ns < self._silent_until_ns:
+            return
+        self._send_lookalike(RESET, b"", now_ns)
+        self.restart(now_ns)
+
+    def restart(self, now_ns: int, cause: int = 0) -> None:
+        """Start again with the first calibration, silent for a moment; `cause`: status bit left."""
+        self._calibration = CALIBRATIONS[0]
+        self.status = cause
+        self._silent_until_ns = now_ns + _BOOT_NS
+
+    def _send_lookalike(self, opcode: int, data: bytes, now_ns: int) -> None:
+        if self.link.port.echoes:
+            self._echoes[opcode] = now_ns + _ECHO_WITHIN_NS
+        self.link.send(self._base | opcode, data)
+
+    def _is_echo(self, opcode: int, now_ns: int) -> bool:
+        until_ns = self._echoes.pop(opcode, None)
+        if until_ns is None or now_ns > until_ns:
+            return False
+        self.own_echoes += 1
+        return True
+
+    # Faults.
+
+    def _add_faults(self) -> None:
+        add, limit = self.faults.add, _LARGEST_WRENCH
+        set_bit, clear_bits = self._set_status, self._clear_status
+        bit = ("bit number", 0.0, 0.0, 15.0)
+        add("status", Fault("a bit of the status word is set", set_bit, clear_bits, *bit))
+        gauge = ("gauge number", 0.0, 0.0, 5.0)
+        add("saturate", Fault("a gauge is at its limit", self._saturate, self._recover, *gauge))
+        text = "the force along z is off by a step"
+        add("bias", self._number("_force_bias", text, "N", 10.0, -limit, limit))
+        text = "the force along z drifts"
+        add("drift", self._number("_drift", text, "N/s", 1.0, -limit, limit))
+        unit = "counts, standard deviation"
+        add("noise", self._number("_noise", "the gauges are noisy", unit, 500.0, 0.0, 1e5))
+        add("freeze", Fault("the gauges stop changing", self._freeze, self._thaw))
+        text = "the second frame of each sample is missing"
+        add("half", Fault(text, lambda _value: self._half(True), lambda: self._half(False)))
+        text = "it restarts after its watchdog: status bit 0, first calibration"
+        add("reset", Fault(text, lambda _value: self.restart(self.now_ns, WATCHDOG)))
+        text = "its CAN controller is off the bus; status bit 14 when it is back"
+        add("bus_off", Fault(text, lambda _value: self.faults.cable(out=True), self._back_on_bus))
+
+    def _number(self, name: str, text: str, unit: str, default: float, low: float, high: float):
+        def start(value: float) -> None:
+            setattr(self, name, value)
+            self._drift_from_ns = self.now_ns
+
+        return Fault(text, start, lambda: setattr(self, name, 0.0), unit, default, low, high)
+
+    def _set_status(self, value: float) -> None:
+        self.status |= 1 << int(value)
+
+    def _clear_status(self) -> None:
+        self.status = 0
+
+    def _saturate(self, value: float) -> None:
+        self._saturated = int(value)
+
+    def _recover(self) -> None:
+        self._saturated = None
+
+    def _freeze(self, _value: float) -> None:
+        self._stuck = self.gauges(self.now_ns)
+
+    def _thaw(self) -> None:
+        self._stuck = None
+
+    def _half(self, value: bool) -> None:
+        self.only_first_frame = value
+
+    def _back_on_bus(self) -> None:
+        self.faults.cable(out=False)
+        self.status |= CAN_ERROR
+
+
+def _limited(value: float) -> int:
+    return max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value)))

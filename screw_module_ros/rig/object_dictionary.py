@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Object dictionary and SDO server of a simulated device (CiA 301, sections 7.2.4 and 7.4).
+
+`canopen.LocalNode` brings the EDS file and the SDO protocol. What an object is worth, who may write
+it and what follows from a write is ours: `sources` are read live, `checks` may refuse a value with
+an abort code before it is stored, `sinks` act on it afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import canopen
+from canopen.objectdictionary import NUMBER_TYPES, ODVariable
+from canopen.sdo.exceptions import SdoAbortedError
+
+NO_OBJECT = 0x06020000
+WRITE_ONLY = 0x06010001
+READ_ONLY = 0x06010002
+UNSUPPORTED_ACCESS = 0x06010000
+NOT_MAPPABLE = 0x06040041
+PDO_TOO_LONG = 0x06040042
+INCOMPATIBLE_PARAMETER = 0x06040043
+WRONG_LENGTH = 0x06070010
+NO_SUBINDEX = 0x06090011
+INVALID_VALUE = 0x06090030
+VALUE_TOO_HIGH = 0x06090031
+VALUE_TOO_LOW = 0x06090032
+NO_RESOURCE = 0x060A0023
+GENERAL_ERROR = 0x08000000
+NO_DATA = 0x08000024
+
+_EDS_FOLDER = Path(__file__).with_name("eds")
+_SDO_LENGTH = 8
+
+Key = tuple[int, int]
+Check = Callable[[int, int, int], None]
+
+
+class _Wire:
+    """The part of `canopen.Network` that an SDO server uses."""
+
+    def __init__(self, send: Callable[[int, bytes], None]):
+        self._send = send
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        del remote  # an SDO server sends data frames only
+        self._send(can_id, bytes(data))
+
+
+class DeviceNode(canopen.LocalNode):
+    """The objects of one device.
+
+    node_id: CANopen node id; eds: file name below rig/eds; send: takes the server's frames.
+    sources: (index, subindex) -> function returning the present value.
+    sinks: (index, subindex) -> function called with a value after it was stored.
+    checks: called with (index, subindex, value) before a write; raise SdoAbortedError to refuse.
+    changed: called with the index after a write.
+    """
+
+    def __init__(self, node_id: int, eds: str, send: Callable[[int, bytes], None]):
+        super().__init__(node_id, canopen.import_od(str(_EDS_FOLDER / eds), node_id))
+        self.sdo.network = _Wire(send)
+        self.sources: dict[Key, Callable[[], int]] = {}
+        self.sinks: dict[Key, Callable[[int], None]] = {}
+        self.checks: list[Check] = []
+        self.changed: Callable[[int], None] = _ignored
+        self.malformed = 0
+        self._stored: dict[Key, bytes] = {}
+
+    def on_sdo(self, data: bytes, _now_ns: int) -> None:
+        """Serve one request; a frame that is not eight bytes long is no SDO and is dropped."""
+        if len(data) != _SDO_LENGTH:
+            self.malformed += 1
+            return
+        try:
+            self.sdo.on_request(self.sdo.rx_cobid, bytearray(data), 0.0)
+        except Exception:
+            # The library cannot even abort a segment that nobody began: it has no index to name.
+            self.malformed += 1
+
+    def variable(self, index: int, subindex: int) -> ODVariable:
+        """Return the entry of the dictionary; SdoAbortedError when there is none."""
+        entry = self.object_dictionary.indices.get(index)
+        if entry is None:
+            raise SdoAbortedError(NO_OBJECT)
+        if isinstance(entry, ODVariable):
+            entry = entry if subindex == 0 else None
+        else:
+            entry = entry.subindices.get(subindex)
+        if entry is None:
+            raise SdoAbortedError(NO_SUBINDEX)
+        return entry
+
+    def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
+        """Return the bytes of an object; SdoAbortedError when there are none."""
+        variable = self.variable(index, subindex)
+        if check_readable and not variable.readable:
+            raise SdoAbortedError(WRITE_ONLY)
+        source = self.sources.get((index, subindex))
+        if source is not None:
+            return variable.encode_raw(source())
+        stored = self._stored.get((index, subindex))
+        if stored is not None:
+            return stored
+        if variable.default is None:
+            raise SdoAbortedError(NO_RESOURCE)
+        return variable.encode_raw(variable.default)
+
+    def set_data(
+        self, index: int, subindex: int, data: bytes, check_writable: bool = False
+    ) -> None:
+        """Write an object as a master would; SdoAbortedError when the device refuses."""
+        variable = self.variable(index, subindex)
+        if check_writable and not variable.writable:
+            raise SdoAbortedError(READ_ONLY)
+        if variable.data_type not in NUMBER_TYPES:
+            raise SdoAbortedError(READ_ONLY)
+        if 8 * len(data) != len(variable):
+            raise SdoAbortedError(WRONG_LENGTH)
+        value = variable.decode_raw(bytes(data))
+        _check_range(variable, value)
+        for check in self.checks:
+            check(index, subindex, value)
+        self._stored[index, subindex] = bytes(data)
+        sink = self.sinks.get((index, subindex))
+        if sink is not None:
+            sink(value)
+        self.changed(index)
+
+    def value(self, index: int, subindex: int = 0) -> int:
+        """Return an object's present number."""
+        return self.variable(index, subindex).decode_raw(self.get_data(index, subindex))
+
+    def put(self, index: int, subindex: int, value: int) -> None:
+        """Set an object from inside the device: no access rights, no checks, no sinks."""
+        self._stored[index, subindex] = self.variable(index, subindex).encode_raw(value)
+
+    def restore(self, first: int = 0, last: int = 0xFFFF) -> None:
+        """Forget what was written between two indices: the defaults of the EDS file hold again."""
+        self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
+
+
+def _ignored(_index: int) -> None:
+    """Take part in nothing: the device has not said yet what follows from a write."""
+
+
+def _check_range(variable: ODVariable, value: int) -> None:
+    if variable.max is not None and value > variable.max:
+        raise SdoAbortedError(VALUE_TOO_HIGH)
+    if variable.min is not None and value < variable.min:
+        raise SdoAbortedError(VALUE_TOO_LOW)

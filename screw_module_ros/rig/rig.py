@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole far end: five devices on up to four buses, one world, one thread.
+
+`process` is one pass for tests; `run` is the loop of the simulator. The answer to SYNC comes first:
+frames are taken one from each bus in turn, and physics is brought up to date shortly before the
+next tick is due, so that little is left to do when it comes.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import can
+
+from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
+from screw_module_ros.rig.drive import Drive
+from screw_module_ros.rig.faults import CLEAR
+from screw_module_ros.rig.physics import WALL, Physics, World
+from screw_module_ros.rig.port import Port
+from screw_module_ros.settings import validated
+
+ALL = "all"
+
+_BUS = "_bus"
+_PLANE = "planar"
+_SYNC_ID = 0x080
+_MOST_FRAMES = 256
+"""Handled in one pass, however many wait."""
+_BACKLOG = 64
+"""Handled by the loop before the timers get their turn, however many wait."""
+_HOUSEKEEPING_NS = 1_000_000
+_LEAD_NS = 150_000
+"""How long before a tick the world is brought up to date."""
+_PAUSE_S = 0.0002
+"""Between two passes on interfaces that cannot be waited for."""
+
+
+class RigCounters(NamedTuple):
+    """What the rig has done so far, over all buses.
+
+    ignored: frames that nobody here answers, own echoes among them. slipped: periods of wall clock
+    given up because the machine was busy.
+    """
+
+    frames_in: int
+    frames_out: int
+    ignored: int
+    receive_errors: int
+    send_errors: int
+    slipped: int
+
+
+class Rig:
+    """The simulated devices on `buses`, driven by `world`.
+
+    buses: encoder, drive, force_sensor, planar -> bus; the same bus may stand under several keys,
+    and what is left out is not there. clock: "wall" or "sync" (see `physics`); period_ns: time per
+    SYNC. Raises ValueError for an unknown bus, clock or setting.
+    """
+
+    def __init__(
+        self,
+        buses: dict[str, can.BusABC],
+        world: World,
+        clock: str = WALL,
+        period_ns: int = 1_000_000,
+        settings: RigSettings | None = None,
+    ):
+        unknown = ", ".join(name for name in buses if name not in BUSES)
+        if unknown or not buses:
+            raise ValueError(f"buses: {unknown or 'none'}; some of {', '.join(BUSES)} are wanted")
+        settings = validated(settings or RigSettings())
+        self.world = world
+        self.physics = Physics(world, clock, period_ns, round(settings.sync_latency * 1e9))
+        self._every_ns = min(period_ns, _HOUSEKEEPING_NS)
+        self._requests: deque[Callable[[], object]] = deque()
+        by_bus = {id(bus): Port(bus) for bus in buses.values()}
+        self._ports = {name: by_bus[id(bus)] for name, bus in buses.items()}
+        self._distinct = list(by_bus.values())
+        #: name -> device: encoder, drive, force_sensor, shoulder, elbow
+        self.devices: dict[str, Device] = {
+            device.name: device for device in build_devices(settings, self._ports, self.physics)
+        }
+        self._let_sync_keep_time()
+
+    def process(self, now_ns: int) -> int:
+        """Do one pass without waiting: requests, every waiting frame, timers.
+
+        Returns the number of frames handled.
+        """
+        self._serve_requests()
+        handled, waiting = 0, True
+        while waiting and handled < _MOST_FRAMES:
+            served = [port.receive(now_ns) for port in self._distinct]
+            waiting = any(served)
+            handled += sum(served)
+        self._housekeep(now_ns)
+        return handled
+
+    def run(self, should_stop: Callable[[], bool]) -> None:
+        """Serve the buses on CLOCK_MONOTONIC until `should_stop` says so.
+
+        Raises OSError or ValueError when a bus is closed meanwhile.
+        """
+        ports = {port.fileno(): port for port in self._distinct}
+        if None in ports:
+            self._run_without_waiting(should_stop)
+            return
+        descriptors, clock, wait = list(ports), time.monotonic_ns, select.select
+        backlog, wake_ns = 0, 0
+        while not should_stop():
+            pause_s = max(0, wake_ns - clock()) * 1e-9
+            ready = wait(descriptors, (), (), pause_s)[0]
+            now_ns = clock()
+            for descriptor in ready:
+                ports[descriptor].receive(now_ns)
+            backlog += len(ready)
+            # Frames that have waited come before the timers: they may be what a timer watches for.
+            if now_ns >= wake_ns and (not ready or backlog > _BACKLOG):
+                self._serve_requests()
+                self._housekeep(now_ns)
+                backlog, wake_ns = 0, self._next_wake(now_ns)
+
+    def call(self, function: Callable[[], object]) -> None:
+        """Have `function` called between two frames, by the thread that runs the rig.
+
+        For whatever changes the world or a device from another thread. What it raises comes out of
+        `process` or `run`.
+        """
+        self._requests.append(function)
+
+    def inject(self, device: str, fault: str, value: float, duration: float, now_ns: int) -> str:
+        """Make something go wrong; `describe` lists what there is.
+
+        device: a device, a bus (`planar`, or a key of the buses with `_bus` behind it) or `all`.
+        value: size in the fault's own unit, 0 = its default; duration: [s], 0 = until the fault
+        `clear`. An empty fault changes nothing and returns the list. Takes effect with the next
+        pass. Returns what happens; raises ValueError that says what is wrong and what exists.
+        """
+        if not fault:
+            return self.describe(device or ALL)
+        books = [one.faults for one in self._chosen(device)]
+        if len(books) > 1:
+            able = [book for book in books if fault in book or fault == CLEAR]
+            books = able or books
+        said = [book.announce(fault, value, duration) for book in books]
+        for book in books:
+            self.call(lambda book=book: book.inject(fault, value, duration, now_ns))
+        return "; ".join(said)
+
+    def faults(self) -> dict[str, str]:
+        """Return "device fault" -> one line about it, for every fault there is."""
+        return {
+            f"{name} {fault}": text
+            for name, device in self.devices.items()
+            for fault, text in device.faults.describe().items()
+        }
+
+    def describe(self, device: str = ALL) -> str:
+        """Return the faults of a device, a bus or all, as text for people."""
+        names = ", ".join((*self.devices, *self._buses(), ALL))
+        lines = [f"devices: {names}; duration in s, 0 = until '{CLEAR}'"]
+        for one in self._chosen(device):
+            active = f", active: {', '.join(one.faults.active)}" if one.faults.active else ""
+            lines.append(f"{one.name}{active}")
+            lines += [f"  {name:18}{text}" for name, text in one.faults.describe().items()]
+        return "\n".join(lines)
+
+    @property
+    def counters(self) -> RigCounters:
+        """What was done so far."""
+        names = RigCounters._fields[:-1]
+        sums = [sum(getattr(port, name) for port in self._distinct) for name in names]
+        return RigCounters(*sums, self.physics.slipped)
+
+    def close(self) -> None:
+        """Let go of the motors and stop listening; the buses stay the caller's."""
+        for device in self.devices.values():
+            device.link.listen({})
+            if isinstance(device, Drive):
+                device.axis.drive(0.0, False, False)
+
+    # Inside.
+
+    def _let_sync_keep_time(self) -> None:
+        """Tie the world's time to SYNC; with the clock "sync" to that of one bus alone."""
+        physics = self.physics
+        master = self._ports[next(name for name in BUSES if name in self._ports)]
+        for port in self._distinct:
+            after = physics.sync_end if port is master else None
+            before = physics.sync_begin if port is master else physics.sync_elsewhere
+            port.around[_SYNC_ID] = (before, after)
+            port.rebuild()
+
+    def _housekeep(self, now_ns: int) -> None:
+        self.physics.advance(now_ns)
+        for device in self.devices.values():
+            device.poll(now_ns)
+
+    def _serve_requests(self) -> None:
+        while self._requests:
+            self._requests.popleft()()
+
+    def _next_wake(self, now_ns: int) -> int:
+        every = self._every_ns
+        return ((now_ns + _LEAD_NS) // every + 1) * every - _LEAD_NS
+
+    def _run_without_waiting(self, should_stop: Callable[[], bool]) -> None:
+        while not should_stop():
+            if not self.process(time.monotonic_ns()):
+                time.sleep(_PAUSE_S)
+
+    def _buses(self) -> dict[str, Port]:
+        named = {name + _BUS: port for name, port in self._ports.items()}
+        if _PLANE in self._ports:
+            named[_PLANE] = self._ports[_PLANE]
+        return named
+
+    def _chosen(self, name: str) -> list[Device]:
+        """Return the devices that a name means. Raises ValueError for an unknown one."""
+        if name == ALL:
+            return list(self.devices.values())
+        if name in self.devices:
+            return [self.devices[name]]
+        port = self._buses().get(name)
+        if port is None:
+            known = ", ".join((*self.devices, *self._buses(), ALL))
+            raise ValueError(f"there is no '{name}' here; there are {known}")
+        return [device for device in self.devices.values() if device.link.port is port]
