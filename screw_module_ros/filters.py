@@ -33,9 +33,10 @@ def back_difference(previous: float, current: float, dt: float) -> float:
 def lowpass_coefficients(cutoff_hz: float, dt: float) -> LowpassCoefficients:
     """Return the filter for a cutoff [Hz] at a sample time dt [s].
 
-    The cutoff must lie between 0 and the Nyquist frequency 1 / (2 dt).
+    A cutoff above a quarter of the sample rate is held there, where the filter just does not
+    overshoot yet: after lost samples dt is longer than the usual period.
     """
-    warped = math.tan(math.pi * cutoff_hz * dt)
+    warped = math.tan(math.pi * min(cutoff_hz * dt, 0.25))
     return LowpassCoefficients(warped / (1.0 + warped), (1.0 - warped) / (1.0 + warped))
 
 

@@ -3,8 +3,8 @@
 
 The thesis fits the force that pushes the handle at a constant speed, gravity included, upward and
 downward apart: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2
-the ripple of one cycle per turn, Fv the speed factor. The 10 N of gravity belong to the controller's
-gravity term; `friction_force` is the friction alone, Fv (Fp1 + Fp2 - 10 N).
+the ripple of one cycle per turn, Fv the speed factor. The 10 N of gravity belong to the
+controller's gravity term; `friction_force` is the friction alone, Fv (Fp1 + Fp2 - 10 N).
 
 Three things are ours. Position is held within the fitted range and speed below the fastest
 measured one: the polynomials are never extrapolated. And below `ramp_speed` the speed factor goes

@@ -68,8 +68,8 @@ def soft_stop(
     """Return the force [N] with the ends of travel in mind.
 
     low, high: ends of travel [m]; zone: length of the soft stop inside each end [m]; stiffness:
-    spring that pushes inward [N/m]. Inside a zone the outward part of the force fades with depth, to
-    nothing at the end of travel, and the spring acts on the depth.
+    spring that pushes inward [N/m]. Inside a zone an outward force fades with depth, to nothing at
+    the end of travel, and the spring acts on the depth.
     """
     depth = position - (high - zone)
     if depth > 0.0:

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical law: its equations when settled, its bounds under anything at all."""
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from screw_module_ros.control import modes
+from screw_module_ros.control.friction import friction_force, load_friction_model
+from screw_module_ros.control.vertical import (
+    VerticalInput,
+    VerticalSettings,
+    initial_state,
+    vertical_step,
+)
+
+MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+SETTINGS = VerticalSettings().validated()
+DT = 0.001
+REST = VerticalInput(modes.IMPEDANCE, 0.10, 0.0, 0.0, 0.18, 0.0, True)
+
+any_float = st.floats(allow_nan=True, allow_infinity=True)
+any_mode = st.integers(-1, 6)
+real_inputs = st.builds(
+    VerticalInput,
+    any_mode,
+    st.floats(-0.05, 0.41),
+    st.floats(-1.5, 1.5),
+    st.floats(-150.0, 150.0),
+    st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)),
+    st.one_of(st.just(math.nan), st.floats(-1.0, 1.0)),
+    st.booleans(),
+)
+wild_inputs = st.builds(
+    VerticalInput, any_mode, any_float, any_float, any_float, any_float, any_float, st.booleans()
+)
+any_impedance = st.tuples(st.floats(0.0, 5e3), st.floats(-50.0, 500.0), st.floats(0.0, 50.0))
+
+
+def run(inp, seconds=3.0, law=SETTINGS, state=None):
+    """Output and state after an input has stood still for some time."""
+    state = state or initial_state(law)
+    output = None
+    for _ in range(round(seconds / DT)):
+        output, state = vertical_step(law, MODEL, state, inp, DT)
+    return output, state
+
+
+def test_impedance_is_spring_and_gravity():
+    output, _ = run(REST)
+    assert output.impedance == pytest.approx(100.0 * 0.08)
+    assert output.gravity == 10.0
+    assert output.force == pytest.approx(18.0)
+    assert (output.friction, output.feedback, output.saturated) == (0.0, 0.0, False)
+
+
+def test_damper_acts_on_both_velocities():
+    law = SETTINGS._replace(damping=20.0)
+    output, _ = run(REST._replace(velocity=0.1, setpoint_velocity=0.05), law=law)
+    assert output.impedance == pytest.approx(100.0 * 0.08 + 20.0 * (0.05 - 0.1))
+
+
+def test_friction_compensation_adds_nine_tenths_of_the_model():
+    output, _ = run(REST._replace(mode=modes.FRICTION_COMPENSATION, velocity=-0.05))
+    assert output.friction == pytest.approx(0.9 * friction_force(MODEL, 0.10, -0.05))
+    assert output.friction < 0.0
+
+
+def test_force_feedback_is_equation_6_6():
+    output, _ = run(REST._replace(mode=modes.FORCE_FEEDBACK, force=-6.0))
+    assert output.feedback == pytest.approx(5.0 * (8.0 - 6.0))
+    assert output.force == pytest.approx(10.0 + 8.0 + 10.0)
+
+
+def test_combined_is_the_sum_of_its_parts():
+    output, _ = run(REST._replace(mode=modes.COMBINED, force=-7.0, velocity=0.05))
+    assert output.friction == pytest.approx(0.9 * friction_force(MODEL, 0.10, 0.05))
+    assert output.feedback == pytest.approx(5.0 * (8.0 - 7.0))
+    assert output.force == pytest.approx(18.0 + output.friction + output.feedback)
+
+
+@pytest.mark.parametrize(("target", "limit"), [(0.35, 65.0), (0.01, -45.0)])
+def test_total_command_stays_within_the_handle_limits(target, limit):
+    law = SETTINGS._replace(stiffness=5000.0)
+    output, _ = run(REST._replace(position=0.18, setpoint_position=target), 12.0, law)
+    assert output.saturated
+    assert output.force == pytest.approx(min(65.0, limit + 10.0))
+    assert output.impedance == pytest.approx(limit)
+
+
+def test_the_spring_starts_at_the_measured_position():
+    output, _ = vertical_step(
+        SETTINGS, MODEL, initial_state(SETTINGS), REST._replace(setpoint_position=math.nan), DT
+    )
+    assert output.desired_position == REST.position
+    held, _ = run(REST._replace(setpoint_position=math.nan))
+    assert held.impedance == 0.0
+
+
+def test_off_fades_to_zero_force_and_lets_the_set_point_go():
+    _, state = run(REST)
+    output, state = run(REST._replace(mode=modes.OFF), 2.0, state=state)
+    assert output.force == 0.0
+    assert output.desired_position == REST.position
+
+
+def test_inactive_is_zero_at_once_and_enabling_begins_anew():
+    _, state = run(REST)
+    output, state = vertical_step(SETTINGS, MODEL, state, REST._replace(active=False), DT)
+    assert output.force == 0.0
+    output, state = vertical_step(SETTINGS, MODEL, state, REST, DT)
+    assert 0.0 <= output.force < 0.1
+    assert output.desired_position == pytest.approx(REST.position, abs=0.4 * DT + 1e-12)
+
+
+def test_outward_force_ends_at_the_ends_of_travel():
+    up, _ = run(REST._replace(position=0.36, setpoint_position=5.0), law=SETTINGS)
+    assert up.force <= -2000.0 * 0.01
+    down, _ = run(REST._replace(position=0.0, setpoint_position=-5.0), law=SETTINGS)
+    assert down.force >= 2000.0 * 0.01
+
+
+@pytest.mark.parametrize("field", ["position", "velocity", "force"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
+def test_a_measurement_that_cannot_be_gives_zero(field, value):
+    _, state = run(REST)
+    output, state = vertical_step(SETTINGS, MODEL, state, REST._replace(**{field: value}), DT)
+    assert output.force == 0.0
+    output, _ = vertical_step(SETTINGS, MODEL, state, REST, DT)
+    assert abs(output.force) < 0.1, "the force must come back gradually"
+
+
+@pytest.mark.parametrize("dt", [math.nan, 0.0, -0.001])
+def test_a_time_step_that_cannot_be_gives_zero(dt):
+    _, state = run(REST)
+    assert vertical_step(SETTINGS, MODEL, state, REST, dt)[0].force == 0.0
+
+
+def check(output, previous, inp, dt):
+    """What holds for every step of every sequence."""
+    assert all(math.isfinite(value) for value in output)
+    assert -45.0 <= output.force <= 65.0
+    assert abs(output.friction) <= 25.0
+    assert abs(output.feedback) <= 60.0
+    assert 0.0 <= output.desired_position <= 0.36
+    if not inp.active:
+        assert output.force == 0.0
+    if output.force != 0.0:
+        assert abs(output.force - previous) <= SETTINGS.force_rate * min(dt, 0.02) + 1e-9
+
+
+@settings(max_examples=100)
+@given(
+    st.lists(
+        st.tuples(st.one_of(real_inputs, wild_inputs), st.integers(1, 15), any_impedance),
+        max_size=6,
+    ),
+    st.sampled_from([0.0005, 0.001, 0.01, 1.0]),
+)
+def test_finite_within_limits_and_rate_limited_whatever_happens(sequence, dt):
+    state, previous = initial_state(SETTINGS), 0.0
+    for inp, repeats, (stiffness, damping, gain) in sequence:
+        law = SETTINGS._replace(stiffness=stiffness, damping=damping, force_gain=gain)
+        for _ in range(repeats):
+            output, state = vertical_step(law, MODEL, state, inp, dt)
+            check(output, previous, inp, dt)
+            previous = output.force
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 4), st.floats(0.0, 1000.0), st.floats(0.0, 5.0)),
+        min_size=2,
+        max_size=5,
+    ),
+    st.floats(0.13, 0.23),
+    st.floats(-0.2, 0.2),
+    st.floats(-20.0, 20.0),
+)
+def test_switching_by_itself_makes_small_steps(switches, position, velocity, force):
+    """With the measurements standing still no switch makes more than 2.5 N per step of 1 ms."""
+    state, previous = initial_state(SETTINGS), 0.0
+    for mode, stiffness, gain in switches:
+        law = SETTINGS._replace(stiffness=stiffness, force_gain=gain)
+        inp = VerticalInput(mode, position, velocity, force, 0.18, 0.0, True)
+        for _ in range(600):
+            output, state = vertical_step(law, MODEL, state, inp, DT)
+            assert abs(output.force - previous) <= 2.5
+            previous = output.force
+
+
+@pytest.mark.parametrize("first", range(5))
+@pytest.mark.parametrize("second", range(5))
+def test_a_switch_in_use_is_not_felt(first, second):
+    """The thesis's spring 5 cm off its centre, moved by hand: less than 0.3 N per step."""
+    inp = VerticalInput(first, 0.13, 0.05, -4.0, 0.18, 0.0, True)
+    output, state = run(inp)
+    for _ in range(1000):
+        previous = output.force
+        output, state = vertical_step(SETTINGS, MODEL, state, inp._replace(mode=second), DT)
+        assert abs(output.force - previous) < 0.3
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"stiffness": -1.0}, "stiffness"),
+        ({"damping": math.nan}, "damping"),
+        ({"force_up": math.inf}, "force_up"),
+        ({"fade_time": 0.0}, "fade_time"),
+        ({"travel_high": 0.01}, "travel_high"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(change, named):
+    with pytest.raises(ValueError, match=named):
+        SETTINGS._replace(**change).validated()
