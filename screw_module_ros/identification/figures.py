@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of force against position and of the handle's path, in the manner of thesis chapter 6.
+
+Functions return matplotlib figures, drawn without a display; `save` writes them. The desired spring
+is a heavy dotted line, arrows show the direction of travel, a circle the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import AutoMinorLocator
+
+from .force_position import Spring, spring_force
+from .session import Path3D, Trace
+
+STYLE = {
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 9.0,
+    "lines.linewidth": 1.1,
+    "savefig.dpi": 150,
+}
+# Okabe and Ito's colours: told apart in grey and by the colour-blind.
+COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7", "#56b4e9")
+DESIRED = "#222222"
+_MOST_POINTS = 6000
+_ARROWS = (0.15, 0.4, 0.65, 0.9)
+
+
+def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> Figure:
+    """Draw force of the patient on the robot against height, with the desired spring.
+
+    One line per trace. Raises ValueError without traces.
+    """
+    if not traces:
+        raise ValueError("no traces to draw")
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+        axes = figure.add_subplot()
+        for number, trace in enumerate(traces):
+            _loop(axes, trace, COLOURS[number % len(COLOURS)])
+        low = min(float(trace.position.min()) for trace in traces)
+        high = max(float(trace.position.max()) for trace in traces)
+        ends = np.array([low, high])
+        axes.plot(
+            ends,
+            spring_force(ends, spring),
+            color=DESIRED,
+            linestyle=(0, (0.1, 1.8)),
+            linewidth=3.2,
+            dash_capstyle="round",
+            label=f"desired: {spring.stiffness:g} N/m about {spring.centre:g} m",
+            zorder=5,
+        )
+        axes.axhline(0.0, color="#888888", linewidth=0.6, zorder=1)
+        axes.set_xlabel("handle height z [m]")
+        axes.set_ylabel("force of the patient on the robot, up positive [N]")
+        axes.xaxis.set_minor_locator(AutoMinorLocator())
+        axes.yaxis.set_minor_locator(AutoMinorLocator())
+        if title:
+            axes.set_title(title, loc="left")
+        axes.legend(loc="upper left")
+    return figure
+
+
+def path_3d(paths: Sequence[Path3D], targets: np.ndarray | None = None, title: str = "") -> Figure:
+    """Draw the handle's path in space; `targets`: planar targets x, y [m], shape (n, 2), if any."""
+    if not paths:
+        raise ValueError("no paths to draw")
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+        axes = figure.add_subplot(projection="3d")
+        for number, path in enumerate(paths):
+            x, y, z = path.points[:: _step(len(path.points))].T
+            axes.plot(x, y, z, color=COLOURS[number % len(COLOURS)], label=path.name)
+        if targets is not None:
+            floor = axes.get_zlim()[0]
+            axes.scatter(
+                targets[:, 0], targets[:, 1], floor, color=DESIRED, s=26, label="planar targets"
+            )
+        axes.set_xlabel("x, to the patient's right [m]")
+        axes.set_ylabel("y, away from the patient [m]")
+        axes.set_zlabel("z, up [m]")
+        axes.view_init(elev=24, azim=-58)
+        if title:
+            axes.set_title(title, loc="left")
+        axes.legend(loc="upper left")
+    return figure
+
+
+def save(figure: Figure, file: Path | str) -> Path:
+    """Write the figure as PNG (or what the name's ending says); return the path.
+
+    Raises OSError when the file cannot be written.
+    """
+    file = Path(file)
+    with rc_context(STYLE):
+        figure.savefig(file)
+    return file
+
+
+def _loop(axes: Axes, trace: Trace, colour: str) -> None:
+    step = _step(len(trace.position))
+    position, force = trace.position[::step], trace.force[::step]
+    axes.plot(position, force, color=colour, label=trace.name, alpha=0.9)
+    axes.plot(position[0], force[0], marker="o", markersize=7, markerfacecolor="none", color=colour)
+    for share in _ARROWS:
+        _arrow(axes, position, force, int(share * len(position)), colour)
+
+
+def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour: str) -> None:
+    """Draw an arrow head along the line at one sample, over a stretch long enough to show it."""
+    span = max(1, len(position) // 60)
+    begin, end = max(0, at - span), min(len(position) - 1, at + span)
+    if abs(position[end] - position[begin]) < 0.02 * np.ptp(position):
+        return  # at rest or turning round: there is no direction to show
+    near = slice(max(0, at - span // 2), at + span // 2 + 1)
+    middle = float(np.median(force[near]))
+    way = np.sign(position[end] - position[begin])
+    reach = 0.008 * np.ptp(position) * way
+    axes.annotate(
+        "",
+        xy=(position[at] + reach, middle),
+        xytext=(position[at] - reach, middle),
+        arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16, "lw": 0},
+    )
+
+
+def _step(samples: int) -> int:
+    return max(1, samples // _MOST_POINTS)

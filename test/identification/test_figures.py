@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from screw_module_ros.identification import figures
+from screw_module_ros.identification.force_position import Spring
+from screw_module_ros.identification.session import Path3D, Trace
+
+SPRING = Spring(100.0, 0.18)
+
+
+def loop(name: str, beyond: float, samples: int = 20_000) -> Trace:
+    angle = np.linspace(0.0, 4.0 * np.pi, samples)
+    position = 0.18 + 0.1 * np.sin(angle)
+    velocity = 0.08 * np.cos(angle)
+    return Trace(name, position, velocity, 100 * (position - 0.18) + beyond * np.sign(velocity))
+
+
+def words(axes) -> set[str]:
+    return {text.get_text() for text in axes.get_legend().get_texts()}
+
+
+def test_force_position_names_every_line_and_its_units():
+    axes = figures.force_position([loop("plain", 10.0), loop("better", 2.0)], SPRING).axes[0]
+    assert words(axes) == {"plain", "better", "desired: 100 N/m about 0.18 m"}
+    assert axes.get_xlabel().endswith("[m]")
+    assert axes.get_ylabel().endswith("[N]")
+
+
+def test_the_desired_spring_goes_through_its_centre_and_is_dotted():
+    axes = figures.force_position([loop("plain", 10.0)], SPRING).axes[0]
+    (line,) = [line for line in axes.lines if line.get_label().startswith("desired")]
+    position, force = line.get_data()
+    assert force == pytest.approx(100.0 * (position - 0.18))
+    assert line.get_linestyle() == "--"
+    assert line.get_linewidth() > 2 * axes.lines[0].get_linewidth()
+
+
+def test_arrows_point_the_way_the_handle_goes():
+    axes = figures.force_position([loop("plain", 10.0)], SPRING).axes[0]
+    arrows = [text for text in axes.texts if hasattr(text, "arrow_patch")]
+    assert len(arrows) >= 2
+    for arrow in arrows:
+        upward = arrow.xy[0] > arrow.xyann[0]
+        above = arrow.xy[1] > 100.0 * (arrow.xy[0] - 0.18)
+        assert upward == above  # friction: the patient pushes more on the way up
+
+
+def test_long_records_are_thinned():
+    axes = figures.force_position([loop("plain", 10.0, 200_000)], SPRING).axes[0]
+    assert len(axes.lines[0].get_xdata()) < 10_000
+
+
+def test_a_handle_at_rest_can_be_drawn():
+    still = Trace("still", np.full(50, 0.18), np.zeros(50), np.zeros(50))
+    figures.force_position([still], SPRING)
+
+
+def test_path_has_three_labelled_axes():
+    points = np.column_stack([np.linspace(0, 1, 50)] * 3)
+    figure = figures.path_3d([Path3D("all", points)], targets=np.array([[0.1, 0.0], [0.0, 0.1]]))
+    axes = figure.axes[0]
+    assert words(axes) == {"all", "planar targets"}
+    assert all(
+        label.endswith("[m]") for label in (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel())
+    )
+
+
+@pytest.mark.parametrize(
+    "draw", [lambda: figures.force_position([], SPRING), lambda: figures.path_3d([])]
+)
+def test_nothing_to_draw_is_refused(draw):
+    with pytest.raises(ValueError, match="to draw"):
+        draw()
+
+
+def test_saved_as_png(tmp_path):
+    file = figures.save(figures.force_position([loop("plain", 1.0)], SPRING), tmp_path / "a.png")
+    assert file.read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_unwritable_place_is_an_os_error(tmp_path):
+    with pytest.raises(OSError, match="nowhere"):
+        figures.save(figures.force_position([loop("p", 1.0)], SPRING), tmp_path / "nowhere/a.png")
