@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Opens one CAN bus through python-can, whatever carries it (design: `can.*` parameters).
+
+`udp_multicast` serves processes of one machine: the hop limit is 0, so no frame ever leaves it, the
+receive buffer is enlarged because bursts overflow the default one, and groups that share a port are
+kept apart. `virtual` works inside one process only (tests). Everything else is hardware.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+from typing import Annotated, NamedTuple
+
+import can
+
+from ..settings import Setting, validated
+from .errors import BusError
+from .port import Port
+
+__all__ = ["BusSettings", "Port", "open_bus", "open_port"]
+
+RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
+_BITRATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
+# Linux numbers that the socket module does not name.
+_SO_RCVBUFFORCE = 33
+_IP_MULTICAST_ALL = 49
+
+
+class BusSettings(NamedTuple):
+    """One CAN bus and this process's role on it; the same names in every driver node."""
+
+    interface: Annotated[
+        str, Setting("python-can interface: udp_multicast, socketcan, virtual, pcan, ...")
+    ] = "udp_multicast"
+    channel: Annotated[
+        str, Setting("channel of the interface, like can0, or the multicast group")
+    ] = "239.74.163.2"
+    port: Annotated[int, Setting("UDP port (udp_multicast only)", "", 1, 65535)] = 43113
+    bitrate: Annotated[int, Setting("bit rate of the bus", "bit/s", choices=_BITRATES)] = 1_000_000
+    fd: Annotated[bool, Setting("also receive CAN FD frames")] = False
+    sync_producer: Annotated[
+        bool, Setting("this node sends SYNC on its bus; exactly one node of a bus does")
+    ] = True
+
+
+def open_bus(settings: BusSettings) -> can.BusABC:
+    """Open the bus described by `settings`.
+
+    Raises BusError naming interface and channel, with the way out; ValueError for a value out of
+    range.
+    """
+    validated(settings)
+    try:
+        bus = can.Bus(ignore_config=True, **_arguments(settings))
+    except (can.CanError, OSError, ValueError, OverflowError, ImportError, TypeError) as error:
+        raise BusError(_cannot_open(settings, error)) from error
+    if settings.interface == "udp_multicast":
+        _tune_multicast(bus)
+    return bus
+
+
+def open_port(settings: BusSettings) -> Port:
+    """Open the bus described by `settings` and read it through a `Port`; raises as `open_bus`."""
+    return Port(open_bus(settings), settings.sync_producer, where(settings))
+
+
+def where(settings: BusSettings) -> str:
+    """Return the bus as messages to the user name it."""
+    tail = f":{settings.port}" if settings.interface == "udp_multicast" else ""
+    return f"{settings.interface} {settings.channel}{tail}"
+
+
+def _arguments(settings: BusSettings) -> dict:
+    common = {"interface": settings.interface, "channel": settings.channel}
+    if settings.interface == "udp_multicast":
+        return common | {"port": settings.port, "hop_limit": 0, "fd": settings.fd}
+    if settings.interface == "virtual":
+        return common
+    return common | {"bitrate": settings.bitrate, "fd": settings.fd}
+
+
+def _tune_multicast(bus: can.BusABC) -> None:
+    """Enlarge the receive buffer and hear no group but our own; both are best effort."""
+    # A duplicate descriptor reaches the socket without touching python-can's private fields.
+    with socket.socket(fileno=os.dup(bus.fileno())) as duplicate:
+        for level, option, value in (
+            (socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES),
+            (socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES),
+            (socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0),
+        ):
+            try:
+                duplicate.setsockopt(level, option, value)
+            except OSError:
+                continue
+
+
+def _cannot_open(settings: BusSettings, error: BaseException) -> str:
+    cause = error.__cause__ or error
+    way_out = "see the python-can manual for the names of interfaces and channels"
+    if settings.interface == "socketcan":
+        way_out = (
+            f"is it there and up? sudo ip link set {settings.channel} up type can "
+            f"bitrate {settings.bitrate}"
+        )
+    elif settings.interface == "udp_multicast":
+        way_out = (
+            "the channel must be a multicast group such as 239.74.163.2 and the machine needs a "
+            "route to it, if need be: sudo ip route add 239.0.0.0/8 dev lo"
+        )
+    return f"cannot open CAN bus {where(settings)}: {cause}; {way_out}"

@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CiA 402 drive in torque mode: one command per tick, nothing enabled that nobody asked for.
+
+The torque written is zero unless the drive shows operation enabled, that was asked for, and no
+fault is latched. What to tell the drive is decided in `drive_logic`; this is the wire.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..samples import DriveReading
+from ..settings import validated
+from . import cia402, drive_exit
+from . import drive_setup as setup
+from .bus_load import Traffic
+from .cia402 import Goal, State
+from .drive_logic import DriveLogic
+from .drive_reports import DriveCounters, DriveReports
+from .drive_settings import (
+    BRAKE,
+    COMMAND,
+    DriveSettings,
+    cross_checked,
+    drive_traffic,
+)
+from .errors import BusError, NotEnabled, Occupied
+from .heartbeat import Heartbeat
+from .node import CanopenNode
+from .port import Port
+
+_HEARTBEATS_MISSED = 3
+_PER_MILLE = 1000.0
+_LARGEST = 32767
+
+
+class Drive:
+    """Driver of one drive; `heartbeat`, `sync` and `write` belong to the realtime loop.
+
+    warnings: what the user must hear, such as missing guards. unguarded: the guards the drive
+    refused. reports: what the drive says of itself. beat: our heartbeat, shared by the drives of
+    one bus, made here when none is given.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        settings: DriveSettings,
+        label: str = "drive",
+        beat: Heartbeat | None = None,
+    ):
+        self.settings = cross_checked(validated(settings))
+        self.label = label
+        self.counters = DriveCounters()
+        self.warnings: list[str] = []
+        self.unguarded: tuple[str, ...] = ()
+        self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
+        self._port = port
+        silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
+        brake = settings.stop_reaction == BRAKE
+        self._logic = DriveLogic(label, brake, settings.enable_timeout, silence)
+        self.reports = DriveReports(port, settings, label, self._logic, self.counters)
+        self.node = CanopenNode(
+            port, settings.node_id, label, settings.sdo_timeout, self._boot_up,
+            self.reports.on_emergency,
+        )  # fmt: skip
+        self._command_id = 0x200 + settings.node_id
+        self._setup = setup.DriveSetup(0, settings.rated_torque)
+        self._per_mille_of = self._torque_of = 0.0
+        self._configured = self._running = self._armed = False
+        self._hears = True
+        self._started_ns = 0
+
+    # -- configuration: blocking -----------------------------------------------------------------
+
+    @property
+    def identity(self) -> str:
+        """Who the device says it is, for hardware_id."""
+        return self.node.identity.text
+
+    @property
+    def traffic(self) -> list[Traffic]:
+        """Frames for the bus load."""
+        return drive_traffic(self.settings, self._port.sync_producer)
+
+    @property
+    def mode(self) -> int:
+        """Mode of operation in use: 10 cyclic synchronous torque, 4 profile torque."""
+        return self._setup.mode
+
+    @property
+    def reading(self) -> DriveReading | None:
+        """The newest cyclic answer, None before the first."""
+        return self.reports.reading
+
+    @property
+    def error_code(self) -> int:
+        """Object 603F, the newest known."""
+        return self.reports.error_code
+
+    @property
+    def running(self) -> bool:
+        """Whether commands are being sent."""
+        return self._running
+
+    def configure(self) -> None:
+        """Find the drive, configure it and set its guards; blocking.
+
+        A drive that refuses a guard is configured all the same but not enabled, unless
+        `allow_unguarded` says so. Raises Occupied, NotAnswering, WrongDevice, Refused,
+        NotConfigured, BusError.
+        """
+        self._running = self._configured = self._armed = False
+        settings = self.settings
+        if self._port.heard({self.beat.can_id: bool}, settings.listen) is not None:
+            raise Occupied(
+                f"somebody already commands the {self.label} on {self._port.name} (heartbeat of "
+                f"master {settings.master_id}): is a second copy of this node running?"
+            )
+        with self._port.pumping():
+            self._setup = found = setup.configure(self.node, settings)
+        self._per_mille_of = settings.direction * _PER_MILLE / found.rated_torque
+        self._torque_of = settings.direction * found.rated_torque / _PER_MILLE
+        self.reports.configured(found.mode, self._torque_of)
+        self.unguarded = found.unguarded
+        self.warnings = [
+            f"UNGUARDED: the {self.label} will not stop by itself: no {guard}"
+            for guard in found.unguarded
+        ] + list(found.warnings)
+        self._configured = True
+
+    def start(self) -> None:
+        """NMT start; from here on the loop must write every tick. Raises BusError."""
+        self._armed = False
+        self.reports.restart()
+        self.node.start()
+        self._running = True
+
+    def stop(self) -> None:
+        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit."""
+        self._running = False
+
+    def shutdown(self) -> str:
+        """Leave cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
+
+        For after the loop has ended; returns what did not work, empty when all did.
+        """
+        return drive_exit.leave([self], self._port)
+
+    # -- cyclic: realtime loop -------------------------------------------------------------------
+
+    def sync(self, now_ns: int) -> None:
+        """Send SYNC where this process produces it. now_ns: CLOCK_MONOTONIC. Raises BusError."""
+        if self._port.sync_producer:
+            self._port.send_sync(now_ns)
+
+    def heartbeat(self, now_ns: int) -> None:
+        """Send our heartbeat when due. now_ns: CLOCK_MONOTONIC [ns]. Raises BusError."""
+        if self._armed:
+            self.beat.beat(now_ns)
+
+    def state(self, now_ns: int) -> State:
+        """Return the drive's state, UNKNOWN when its statusword is older than ten periods."""
+        return self.reports.state(now_ns)
+
+    def write(self, torque_nm: float, now_ns: int) -> float:
+        """Send one command; return the torque in it [Nm], zero unless enabled and asked for.
+
+        torque_nm: on the motor shaft, robot's sign. now_ns: CLOCK_MONOTONIC [ns]. The first
+        command after `start` carries no torque: it arms the guards. Raises BusError.
+        """
+        if not self._running:
+            return 0.0
+        if not self._armed:
+            return self._arm(now_ns)
+        logic, node = self._logic, self.node
+        if not math.isfinite(torque_nm):
+            self.counters.bad_torque += 1
+            logic.latch(f"the torque command was {torque_nm}")
+        state = self.reports.state(now_ns)
+        heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns
+        controlword = logic.step(
+            state, self.reports.shown, heard_ns if self._hears else None, node.state, now_ns
+        )
+        if logic.recovery.active and logic.recovery.nmt_start_due(state, now_ns):
+            node.start()
+        per_mille = 0
+        if controlword == cia402.ENABLE_OPERATION and state is State.OPERATION_ENABLED:
+            per_mille = self._per_mille(torque_nm)
+        self._send(controlword, per_mille)
+        return per_mille * self._torque_of
+
+    def _arm(self, now_ns: int) -> float:
+        """Heartbeat first, then one command without torque: from here on both are watched."""
+        self.beat.rest()
+        self.beat.beat(now_ns)
+        self._send(cia402.DISABLE_VOLTAGE, 0)
+        self._hears = not any("1017" in guard for guard in self.unguarded)
+        self._started_ns = now_ns
+        self._logic.start(now_ns)
+        self._armed = True
+        return 0.0
+
+    def _per_mille(self, torque_nm: float) -> int:
+        limit = self.settings.max_torque
+        if not -limit <= torque_nm <= limit:
+            self.counters.saturated += 1
+            torque_nm = max(-limit, min(limit, torque_nm))
+        return max(-_LARGEST, min(_LARGEST, round(torque_nm * self._per_mille_of)))
+
+    def _send(self, controlword: int, per_mille: int) -> None:
+        try:
+            self._port.send(self._command_id, COMMAND.pack(controlword, per_mille))
+        except BusError as error:
+            self.counters.bus_errors += 1
+            self._logic.latch(str(error))
+            raise
+        self.counters.writes += 1
+
+    # -- requests, from any thread ---------------------------------------------------------------
+
+    @property
+    def fault(self) -> str:
+        """Why the drive is off, latched until `clear_fault`; empty while healthy."""
+        return self._logic.fault
+
+    @property
+    def recovering(self) -> bool:
+        """Whether a `clear_fault` is under way; the loop's writes carry it on."""
+        return self._logic.recovery.active
+
+    @property
+    def enabling(self) -> bool:
+        """Whether operation enabled is asked for."""
+        return self._logic.goal is Goal.OPERATION_ENABLED
+
+    def request_enable(self) -> None:
+        """Ask for operation enabled; the loop's writes lead there.
+
+        Raises NotEnabled while a fault is latched, the loop does not write, the mode is not the
+        one configured, or a guard is missing.
+        """
+        if self.fault:
+            raise NotEnabled(f"{self.fault}; clear the fault first")
+        if not self._armed:
+            raise NotEnabled(f"the {self.label} is not being commanded: activate it first")
+        if self.reports.mode_display != self.mode:
+            shown = self.reports.mode_display
+            raise NotEnabled(f"the {self.label} is not in mode {self.mode}, 6061 is {shown}")
+        if self.unguarded and not self.settings.allow_unguarded:
+            raise NotEnabled(
+                f"the {self.label} would not stop by itself, it has no "
+                f"{'; no '.join(self.unguarded)}; allow_unguarded overrides this"
+            )
+        self._logic.enable()
+
+    def request_disable(self) -> None:
+        """Ask for torque off, down to switched on."""
+        self._logic.disable()
+
+    def clear_fault(self) -> None:
+        """Begin to recover; `recovering` until the drive is back, at most switched on.
+
+        After a boot-up this configures the drive anew, blocking; raises as `configure` then.
+        """
+        if not self._configured:
+            self.configure()
+            self._logic.forget()
+            self.start()
+        elif self._running:
+            self.reports.forget_errors()
+            self._logic.recover()
+        else:
+            self._logic.forget()
+
+    def snapshot(self) -> DriveCounters:
+        """Return a copy of the counters."""
+        return replace(self.counters)
+
+    def _boot_up(self) -> None:
+        self.counters.boot_ups += 1
+        if self._configured:
+            self._configured = self._running = self._armed = False
+            self._logic.latch(
+                f"the {self.label} restarted (boot-up): its configuration is gone; clear the "
+                "fault to configure it again"
+            )

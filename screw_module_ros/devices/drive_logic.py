@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Decides what a drive is told each tick: goals, latched faults, recovery. No bus, no clock.
+
+Every exit from operation enabled that was not asked for is latched, also one without a fault.
+Recovering leads up to switched on at most; enabling again is a separate act.
+"""
+
+from __future__ import annotations
+
+from .cia402 import CONTROLWORD, QUICK_STOP, Goal, State
+from .drive_recovery import Recovery
+from .emcy import code_name
+from .node import NMT_STATES, OPERATIONAL
+
+_RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
+_FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+_STOPPING = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+
+
+class DriveLogic:
+    """What is asked of one drive and why it is off.
+
+    label: how messages call the drive. brake: a latched fault stops with the quick stop ramp
+    instead of coasting. enable_timeout: limit for enabling and for recovering [s]. silence: a
+    drive without a heartbeat for so long is lost [s].
+    """
+
+    def __init__(self, label: str, brake: bool, enable_timeout: float, silence: float):
+        self.goal = Goal.OFF
+        self.reason = ""
+        self.recovery = Recovery(enable_timeout)
+        self._label = label
+        self._brake = brake
+        self._cause = ""
+        self._enable_timeout = enable_timeout
+        self._enable_ns = round(enable_timeout * 1e9)
+        self._silence_ns = round(silence * 1e9)
+        self._started_ns = 0
+        self._enabling_since_ns: int | None = None
+
+    @property
+    def fault(self) -> str:
+        """Why the drive is off, with its own word for it; empty while healthy."""
+        return f"{self.reason}: {self._cause}" if self.reason and self._cause else self.reason
+
+    # -- requests --------------------------------------------------------------------------------
+
+    def start(self, now_ns: int) -> None:
+        """Begin to watch at `now_ns`; a latched fault stays."""
+        self._started_ns = now_ns
+        self.goal = Goal.OFF if self.reason else Goal.SWITCHED_ON
+
+    def enable(self) -> None:
+        """Ask for operation enabled."""
+        self._enabling_since_ns = None
+        self.goal = Goal.OPERATION_ENABLED
+
+    def disable(self) -> None:
+        """Ask for torque off."""
+        if self.goal is Goal.OPERATION_ENABLED:
+            self.goal = Goal.SWITCHED_ON
+
+    def recover(self) -> None:
+        """Begin to lead the drive out of its fault."""
+        self.goal = Goal.OFF
+        self.recovery.begin()
+
+    def forget(self) -> None:
+        """Drop a latched fault: for a drive that has just been configured anew."""
+        self.reason = self._cause = ""
+        self.recovery.finish()
+
+    # -- what happens ----------------------------------------------------------------------------
+
+    def latch(self, reason: str, cause: str = "") -> None:
+        """Go off and stay off; the first reason is kept. cause: what the drive itself says."""
+        self.goal = Goal.OFF
+        self.recovery.finish()
+        if not self.reason:
+            self.reason, self._cause = reason, cause
+
+    def explain(self, cause: str) -> None:
+        """Add what the drive says of a fault latched before it said so."""
+        self._cause = self._cause or cause
+
+    def changed(self, before: State, after: State, cause: str) -> None:
+        """Note that the drive shows another state."""
+        if before is State.OPERATION_ENABLED and self.goal is Goal.OPERATION_ENABLED:
+            reason = f"the {self._label} left operation enabled by itself, to {after.text}"
+            self.latch(reason, cause)
+
+    def step(
+        self, state: State, shown: State, heard_ns: int | None, nmt: int | None, now_ns: int
+    ) -> int:
+        """Return the controlword for this tick.
+
+        state: UNKNOWN when the statusword is stale. shown: what the last statusword said.
+        heard_ns: arrival of the last heartbeat, None when the drive sends none. nmt: network state
+        in it. now_ns: CLOCK_MONOTONIC [ns].
+        """
+        if self.recovery.active:
+            self._recover(state, now_ns)
+        elif not self.reason:
+            self._supervise(state, shown, heard_ns, nmt, now_ns)
+        if self.recovery.active:
+            return self.recovery.controlword(state, now_ns)
+        if self._brake and self.reason and state in _STOPPING:
+            return QUICK_STOP
+        return CONTROLWORD[self.goal][state]
+
+    def _supervise(
+        self, state: State, shown: State, heard_ns: int | None, nmt: int | None, now_ns: int
+    ) -> None:
+        if state in _FAULTY:
+            self.latch(f"the {self._label} is in {state.text}")
+        elif heard_ns is not None and self._is_lost(heard_ns, now_ns):
+            self.latch(f"the heartbeat of the {self._label} is missing")
+        elif heard_ns is not None and self._fell_back(heard_ns, nmt):
+            self.latch(f"the {self._label} fell back to {NMT_STATES.get(nmt, nmt)}")
+        elif self.goal is Goal.OPERATION_ENABLED:
+            self._supervise_enabling(state, shown, now_ns)
+
+    def _is_lost(self, heard_ns: int, now_ns: int) -> bool:
+        return now_ns - max(heard_ns, self._started_ns) > self._silence_ns
+
+    def _fell_back(self, heard_ns: int, nmt: int | None) -> bool:
+        # Heartbeats from before the start, and from its first moments, still tell the old state.
+        settled = heard_ns - self._started_ns > self._silence_ns
+        return settled and nmt is not None and nmt != OPERATIONAL
+
+    def _supervise_enabling(self, state: State, shown: State, now_ns: int) -> None:
+        since_ns = self._enabling_since_ns
+        if state is State.OPERATION_ENABLED or since_ns is None:
+            self._enabling_since_ns = now_ns
+        elif state is State.UNKNOWN and shown is State.OPERATION_ENABLED:
+            self.latch(f"the {self._label} is silent: its statusword is stale")
+        elif now_ns - since_ns > self._enable_ns:
+            self.latch(
+                f"the {self._label} did not reach operation enabled in {self._enable_timeout:g} s, "
+                f"it is in {state.text}"
+            )
+
+    def _recover(self, state: State, now_ns: int) -> None:
+        if state in _RECOVERED:
+            self.forget()
+            self.start(now_ns)
+        elif self.recovery.expired(now_ns):
+            self.recovery.finish()
+            self.reason = f"the {self._label} does not recover, it is in {state.text}"
+
+
+def describe(code: int) -> str:
+    """Return an error code (object 603F) with its name, empty for none."""
+    return f"0x{code:04X} {code_name(code)}" if code else ""

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of a CiA 402 drive, its process data and what they cost on the bus."""
+
+from __future__ import annotations
+
+import struct
+from typing import Annotated, NamedTuple
+
+from ..settings import Setting
+from . import pdo
+from .bus_load import Traffic
+
+#: RPDO1: controlword, target torque [per mille of the rated torque].
+COMMAND = struct.Struct("<Hh")
+#: TPDO1: statusword, position [counts], torque [per mille of the rated torque].
+STATUS = struct.Struct("<Hih")
+#: TPDO2: error code, mode display, digital inputs.
+SLOW_STATUS = struct.Struct("<HbI")
+
+_COMMAND_ENTRIES = (pdo.Entry(0x6040, 0, 16), pdo.Entry(0x6071, 0, 16))
+_STATUS_ENTRIES = (
+    pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32), pdo.Entry(0x6077, 0, 16)
+)  # fmt: skip
+_SLOW_STATUS_ENTRIES = (
+    pdo.Entry(0x603F, 0, 16), pdo.Entry(0x6061, 0, 8), pdo.Entry(0x60FD, 0, 32)
+)  # fmt: skip
+SLOW_STATUS_MS = 100
+
+COAST, BRAKE = "coast", "brake"
+
+
+class DriveSettings(NamedTuple):
+    """One drive: where it is, what its torque means, what happens when the program stops."""
+
+    node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 1
+    master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 112
+    rate: Annotated[float, Setting("ticks (torque commands) per second", "Hz", 1.0, 4000.0)] = (
+        1000.0
+    )
+    sync_divider: Annotated[
+        int, Setting("statusword at every n-th SYNC; 2 where the SYNC is twice as fast", "", 1, 240)
+    ] = 1
+    rated_torque: Annotated[
+        float, Setting("rated torque, checked against object 6076", "Nm", 1e-4, 1e4)
+    ] = 0.42
+    max_torque: Annotated[
+        float, Setting("largest torque ever written", "Nm", 0.0, 1e5)
+    ] = 1.6
+    direction: Annotated[
+        int, Setting("1 when positive torque and position are the robot's, else -1",
+                     choices=(1, -1))
+    ] = 1
+    stop_reaction: Annotated[
+        str, Setting("what the motor does when stopped: coast lets the patient move out",
+                     choices=(COAST, BRAKE))
+    ] = COAST
+    allow_unguarded: Annotated[
+        bool, Setting("DANGER: enable a drive that does not stop by itself when we hang")
+    ] = False
+    heartbeat_period: Annotated[
+        float, Setting("time between our heartbeats", "s", 0.001, 1.0)
+    ] = 0.025
+    heartbeat_timeout: Annotated[
+        float, Setting("the drive stops this long after our last heartbeat, object 1016", "s",
+                       0.002, 10.0)
+    ] = 0.1
+    command_timeout: Annotated[
+        float, Setting("the drive stops this long after our last command, object 1400:05", "s",
+                       0.001, 10.0)
+    ] = 0.02
+    drive_heartbeat: Annotated[
+        float, Setting("time between the drive's heartbeats, object 1017", "s", 0.002, 10.0)
+    ] = 0.05
+    enable_timeout: Annotated[
+        float, Setting("enabling and recovering must succeed within", "s", 0.01, 60.0)
+    ] = 2.0
+    vendor_id: Annotated[int, Setting("vendor expected, object 1018:01; 0 = any", "", 0)] = 0
+    product_code: Annotated[int, Setting("product expected, object 1018:02; 0 = any", "", 0)] = 0
+    sdo_timeout: Annotated[
+        float, Setting("time limit of one SDO try; there are two", "s", 0.01, 10.0)
+    ] = 0.5
+    listen: Annotated[
+        float, Setting("listen for another master before configuring", "s", 0.0, 2.0)
+    ] = 0.15
+
+
+def cross_checked(settings: DriveSettings) -> DriveSettings:
+    """Return `settings` unchanged when they agree with each other; else raise ValueError."""
+    for name, limit in (
+        ("heartbeat_period", settings.heartbeat_timeout), ("drive_heartbeat", 10.0)
+    ):
+        if getattr(settings, name) >= limit:
+            raise ValueError(
+                f"DriveSettings: {name} = {getattr(settings, name)!r} s: less than {limit:g} s "
+                "is wanted, or the guard trips by itself"
+            )
+    if settings.command_timeout * settings.rate <= 1.0:
+        raise ValueError(
+            f"DriveSettings: command_timeout = {settings.command_timeout!r} s: more than one "
+            f"period of {settings.rate:g} Hz is wanted, or the guard trips by itself"
+        )
+    if settings.master_id == settings.node_id:
+        raise ValueError(
+            f"DriveSettings: master_id = {settings.master_id}: another than the drive's node_id "
+            "is wanted"
+        )
+    return settings
+
+
+def milliseconds(seconds: float) -> int:
+    """Return a time [s] as the object dictionary holds it [ms], at least 1."""
+    return max(1, round(seconds * 1e3))
+
+
+def command_pdo(settings: DriveSettings) -> pdo.Pdo:
+    """Return RPDO1, acting at once, with the deadline that stops the drive."""
+    cob_id = 0x200 + settings.node_id
+    deadline = milliseconds(settings.command_timeout)
+    return pdo.Pdo(1, False, cob_id, pdo.ON_EVENT, _COMMAND_ENTRIES, deadline)
+
+
+def status_pdo(settings: DriveSettings) -> pdo.Pdo:
+    """Return TPDO1, at every SYNC or every n-th."""
+    cob_id = 0x180 + settings.node_id
+    return pdo.Pdo(1, True, cob_id, settings.sync_divider, _STATUS_ENTRIES)
+
+
+def slow_status_pdo(settings: DriveSettings) -> pdo.Pdo:
+    """Return TPDO2, on change and every 100 ms."""
+    cob_id = 0x280 + settings.node_id
+    return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, _SLOW_STATUS_ENTRIES, SLOW_STATUS_MS)
+
+
+def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[Traffic]:
+    """Return the frames of this device for the bus load, SYNC included where we send it."""
+    name, rate = f"drive {settings.node_id}", settings.rate
+    frames = [
+        Traffic(f"{name} RPDO1", COMMAND.size, rate),
+        Traffic(f"{name} TPDO1", STATUS.size, rate),
+        Traffic(f"{name} TPDO2", SLOW_STATUS.size, 1e3 / SLOW_STATUS_MS),
+        Traffic(f"{name} heartbeat", 1, 1.0 / settings.drive_heartbeat),
+        Traffic(f"heartbeat {settings.master_id}", 1, 1.0 / settings.heartbeat_period),
+    ]
+    sync = Traffic("SYNC", 0, rate * settings.sync_divider)
+    return [sync, *frames] if sync_producer else frames

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Configures a CiA 402 drive for torque and arms the guards that stop it without us.
+
+The drive is the last guard: it must drop the torque by itself when our heartbeat (1016) or our
+commands (1400:05) stop, and it must do so as the settings say (6007, 605A, 605E). Each of these is
+read back; what a drive refuses is returned, and such a drive is not enabled.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+from . import pdo
+from .drive_settings import (
+    COAST,
+    DriveSettings,
+    command_pdo,
+    milliseconds,
+    slow_status_pdo,
+    status_pdo,
+)
+from .errors import NotConfigured, Refused, WrongDevice
+from .node import CanopenNode
+
+PROFILE = 402
+
+CYCLIC_TORQUE_MODE, PROFILE_TORQUE_MODE = 10, 4
+#: Bit of object 6502 that says the mode is there, best first.
+_TORQUE_MODES = ((9, CYCLIC_TORQUE_MODE), (3, PROFILE_TORQUE_MODE))
+_MODE_READS = 25
+_MODE_PAUSE_S = 0.01
+
+_MILLI, _MICRO = 1e-3, 1e-6
+#: How far object 6076 may be from the parameter and still be the same motor.
+_RATING_TOLERANCE = 0.01
+
+_FAULT_ON_LOST_CONNECTION = 1
+_DISABLE_AND_COAST = 0
+_RAMP_DOWN = 1
+_QUICK_STOP_RAMP = 2
+_STEEPEST_SLOPE = 0x7FFFFFFF
+
+
+class DriveSetup(NamedTuple):
+    """What configuring found out.
+
+    mode: object 6060 in use. rated_torque: what 1000 per mille are [Nm]. unguarded: guards the
+    drive refused, empty when all hold. warnings: harmless things it refused.
+    """
+
+    mode: int
+    rated_torque: float
+    unguarded: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
+    """Bring the drive into the state the settings describe, up to but without NMT start.
+
+    Raises NotAnswering, WrongDevice, Refused, NotConfigured.
+    """
+    sdo, boot_ups = node.sdo, node.boot_ups
+    node.pre_operational()
+    node.identify(PROFILE, settings.vendor_id, settings.product_code)
+    # A predecessor may have left it enabled: no torque, then voltage off.
+    sdo.write(0x6071, 0, 0, 2)
+    sdo.write(0x6040, 0, 0, 2)
+    rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
+    mode, warnings = _select_mode(node)
+    command = command_pdo(settings)
+    reported = (status_pdo(settings), slow_status_pdo(settings))
+    pdo.disable_unused(sdo, (command, *reported))
+    for each in reported:
+        pdo.configure(sdo, each)
+    no_deadline = pdo.configure(sdo, command, timer_optional=True)
+    unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
+    unguarded += _guards(node, settings)
+    warnings += _stop_ramps(node, settings)
+    node.undisturbed(boot_ups)
+    return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
+
+
+def rated_torque(raw: int, expected: float, label: str) -> float:
+    """Return object 6076 in Nm: mNm in the standard, micro-Nm on some drives.
+
+    raw: the object. expected: the parameter [Nm]. Raises WrongDevice when neither unit fits.
+    """
+    for unit in (_MILLI, _MICRO):
+        if abs(raw * unit - expected) <= _RATING_TOLERANCE * expected:
+            return raw * unit
+    raise WrongDevice(
+        f"{label} says a rated torque (6076) of {raw}, which is {raw * _MILLI:g} Nm if in mNm; the "
+        f"parameter rated_torque is {expected:g} Nm: correct whichever is wrong, or every torque "
+        "will be"
+    )
+
+
+def _select_mode(node: CanopenNode) -> tuple[int, list[str]]:
+    sdo = node.sdo
+    supported = sdo.unsigned(0x6502)
+    mode = next((mode for bit, mode in _TORQUE_MODES if supported >> bit & 1), 0)
+    if not mode:
+        raise WrongDevice(
+            f"{node.label} has neither cyclic synchronous torque nor profile torque mode "
+            f"(6502 = 0x{supported:X})"
+        )
+    sdo.write(0x6060, 0, mode, 1)
+    pause = threading.Event()
+    for _ in range(_MODE_READS):
+        shown = sdo.signed(0x6061)
+        if shown == mode:
+            break
+        pause.wait(_MODE_PAUSE_S)
+    else:
+        raise NotConfigured(f"{node.label}: mode {mode} was asked for (6060), 6061 shows {shown}")
+    if mode == CYCLIC_TORQUE_MODE:
+        return mode, []
+    # Profile torque ramps towards its target; as steep as it goes, it acts like cyclic torque.
+    return mode, _optional(node, 0x6087, _STEEPEST_SLOPE, 4, "torque slope")
+
+
+def _guards(node: CanopenNode, settings: DriveSettings) -> list[str]:
+    """Arm the guards; return those the drive refused."""
+    consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
+    stop = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _QUICK_STOP_RAMP
+    guards = (
+        (0x1017, 0, milliseconds(settings.drive_heartbeat), 2, "its own heartbeat 1017"),
+        (0x1016, 1, consumer, 4, "watching our heartbeat 1016"),
+        (0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, "fault on lost connection 6007"),
+        (0x605A, 0, stop, 2, "quick stop reaction 605A"),
+        (0x605E, 0, stop, 2, "fault reaction 605E"),
+    )
+    refused = []
+    for index, subindex, value, size, what in guards:
+        try:
+            node.sdo.set(index, subindex, value, size)
+        except (Refused, NotConfigured) as error:
+            refused.append(f"{what} ({error})")
+    return refused
+
+
+def _stop_ramps(node: CanopenNode, settings: DriveSettings) -> list[str]:
+    """Let ordinary disabling (605B, 605C) follow the same wish; optional objects."""
+    option = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _RAMP_DOWN
+    return [
+        *_optional(node, 0x605B, option, 2, "shutdown reaction"),
+        *_optional(node, 0x605C, option, 2, "disable reaction"),
+    ]
+
+
+def _optional(node: CanopenNode, index: int, value: int, size: int, what: str) -> list[str]:
+    try:
+        node.sdo.set(index, 0, value, size)
+    except Refused as error:
+        return [] if error.absent else [f"{what} not set: {error}"]
+    except NotConfigured as error:
+        return [f"{what} not set: {error}"]
+    return []
+
+
+def disarm(node: CanopenNode) -> None:
+    """Switch the guards off for a clean exit: first the command deadline, then the heartbeat.
+
+    Raises NotAnswering, Refused, NotConfigured.
+    """
+    try:
+        node.sdo.set(0x1400, 5, 0, 2)
+    except Refused as error:
+        if not error.absent:
+            raise
+    try:
+        node.sdo.set(0x1016, 1, 0, 4)
+    except Refused as error:
+        if not error.absent:
+            raise

@@ -1,0 +1,309 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CiA 406 encoder on the screw's motor: one position per SYNC, unwrapped, homed on the host.
+
+CiA 406 has no object for an index pulse and its preset (6003) may write EEPROM, so homing is an
+offset kept here: the nut stands at the reference mark and `home` says so.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, replace
+
+from ..filters import back_difference, lowpass_coefficients, lowpass_settled, lowpass_step
+from ..samples import SEQUENCE_MASK, EncoderReading
+from ..settings import validated
+from . import encoder_setup as setup
+from .bus_load import Traffic
+from .emcy import Emergency
+from .encoder_setup import EncoderSettings
+from .errors import BusError, NotAnswering, NotHomed, Occupied, Refused
+from .ledger import FRESH, LATE, Ledger
+from .node import CanopenNode
+from .port import SYNC_ID, Port
+from .unwrap import Unwrapper
+
+_POSITION = struct.Struct("<I")
+#: Beyond so many lost samples the velocity starts anew instead of being filtered through the gap.
+_LONGEST_GAP = 10
+
+
+@dataclass
+class EncoderCounters:
+    """What happened since the driver was made.
+
+    requests: ticks. received: samples delivered. missing: ticks without one. late: answers that
+    came after the next request. unexpected: frames nobody asked for. silent: ticks kept silent to
+    tell late from lost. wrong_length, out_of_range: frames dropped. slow_polls_failed: of 6500 to
+    6505.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
+    wrong_length: int = 0
+    out_of_range: int = 0
+    emcy: int = 0
+    boot_ups: int = 0
+    bus_errors: int = 0
+    slow_polls_failed: int = 0
+
+
+class Encoder:
+    """Driver of one encoder; `request` and `reading` belong to the realtime loop.
+
+    fault: why no samples are delivered, empty while healthy; latched until `clear_fault`.
+    warnings: what the device reports but can live with.
+    """
+
+    def __init__(self, port: Port, settings: EncoderSettings, label: str = "encoder"):
+        self.settings = validated(settings)
+        self.counters = EncoderCounters()
+        self.fault = ""
+        self.homed = False
+        self.emergency = ""
+        self.warnings: list[str] = []
+        self.operating_status = 0
+        self._port = port
+        self._node = CanopenNode(
+            port, settings.node_id, label, settings.sdo_timeout, self._boot_up, self._emergency
+        )
+        self._period_ns = round(1e9 / settings.rate)
+        self._metres = settings.direction * settings.lead / settings.counts_per_turn
+        self._lowpass = lowpass_coefficients(settings.velocity_cutoff, 1.0 / settings.rate)
+        self._filter = lowpass_settled(0.0)
+        self._ledger = Ledger()
+        self._unwrapper = Unwrapper(setup.FULL_RANGE)
+        self._offset = 0.0
+        self._configured = self._running = self._waiting = False
+        self._asked = (0, 0, 0)
+        self._last: EncoderReading | None = None
+        self._fresh: EncoderReading | None = None
+        self._stamp_offset_ns = 0
+        self._foreign_sync = 0
+        self._absent: set[int] = set()
+        port.subscribe(0x180 + settings.node_id, self._on_position)
+        if not port.sync_producer:
+            port.subscribe(SYNC_ID, self._on_sync)
+
+    # -- configuration: blocking -----------------------------------------------------------------
+
+    @property
+    def identity(self) -> str:
+        """Who the device says it is, for hardware_id."""
+        return self._node.identity.text
+
+    @property
+    def traffic(self) -> list[Traffic]:
+        """Frames for the bus load."""
+        return setup.encoder_traffic(self.settings, self._port.sync_producer)
+
+    def configure(self) -> None:
+        """Find the encoder and configure it; blocking. Position and homing start anew.
+
+        Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
+        """
+        self._running = self._configured = False
+        if self._port.sync_producer and self._port.heard({}, self.settings.listen) is not None:
+            raise Occupied(
+                f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
+                "or can.sync_producer should be false here"
+            )
+        with self._port.pumping():
+            wrap = setup.configure(self._node, self.settings)
+        self._unwrapper = Unwrapper(wrap)
+        self._filter = lowpass_settled(0.0)
+        self._last = self._fresh = None
+        self._offset, self.homed = 0.0, False
+        self._configured = True
+
+    def start(self) -> None:
+        """NMT start; samples flow from the next request on. Raises BusError."""
+        self._ledger.reset()
+        self._waiting = False
+        self._foreign_sync = self._port.counters.foreign_sync
+        self._node.start()
+        self._running = True
+
+    def stop(self) -> None:
+        """Back to PRE-OPERATIONAL. Raises BusError."""
+        self._running = False
+        self._node.pre_operational()
+
+    def clear_fault(self) -> None:
+        """Forget a latched fault; after a boot-up this configures the encoder anew (blocking).
+
+        Raises as `configure`; the fault stays latched then.
+        """
+        if not self._configured:
+            self.configure()
+            self.start()
+        self._foreign_sync = self._port.counters.foreign_sync
+        self.fault = self.emergency = ""
+
+    # -- cyclic: realtime loop -------------------------------------------------------------------
+
+    def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
+        """Ask for one sample: sends SYNC, or, where another node sends it, passes the clocks on.
+
+        sequence: tick number. monotonic_ns, stamp_ns: now, on both clocks [ns]. Raises BusError.
+        """
+        if not self._running:
+            return
+        if not self._port.sync_producer:
+            self._stamp_offset_ns = stamp_ns - monotonic_ns
+            return
+        if self._port.counters.foreign_sync != self._foreign_sync:
+            self._latch(f"somebody else sends SYNC on {self._port.name}")
+        if not self._begin(sequence, monotonic_ns, stamp_ns):
+            return
+        try:
+            self._port.send_sync(monotonic_ns)
+        except BusError:
+            self.counters.bus_errors += 1
+            raise
+
+    def reading(self) -> EncoderReading | None:
+        """Return the answer to the last request, once; None while there is none."""
+        reading, self._fresh = self._fresh, None
+        return reading
+
+    def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
+        counters = self.counters
+        counters.requests += 1
+        if self._waiting:
+            counters.missing += 1
+        self._asked = (sequence, monotonic_ns, stamp_ns)
+        self._fresh = None
+        self._waiting = True
+        asked = self._ledger.ask()
+        if not asked:
+            counters.silent += 1
+        return asked
+
+    def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
+        if self._running:
+            sequence = arrival_ns // self._period_ns & SEQUENCE_MASK
+            self._begin(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
+
+    def _on_position(self, data: bytes, _arrival_ns: int) -> None:
+        counters = self.counters
+        verdict = self._ledger.answer()
+        if len(data) != _POSITION.size:
+            counters.wrong_length += 1
+            return
+        if verdict != FRESH or not self._running:
+            if verdict == LATE:
+                counters.late += 1
+            else:
+                counters.unexpected += 1
+            return
+        raw = _POSITION.unpack(data)[0]
+        if not self._unwrapper.holds(raw):
+            counters.out_of_range += 1
+            return
+        sample = self._last = self._sample(self._unwrapper.step(raw))
+        if self.fault:
+            return
+        self._waiting = False
+        counters.received += 1
+        self._fresh = sample
+
+    def _sample(self, count: int) -> EncoderReading:
+        sequence, monotonic_ns, stamp_ns = self._asked
+        last = self._last
+        velocity = 0.0
+        if last is not None and monotonic_ns > last.monotonic_ns:
+            velocity = self._velocity(last, count, monotonic_ns)
+        position = self._offset + count * self._metres
+        return EncoderReading(
+            sequence, monotonic_ns, stamp_ns, count, position, velocity, self.homed
+        )
+
+    def _velocity(self, last: EncoderReading, count: int, monotonic_ns: int) -> float:
+        elapsed_ns = monotonic_ns - last.monotonic_ns
+        raw = back_difference(last.count, count, elapsed_ns * 1e-9) * self._metres
+        steps = round(elapsed_ns / self._period_ns)
+        if steps > _LONGEST_GAP:
+            self._filter = lowpass_settled(raw)
+            return raw
+        velocity = raw
+        for _ in range(max(1, steps)):
+            velocity, self._filter = lowpass_step(self._lowpass, self._filter, raw)
+        return velocity
+
+    # -- homing, slow polls ----------------------------------------------------------------------
+
+    def home(self) -> float:
+        """Declare that the nut stands at the reference mark; return that height [m].
+
+        Raises NotHomed when there is no sample yet, a fault, or the nut moves.
+        """
+        last, settings = self._last, self.settings
+        if self.fault or last is None or not self._running:
+            raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
+        if abs(last.velocity) > settings.home_speed_limit:
+            raise NotHomed(
+                f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
+                f"(limit {settings.home_speed_limit:g} m/s)"
+            )
+        self._offset = settings.home_position - last.count * self._metres
+        self.homed = True
+        return settings.home_position
+
+    def poll_slow(self) -> None:
+        """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
+        try:
+            with self._port.pumping():
+                status = self._optional(0x6500)
+                alarms = self._optional(0x6503)
+                warnings = self._optional(0x6505)
+        except (NotAnswering, BusError):
+            self.counters.slow_polls_failed += 1
+            return
+        self.operating_status = status
+        self.warnings = _bit_names(warnings, setup.WARNINGS)
+        if alarms:
+            self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
+
+    def snapshot(self) -> EncoderCounters:
+        """Return a copy of the counters."""
+        return replace(self.counters)
+
+    def _optional(self, index: int) -> int:
+        if index in self._absent:
+            return 0
+        try:
+            return self._node.sdo.unsigned(index)
+        except Refused:
+            self._absent.add(index)
+            return 0
+
+    # -- what the device reports by itself -------------------------------------------------------
+
+    def _boot_up(self) -> None:
+        self.counters.boot_ups += 1
+        if not self._configured:
+            return
+        self._configured = self._running = False
+        self.homed = False
+        self._latch(
+            "the encoder restarted (boot-up): its configuration and the home position are gone; "
+            "clear the fault to configure it again, then home"
+        )
+
+    def _emergency(self, emergency: Emergency) -> None:
+        self.counters.emcy += 1
+        self.emergency = "" if emergency.is_reset else emergency.text
+        if self.emergency and self._running:
+            self._latch(f"encoder emergency {emergency.text}")
+
+    def _latch(self, reason: str) -> None:
+        self.fault = self.fault or reason
+
+
+def _bit_names(word: int, names: dict[int, str]) -> list[str]:
+    return [names.get(bit, f"bit {bit}") for bit in range(16) if word >> bit & 1]

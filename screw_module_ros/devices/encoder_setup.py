@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the encoder and its configuration over SDO (CiA 406, thesis 3.1.8)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..settings import Setting
+from . import pdo
+from .bus_load import Traffic
+from .errors import NotConfigured, Refused
+from .node import CanopenNode
+from .unwrap import FULL_RANGE
+
+PROFILE = 406
+POSITION = pdo.Entry(0x6004, 0, 32)
+
+# Object 6000, operating parameters.
+_CODE_SEQUENCE_BIT = 0x0001
+_SCALING_BIT = 0x0004
+
+#: Object 6503, alarms; bits 12 to 15 are the manufacturer's.
+ALARMS = {0: "position error", 1: "commissioning diagnostics"}
+#: Object 6505, warnings.
+WARNINGS = {
+    0: "frequency exceeded",
+    1: "light control reserve reached",
+    2: "CPU watchdog",
+    3: "operating time limit",
+    4: "battery charge too low",
+    5: "reference point not reached",
+}
+
+
+class EncoderSettings(NamedTuple):
+    """The encoder on the screw's motor: where it is, how it counts, what a count means."""
+
+    node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 2
+    rate: Annotated[float, Setting("ticks (SYNCs) per second", "Hz", 1.0, 4000.0)] = 1000.0
+    counts_per_turn: Annotated[
+        int, Setting("counts per turn of the screw, object 6001", "counts", 4, 2**31)
+    ] = 20000
+    measuring_range: Annotated[
+        int, Setting("counts after which the position wraps, object 6002; 0 = as it is", "counts",
+                     0, FULL_RANGE - 1)
+    ] = 0
+    code_sequence: Annotated[
+        int, Setting("counting direction in the device, object 6000 bit 0", choices=(0, 1))
+    ] = 0
+    direction: Annotated[
+        int, Setting("1 when the count rises as the nut goes up, else -1", choices=(1, -1))
+    ] = 1
+    lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 1.0)] = 0.01905
+    home_position: Annotated[
+        float, Setting("height of the reference mark above the bottom of travel", "m", -1.0, 1.0)
+    ] = 0.0
+    home_speed_limit: Annotated[
+        float, Setting("homing is refused while the nut moves faster", "m/s", 0.0, 1.0)
+    ] = 0.005
+    velocity_cutoff: Annotated[
+        float, Setting("cutoff of the velocity filter", "Hz", 0.1, 1000.0)
+    ] = 30.0
+    vendor_id: Annotated[int, Setting("vendor expected, object 1018:01; 0 = any", "", 0)] = 0
+    product_code: Annotated[int, Setting("product expected, object 1018:02; 0 = any", "", 0)] = 0
+    sdo_timeout: Annotated[
+        float, Setting("time limit of one SDO try; there are two", "s", 0.01, 10.0)
+    ] = 0.5
+    listen: Annotated[
+        float, Setting("listen for another SYNC producer before configuring", "s", 0.0, 2.0)
+    ] = 0.1
+
+
+def position_pdo(settings: EncoderSettings) -> pdo.Pdo:
+    """Return TPDO1: object 6004 at every SYNC."""
+    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, (POSITION,))
+
+
+def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> list[Traffic]:
+    """Return the frames of this device for the bus load, SYNC included where we send it."""
+    frames = [Traffic("encoder TPDO1", position_pdo(settings).size, settings.rate)]
+    return [Traffic("SYNC", 0, settings.rate), *frames] if sync_producer else frames
+
+
+def configure(node: CanopenNode, settings: EncoderSettings) -> int:
+    """Bring the encoder into the state the settings describe, up to but without NMT start.
+
+    Returns the range at which the position wraps [counts]. Raises NotAnswering, WrongDevice,
+    Refused, NotConfigured.
+    """
+    boot_ups = node.boot_ups
+    node.pre_operational()
+    node.identify(PROFILE, settings.vendor_id, settings.product_code)
+    wrap = _scale(node, settings)
+    position = position_pdo(settings)
+    pdo.disable_unused(node.sdo, (position,))
+    pdo.configure(node.sdo, position)
+    node.undisturbed(boot_ups)
+    return wrap
+
+
+def _scale(node: CanopenNode, settings: EncoderSettings) -> int:
+    """Set direction and resolution; 6001 and 6002 act only with the scaling bit of 6000."""
+    sdo = node.sdo
+    parameters = sdo.unsigned(0x6000)
+    wanted = parameters & ~_CODE_SEQUENCE_BIT | settings.code_sequence | _SCALING_BIT
+    try:
+        _set_if_other(sdo, 0x6000, wanted, 2)
+    except (Refused, NotConfigured):
+        return _unscaled(node, settings)
+    _set_if_other(sdo, 0x6001, settings.counts_per_turn, 4)
+    if settings.measuring_range:
+        _set_if_other(sdo, 0x6002, settings.measuring_range, 4)
+    # 2^32 does not fit into the object: a device that uses the whole range shows 0.
+    return sdo.unsigned(0x6002) or FULL_RANGE
+
+
+def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
+    """Take an encoder that cannot scale, if it counts as the settings say."""
+    sdo = node.sdo
+    direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
+    _set_if_other(sdo, 0x6000, direction, 2)
+    per_turn = sdo.unsigned(0x6501)
+    if per_turn != settings.counts_per_turn:
+        raise NotConfigured(
+            f"{node.label} cannot scale (object 6000 bit 2) and counts {per_turn} per turn; "
+            f"counts_per_turn is {settings.counts_per_turn}"
+        )
+    try:
+        turns = sdo.unsigned(0x6502)
+    except Refused:
+        return FULL_RANGE  # an incremental encoder has no number of turns
+    return per_turn * turns or FULL_RANGE
+
+
+def _set_if_other(sdo, index: int, value: int, size: int) -> None:
+    """Write only what differs: some encoders write each change to EEPROM."""
+    if sdo.unsigned(index) != value:
+        sdo.set(index, 0, value, size)

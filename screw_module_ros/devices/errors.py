@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can go wrong with a device, as exceptions whose text can be shown to the user as it is::
+
+    DeviceError
+     +-- BusError        the bus cannot be opened, or failed while in use (cable, bus off)
+     +-- BusOverload     the configured frames do not fit on the bus
+     +-- Occupied        somebody else already drives this device or this bus
+     +-- NotAnswering    a device stays silent
+     +-- Refused         a device answered with an SDO abort
+     +-- WrongDevice     another profile, vendor, product or rating than expected
+     +-- NotConfigured   a value written is not the value read back, or a mode is missing
+     +-- NotEnabled      enabling is not allowed now
+     +-- NotHomed        homing is not allowed now
+     +-- NotTared        taring is not allowed now
+
+Values that are out of range raise ValueError at construction instead.
+"""
+
+from __future__ import annotations
+
+
+class DeviceError(Exception):
+    """Anything the drivers raise on purpose."""
+
+
+class BusError(DeviceError):
+    """The bus cannot be opened or has failed. Example: a cable out, a wrong channel, bus off."""
+
+
+class BusOverload(DeviceError):
+    """The frames to be sent per second do not fit on the bus at its bit rate."""
+
+
+class Occupied(DeviceError):
+    """Another process already drives the device. Example: a second copy of a node."""
+
+
+class NotAnswering(DeviceError):
+    """A device did not answer within its time limit. Example: power off, wrong node id."""
+
+
+class Refused(DeviceError):
+    """A device answered an SDO request with an abort code (CiA 301, 7.2.4.3.17).
+
+    code: the abort code, so that a missing object can be told from a refused value.
+    """
+
+    #: Abort codes that say: there is no such object here.
+    ABSENT = frozenset({0x06020000, 0x06090011})
+
+    def __init__(self, text: str, code: int):
+        super().__init__(text)
+        self.code = code
+
+    @property
+    def absent(self) -> bool:
+        """Whether the device says that it has no such object or sub-index."""
+        return self.code in self.ABSENT
+
+
+class WrongDevice(DeviceError):
+    """The device is not the one the settings describe. Example: a drive where an encoder is."""
+
+
+class NotConfigured(DeviceError):
+    """The device did not take its configuration. Example: another value read back."""
+
+
+class NotEnabled(DeviceError):
+    """A drive may not be enabled now. Example: a latched fault, a guard that was refused."""
+
+
+class NotHomed(DeviceError):
+    """Homing is not possible now. Example: no sample yet, or the nut moves."""
+
+
+class NotTared(DeviceError):
+    """Taring is not possible now. Example: the handle is loaded or being moved."""

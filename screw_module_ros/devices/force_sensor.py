@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ATI six-axis transducer with NETCANOEM electronics, polled once a tick (thesis 3.1.9).
+
+wrench = matrix @ (gauges - bias) / counts per unit. The bias lives here, as the wrench that it
+amounts to; the frames carry no number, so a sample counts only when both halves of it came before
+the next request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ..samples import ForceReading
+from ..settings import validated
+from . import ati
+from .ati_dialogue import Dialogue, SensorIdentity
+from .bus_load import Traffic
+from .errors import BusError, NotAnswering, Occupied, WrongDevice
+from .force_sensor_settings import ANY_CALIBRATION, ForceSensorSettings, force_sensor_traffic
+from .ledger import FRESH, LATE, Ledger
+from .port import Port
+from .tare import mean_wrench
+
+Wrench = tuple[float, float, float, float, float, float]
+_NO_WRENCH: Wrench = (0.0,) * ati.AXES
+
+
+@dataclass
+class ForceSensorCounters:
+    """What happened since the driver was made.
+
+    requests: ticks. received: samples delivered. missing: ticks without one. late: frames that
+    came after the next request. unexpected: frames nobody asked for. silent: ticks kept silent to
+    tell late from lost. out_of_order: second halves without their first. wrong_length: frames
+    dropped. saturated: samples with a gauge at its end. status_faults: samples whose status makes
+    them unusable. reserved_bits: samples with status bits that mean nothing. foreign_requests:
+    polls of somebody else.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
+    out_of_order: int = 0
+    wrong_length: int = 0
+    saturated: int = 0
+    status_faults: int = 0
+    reserved_bits: int = 0
+    foreign_requests: int = 0
+    bus_errors: int = 0
+    slow_polls_failed: int = 0
+
+
+class ForceSensor:
+    """Driver of one sensor; `request` and `reading` belong to the realtime loop.
+
+    fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
+    word, so that whoever uses them sees it; saturated ones do not.
+    """
+
+    def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
+        self.settings = validated(settings)
+        self.counters = ForceSensorCounters()
+        self.fault = ""
+        self.sensor = SensorIdentity()
+        self.diagnostics: dict[int, int] = {}
+        self.bias: Wrench = _NO_WRENCH
+        self._port = port
+        self._label = label
+        self._dialogue = Dialogue(port, settings.base_id, label, settings.timeout)
+        self._request_id = settings.base_id << 4
+        self._rows: tuple[ati.Row, ...] = ()
+        self._ledger = Ledger(parts=2)
+        self._earlier_biases: list[Wrench] = []
+        self._running = self._waiting = False
+        self._asked = (0, 0, 0)
+        self._half: tuple[int, int, int, int] | None = None
+        self._fresh: ForceReading | None = None
+        port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
+        port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
+
+    # -- configuration: blocking -----------------------------------------------------------------
+
+    @property
+    def identity(self) -> str:
+        """Who the device says it is, for hardware_id."""
+        return self.sensor.text
+
+    @property
+    def traffic(self) -> list[Traffic]:
+        """Frames for the bus load."""
+        return force_sensor_traffic(self.settings)
+
+    def configure(self) -> None:
+        """Find the sensor, check who it is and read its calibration; blocking.
+
+        Raises Occupied, NotAnswering, WrongDevice, NotConfigured, BusError.
+        """
+        settings, dialogue = self.settings, self._dialogue
+        self._running = False
+        if self._port.heard({self._request_id: _is_request}, settings.listen) is not None:
+            raise Occupied(
+                f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
+                f"{self._port.name}: is a second copy of this node running?"
+            )
+        with self._port.pumping():
+            serial = dialogue.serial()
+            if settings.serial and serial != settings.serial:
+                raise WrongDevice(
+                    f"{self._label} on {self._port.name} has serial {serial!r}; "
+                    f"{settings.serial!r} is wanted"
+                )
+            if settings.calibration != ANY_CALIBRATION:
+                dialogue.set_calibration(settings.calibration)
+            self.sensor = sensor = dialogue.identify()
+            matrix = dialogue.matrix()
+        self._rows = ati.counts_to_wrench(
+            matrix,
+            sensor.force_unit / sensor.counts_per_force,
+            sensor.torque_unit / sensor.counts_per_torque,
+            ati.rotation(settings.roll, settings.pitch, settings.yaw),
+            settings.sign,
+        )
+
+    def start(self) -> None:
+        """Let samples flow from the next request on. Raises WrongDevice before `configure`."""
+        if not self._rows:
+            raise WrongDevice(f"{self._label} is not configured")
+        self._ledger.reset()
+        self._waiting = False
+        self._running = True
+
+    def stop(self) -> None:
+        """Ask for nothing more."""
+        self._running = False
+
+    def reset(self) -> None:
+        """Restart the board and configure it anew; blocking, raises as `configure`."""
+        self._running = False
+        self._dialogue.reset()
+        self.configure()
+
+    def clear_fault(self) -> None:
+        """Forget a latched fault."""
+        self.fault = ""
+
+    # -- cyclic: realtime loop -------------------------------------------------------------------
+
+    def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
+        """Poll once. sequence: tick number; monotonic_ns, stamp_ns: now, on both clocks [ns].
+
+        Raises BusError.
+        """
+        if not self._running:
+            return
+        counters = self.counters
+        counters.requests += 1
+        if self._waiting:
+            counters.missing += 1
+        self._asked = (sequence, monotonic_ns, stamp_ns)
+        self._fresh = self._half = None
+        self._waiting = True
+        if not self._ledger.ask():
+            counters.silent += 1
+            return
+        try:
+            self._port.send(self._request_id, b"")
+        except BusError:
+            counters.bus_errors += 1
+            raise
+
+    def reading(self) -> ForceReading | None:
+        """Return the answer to the last request, once; None while there is none."""
+        reading, self._fresh = self._fresh, None
+        return reading
+
+    def _on_first(self, data: bytes, _arrival_ns: int) -> None:
+        if not self._running:
+            return
+        if not data:
+            self.counters.foreign_requests += 1
+            self._latch(f"somebody else polls the {self._label} on {self._port.name}")
+            return
+        verdict = self._ledger.answer(0)
+        if len(data) != ati.GAUGES_FIRST.size:
+            self.counters.wrong_length += 1
+        elif verdict == FRESH:
+            self._half = ati.GAUGES_FIRST.unpack(data)
+        else:
+            self._note(verdict)
+
+    def _on_second(self, data: bytes, _arrival_ns: int) -> None:
+        if not self._running:
+            return
+        verdict = self._ledger.answer(1)
+        half, self._half = self._half, None
+        if len(data) != ati.GAUGES_SECOND.size:
+            self.counters.wrong_length += 1
+        elif verdict != FRESH:
+            self._half = half  # an older second half: the first one in hand still waits for its own
+            self._note(verdict)
+        elif half is None:
+            self.counters.out_of_order += 1
+        else:
+            self._complete(half, ati.GAUGES_SECOND.unpack(data))
+
+    def _note(self, verdict: int) -> None:
+        if verdict == LATE:
+            self.counters.late += 1
+        else:
+            self.counters.unexpected += 1
+
+    def _complete(self, first: tuple[int, int, int, int], second: tuple[int, int, int]) -> None:
+        status, g0, g2, g4 = first
+        g1, g3, g5 = second
+        if status:
+            self._note_status(status)
+        end = ati.SATURATED
+        if max(g0, g1, g2, g3, g4, g5) >= end or min(g0, g1, g2, g3, g4, g5) <= -end:
+            self.counters.saturated += 1
+            return
+        self._waiting = False
+        self.counters.received += 1
+        self._fresh = ForceReading(
+            *self._asked,
+            *[
+                a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 - bias
+                for (a, b, c, d, e, f), bias in zip(self._rows, self.bias, strict=True)
+            ],
+            status,
+        )
+
+    def _note_status(self, status: int) -> None:
+        if status & ati.RESERVED_MASK:
+            self.counters.reserved_bits += 1
+        if status & ati.FAULT_MASK:
+            self.counters.status_faults += 1
+            self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")
+
+    def _latch(self, reason: str) -> None:
+        self.fault = self.fault or reason
+
+    # -- taring, slow polls ----------------------------------------------------------------------
+
+    def tare(self, readings: Sequence[ForceReading]) -> Wrench:
+        """Make the mean of `readings` the new zero; return the bias now removed [N, Nm].
+
+        Raises NotTared when there are too few, one is unusable, or the handle is loaded or moved.
+        """
+        mean = mean_wrench(readings, self.settings)
+        self._earlier_biases.append(self.bias)
+        self.bias = tuple(old + new for old, new in zip(self.bias, mean, strict=True))
+        return self.bias
+
+    def untare(self) -> Wrench:
+        """Undo the last `tare`; return the bias now removed, zero when none is left."""
+        self.bias = self._earlier_biases.pop() if self._earlier_biases else _NO_WRENCH
+        return self.bias
+
+    def poll_slow(self) -> None:
+        """Read the diagnostic voltages into `diagnostics` [ADC counts]; not for the loop."""
+        try:
+            with self._port.pumping():
+                self.diagnostics = {i: self._dialogue.diagnostic(i) for i in ati.DIAGNOSTICS}
+        except (NotAnswering, BusError):
+            self.counters.slow_polls_failed += 1
+
+    def snapshot(self) -> ForceSensorCounters:
+        """Return a copy of the counters."""
+        return replace(self.counters)
+
+
+def _is_request(data: bytes) -> bool:
+    return not data

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the force sensor and what it costs on the bus."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..settings import Setting
+from . import ati
+from .bus_load import Traffic
+
+ANY_CALIBRATION = -1
+
+
+class ForceSensorSettings(NamedTuple):
+    """The transducer: where it is, how it is mounted, when it may be tared."""
+
+    base_id: Annotated[
+        int, Setting("high seven bits of its identifiers", choices=tuple(sorted(ati.FREE_BASES)))
+    ] = 0x12
+    rate: Annotated[float, Setting("polls per second", "Hz", 1.0, 4000.0)] = 1000.0
+    calibration: Annotated[
+        int, Setting("calibration to make active, -1 = the one that is", "", ANY_CALIBRATION, 15)
+    ] = ANY_CALIBRATION
+    serial: Annotated[str, Setting("serial number expected, empty for any")] = ""
+    roll: Annotated[float, Setting("mounting, sensor to handle axes, about x", "rad", -7, 7)] = 0.0
+    pitch: Annotated[float, Setting("mounting, then about the fixed y", "rad", -7, 7)] = 0.0
+    yaw: Annotated[float, Setting("mounting, then about the fixed z", "rad", -7, 7)] = 0.0
+    sign: Annotated[
+        int, Setting("1 when it shows the patient's force on the robot, else -1", choices=(1, -1))
+    ] = 1
+    tare_samples: Annotated[int, Setting("fewest samples to tare with", "", 1, 10000)] = 100
+    tare_force_limit: Annotated[
+        float, Setting("taring is refused above this mean force", "N", 0.0, 500.0)
+    ] = 30.0
+    tare_spread_limit: Annotated[
+        float, Setting("taring is refused above this standard deviation", "N", 0.0, 100.0)
+    ] = 3.0
+    timeout: Annotated[
+        float, Setting("time limit of one blocking question; two tries", "s", 0.01, 10.0)
+    ] = 0.5
+    listen: Annotated[
+        float, Setting("listen for another poller before configuring", "s", 0.0, 2.0)
+    ] = 0.1
+
+
+def force_sensor_traffic(settings: ForceSensorSettings) -> list[Traffic]:
+    """Return the frames of this device for the bus load."""
+    return [
+        Traffic("force sensor request", 0, settings.rate),
+        Traffic("force sensor status, gauges 0 2 4", ati.GAUGES_FIRST.size, settings.rate),
+        Traffic("force sensor gauges 1 3 5", ati.GAUGES_SECOND.size, settings.rate),
+    ]

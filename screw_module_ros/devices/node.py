@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every CANopen device has: identity, network management, heartbeat, emergencies (CiA 301)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from canopen.nmt import NMT_STATES, NmtMaster
+
+from . import emcy
+from .errors import NotConfigured, Refused, WrongDevice
+from .port import Port
+from .sdo import Sdo
+
+BOOT_UP = 0x00
+STOPPED = 0x04
+OPERATIONAL = 0x05
+PRE_OPERATIONAL = 0x7F
+
+_NMT_START = 0x01
+_NMT_PRE_OPERATIONAL = 0x80
+_HEARTBEAT_BASE = 0x700
+_EMCY_BASE = 0x080
+_TOGGLE_BIT = 0x80
+
+
+class Identity(NamedTuple):
+    """Objects 1000 and 1018 of a device; 0 where it does not say."""
+
+    device_type: int
+    vendor_id: int = 0
+    product_code: int = 0
+    revision: int = 0
+    serial: int = 0
+
+    @property
+    def profile(self) -> int:
+        """Number of the device profile: 402 for drives, 406 for encoders."""
+        return self.device_type & 0xFFFF
+
+    @property
+    def text(self) -> str:
+        """Identity for people and for hardware_id."""
+        return (
+            f"CiA {self.profile}, vendor 0x{self.vendor_id:X}, product 0x{self.product_code:X}, "
+            f"revision 0x{self.revision:X}, serial {self.serial}"
+        )
+
+
+class CanopenNode:
+    """One remote node: who it is, its network state, what it reports by itself.
+
+    label: how messages call the device, like `vertical drive`. on_boot_up() and
+    on_emergency(Emergency) are called from whoever pumps the port.
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        node_id: int,
+        label: str,
+        sdo_timeout_s: float,
+        on_boot_up: Callable[[], None],
+        on_emergency: Callable[[emcy.Emergency], None],
+    ):
+        self.port = port
+        self.node_id = node_id
+        self.label = label
+        self.sdo = Sdo(port, node_id, label, sdo_timeout_s)
+        self.identity = Identity(0)
+        self.state: int | None = None
+        self.heartbeat_ns: int | None = None
+        self.boot_ups = 0
+        self.malformed = 0
+        self._on_boot_up = on_boot_up
+        self._on_emergency = on_emergency
+        self._nmt = NmtMaster(node_id)
+        self._nmt.network = port.network
+        port.subscribe(_HEARTBEAT_BASE + node_id, self._heartbeat)
+        port.subscribe(_EMCY_BASE + node_id, self._emergency)
+
+    def start(self) -> None:
+        """Make this node, and no other, OPERATIONAL."""
+        self._nmt.send_command(_NMT_START)
+
+    def pre_operational(self) -> None:
+        """Make this node, and no other, PRE-OPERATIONAL: its PDOs stop."""
+        self._nmt.send_command(_NMT_PRE_OPERATIONAL)
+
+    @property
+    def state_text(self) -> str:
+        """Network state by name, as the last heartbeat said."""
+        return NMT_STATES.get(self.state, "unknown") if self.state is not None else "unknown"
+
+    def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
+        """Read who the node is and refuse another than expected; 0 = any.
+
+        Raises WrongDevice, NotAnswering.
+        """
+        sdo = self.sdo
+        parts = [sdo.unsigned(0x1000)]
+        for subindex in range(1, 5):
+            try:
+                parts.append(sdo.unsigned(0x1018, subindex))
+            except Refused:
+                parts.append(0)  # only the vendor is mandatory
+        self.identity = found = Identity(*parts)
+        wanted = {"profile": profile, "vendor_id": vendor_id, "product_code": product_code}
+        for name, value in wanted.items():
+            if value and getattr(found, name) != value:
+                raise WrongDevice(
+                    f"{self.label}: node id {self.node_id} on {self.port.name} is another device "
+                    f"({found.text}); {name} {value} (0x{value:X}) is wanted: check the node id "
+                    "and the cable"
+                )
+        return found
+
+    def undisturbed(self, boot_ups: int) -> None:
+        """Raise NotConfigured when the node has restarted since it had booted `boot_ups` times."""
+        if self.boot_ups != boot_ups:
+            raise NotConfigured(
+                f"{self.label} restarted while it was being configured; check its supply"
+            )
+
+    def _heartbeat(self, data: bytes, arrival_ns: int) -> None:
+        if len(data) != 1:
+            self.malformed += 1
+            return
+        state = data[0] & ~_TOGGLE_BIT
+        self.heartbeat_ns = arrival_ns
+        if state == BOOT_UP:
+            self.boot_ups += 1
+            self.state = PRE_OPERATIONAL
+            self._on_boot_up()
+        else:
+            self.state = state
+
+    def _emergency(self, data: bytes, _arrival_ns: int) -> None:
+        emergency = emcy.decode(data)
+        if emergency is None:
+            self.malformed += 1
+        else:
+            self._on_emergency(emergency)

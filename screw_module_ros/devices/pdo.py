@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Configures process data objects (CiA 301, 7.5.2.35 to 38) in the order devices insist on.
+
+Per PDO: disable (bit 31), count 0, entries, count, type, timers, enable; each value is read back.
+Identifiers are compared under the mask 0x7FF, since bit 30 and others may be the device's own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .errors import NotConfigured, Refused
+from .sdo import Sdo
+
+ID_MASK = 0x7FF
+_DISABLED = 1 << 31
+_NO_REMOTE = 1 << 30
+_EXTENDED = 1 << 29
+_RECEIVE_PARAMETERS, _RECEIVE_MAPPING = 0x1400, 0x1600
+_TRANSMIT_PARAMETERS, _TRANSMIT_MAPPING = 0x1800, 0x1A00
+#: PDOs beyond these may exist but are disabled by default in CiA 301.
+_PDOS_LOOKED_AT = 8
+
+ON_EVERY_SYNC = 1
+ON_EVENT = 255
+
+
+class Entry(NamedTuple):
+    """One mapped object: index, sub-index and its size [bit]."""
+
+    index: int
+    subindex: int
+    bits: int
+
+    @property
+    def value(self) -> int:
+        """The entry as it stands in the mapping."""
+        return self.index << 16 | self.subindex << 8 | self.bits
+
+
+class Pdo(NamedTuple):
+    """One PDO as it shall be.
+
+    number: 1 for the first. transmit: sent by the device. cob_id: its identifier. kind:
+    transmission type, 1..240 = at every n-th SYNC, 255 = on event. entries: what it carries.
+    timer_ms: event timer of a TPDO, deadline of an RPDO [ms], 0 = off.
+    """
+
+    number: int
+    transmit: bool
+    cob_id: int
+    kind: int
+    entries: tuple[Entry, ...]
+    timer_ms: int = 0
+
+    @property
+    def parameters(self) -> int:
+        """Index of the communication parameters."""
+        base = _TRANSMIT_PARAMETERS if self.transmit else _RECEIVE_PARAMETERS
+        return base + self.number - 1
+
+    @property
+    def mapping(self) -> int:
+        """Index of the mapping."""
+        base = _TRANSMIT_MAPPING if self.transmit else _RECEIVE_MAPPING
+        return base + self.number - 1
+
+    @property
+    def size(self) -> int:
+        """Length of the frame [byte]."""
+        return sum(entry.bits for entry in self.entries) // 8
+
+
+def disable_unused(sdo: Sdo, used: tuple[Pdo, ...]) -> None:
+    """Disable every PDO of the device that is not in `used`; raises as `Sdo.set`."""
+    keep = {pdo.parameters for pdo in used}
+    for base in (_RECEIVE_PARAMETERS, _TRANSMIT_PARAMETERS):
+        for index in range(base, base + _PDOS_LOOKED_AT):
+            if index not in keep:
+                _disable(sdo, index, optional=True)
+
+
+def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
+    """Configure one PDO and read everything back.
+
+    Returns why the timer was not taken where `timer_optional` allows that, else an empty string.
+    Raises NotConfigured, Refused, NotAnswering.
+    """
+    before = _disable(sdo, pdo.parameters)
+    _map(sdo, pdo)
+    sdo.set(pdo.parameters, 2, pdo.kind, 1)
+    if pdo.transmit:
+        _clear_if_there(sdo, pdo.parameters, 3)
+    refused = _set_timer(sdo, pdo, timer_optional)
+    keep = before & _NO_REMOTE if pdo.transmit else 0
+    sdo.write(pdo.parameters, 1, keep | pdo.cob_id, 4)
+    _check_identifier(sdo, pdo)
+    return refused
+
+
+def _disable(sdo: Sdo, parameters: int, optional: bool = False) -> int:
+    """Disable the PDO and return its identifier object as it was before."""
+    try:
+        before = sdo.unsigned(parameters, 1)
+    except Refused:
+        if optional:
+            return 0  # no such PDO
+        raise
+    if not before & _DISABLED:
+        sdo.write(parameters, 1, before | _DISABLED, 4)
+        if not sdo.unsigned(parameters, 1) & _DISABLED:
+            raise NotConfigured(f"{sdo.label}: PDO {parameters:04X} cannot be disabled")
+    return before
+
+
+def _map(sdo: Sdo, pdo: Pdo) -> None:
+    try:
+        sdo.set(pdo.mapping, 0, 0, 1)
+    except Refused as error:
+        if _mapped(sdo, pdo) != [entry.value for entry in pdo.entries]:
+            raise NotConfigured(
+                f"{sdo.label}: the mapping {pdo.mapping:04X} is fixed and not the one needed "
+                f"({error})"
+            ) from error
+        return  # fixed, and right
+    for subindex, entry in enumerate(pdo.entries, start=1):
+        sdo.set(pdo.mapping, subindex, entry.value, 4)
+    sdo.set(pdo.mapping, 0, len(pdo.entries), 1)
+
+
+def _mapped(sdo: Sdo, pdo: Pdo) -> list[int]:
+    count = sdo.unsigned(pdo.mapping, 0)
+    return [sdo.unsigned(pdo.mapping, subindex) for subindex in range(1, count + 1)]
+
+
+def _clear_if_there(sdo: Sdo, parameters: int, subindex: int) -> None:
+    """Set a time to 0 unless it is, or is not implemented, which is the same."""
+    try:
+        if sdo.unsigned(parameters, subindex) == 0:
+            return
+    except Refused:
+        return
+    sdo.set(parameters, subindex, 0, 2)
+
+
+def _set_timer(sdo: Sdo, pdo: Pdo, optional: bool) -> str:
+    if pdo.timer_ms == 0:
+        _clear_if_there(sdo, pdo.parameters, 5)
+        return ""
+    try:
+        sdo.set(pdo.parameters, 5, pdo.timer_ms, 2)
+    except (Refused, NotConfigured) as error:
+        if not optional:
+            raise
+        return str(error)
+    return ""
+
+
+def _check_identifier(sdo: Sdo, pdo: Pdo) -> None:
+    found = sdo.unsigned(pdo.parameters, 1)
+    if found & ID_MASK != pdo.cob_id or found & (_DISABLED | _EXTENDED):
+        raise NotConfigured(
+            f"{sdo.label}: PDO {pdo.parameters:04X} should be enabled with identifier "
+            f"0x{pdo.cob_id:X}, read back 0x{found:08X}"
+        )

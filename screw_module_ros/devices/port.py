@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One CAN bus with one reader: frames in by identifier, frames out, own echoes left out.
+
+A realtime loop owns the reading through `pump`. Blocking conversations (SDO) run in other threads
+and get their answers through that same loop; where no loop pumps, `pumping` does it meanwhile.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import can
+import canopen
+from can.interfaces.socketcan import SocketcanBus
+from can.interfaces.udp_multicast import UdpMulticastBus
+from can.interfaces.virtual import VirtualBus
+
+from .errors import BusError
+from .pump_helper import PumpHelper
+
+Callback = Callable[[bytes, int], None]
+
+SYNC_ID = 0x80
+#: A babbling device must not keep the loop inside one pump for ever.
+MAX_FRAMES_PER_PUMP = 256
+_BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
+_RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
+_SENDS_FROM_ANY_THREAD = (UdpMulticastBus, SocketcanBus, VirtualBus)
+_LOOP_IS_ALIVE_NS = 5_000_000
+_SEND_TAG = "screw_module_ros"
+
+
+@dataclass
+class PortCounters:
+    """Frames of one bus since it was opened, by kind."""
+
+    sent: int = 0
+    received: int = 0
+    echoes: int = 0
+    unclaimed: int = 0
+    malformed: int = 0
+    ignored: int = 0
+    error_frames: int = 0
+    send_errors: int = 0
+    receive_errors: int = 0
+    foreign_sync: int = 0
+
+
+class Port:
+    """One CAN bus, one reader.
+
+    bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC
+    is a mistake. name: how messages to the user call the bus. clock: gives the arrival of frames
+    on CLOCK_MONOTONIC [ns].
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        sync_producer: bool = True,
+        name: str = "",
+        clock: Callable[[], int] = time.monotonic_ns,
+    ):
+        self.bus = bus
+        self.sync_producer = sync_producer
+        self.name = name or str(bus.channel_info)
+        self.clock = clock
+        self.counters = PortCounters()
+        self.bus_off = False
+        self.network = _Network(self)
+        self._callbacks: dict[int, tuple[Callback, ...]] = {}
+        self._reading = threading.Lock()
+        self._sending = threading.Lock()
+        self._locked_send = not isinstance(bus, _SENDS_FROM_ANY_THREAD)
+        # udp_multicast hands a sender its own frames back. The tag tells them from a stranger's,
+        # the count tells them from a device that returns our frame, tag and all, as its reply.
+        self._tag = f"{_SEND_TAG} {id(self):x}" if isinstance(bus, UdpMulticastBus) else None
+        self._echoes_due: dict[int, int] = {}
+        self._pumped_ns = 0
+        self._helper = PumpHelper(self._pump_if_idle)
+
+    # -- sending ---------------------------------------------------------------------------------
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send one classical frame with an 11-bit identifier; safe from any thread.
+
+        Raises BusError when the bus does not take it (bus off, cable, full buffer).
+        """
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        if self._tag is not None:
+            message.channel = self._tag
+            self._echoes_due[can_id] = self._echoes_due.get(can_id, 0) + 1
+        try:
+            if self._locked_send:
+                with self._sending:
+                    self.bus.send(message)
+            else:
+                self.bus.send(message)
+        except (can.CanError, OSError) as error:
+            self._send_failed(can_id, error)
+        self.counters.sent += 1
+
+    def send_sync(self, now_ns: int) -> None:
+        """Send SYNC (CiA 301, 7.2.5) and tell the devices of this port that wait for it.
+
+        now_ns: CLOCK_MONOTONIC [ns].
+        """
+        self.send(SYNC_ID, b"")
+        for callback in self._callbacks.get(SYNC_ID, ()):
+            callback(b"", now_ns)
+
+    def _send_failed(self, can_id: int, error: Exception) -> None:
+        self.counters.send_errors += 1
+        if self._tag is not None:
+            self._echoes_due[can_id] -= 1
+        cause = error.__cause__ or error
+        raise BusError(
+            f"cannot send on {self.name}: {cause}; check cable, termination and bit rate"
+        ) from error
+
+    # -- receiving -------------------------------------------------------------------------------
+
+    def subscribe(self, can_id: int, callback: Callback) -> None:
+        """Call `callback(data, arrival)` for each frame; arrival on CLOCK_MONOTONIC [ns]."""
+        self._callbacks[can_id] = (*self._callbacks.get(can_id, ()), callback)
+
+    def unsubscribe(self, can_id: int, callback: Callback) -> None:
+        """Undo one `subscribe`; unknown callbacks are ignored."""
+        left = tuple(each for each in self._callbacks.get(can_id, ()) if each != callback)
+        if left:
+            self._callbacks[can_id] = left
+        else:
+            self._callbacks.pop(can_id, None)
+
+    def pump(self, timeout_s: float = 0.0) -> int:
+        """Wait at most `timeout_s` [s] for a frame, then dispatch all that wait.
+
+        Returns the number of frames, own echoes not counted. Raises BusError when the bus failed.
+        """
+        with self._reading:
+            handled = self._pump(timeout_s)
+        self._pumped_ns = time.monotonic_ns()
+        return handled
+
+    def _pump_if_idle(self, timeout_s: float) -> bool:
+        """Pump for a helper thread, unless a loop has done so in the last few milliseconds."""
+        if time.monotonic_ns() - self._pumped_ns < _LOOP_IS_ALIVE_NS:
+            return False
+        with self._reading:
+            self._pump(timeout_s)
+        return True
+
+    def _pump(self, timeout_s: float) -> int:
+        receive, dispatch, clock = self.bus.recv, self._dispatch, self.clock
+        handled = 0
+        for _ in range(MAX_FRAMES_PER_PUMP):
+            try:
+                message = receive(0.0 if handled else timeout_s)
+            except (can.CanError, OSError) as error:
+                self._receive_failed(error)
+                continue
+            if message is None:
+                break
+            handled += dispatch(message, clock())
+        return handled
+
+    def _dispatch(self, message: can.Message, now_ns: int) -> int:
+        can_id = message.arbitration_id
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+            self._note_odd(message)
+            return 1
+        if (message.channel == self._tag and self._is_echo(can_id)) or not message.is_rx:
+            self.counters.echoes += 1
+            return 0
+        self.counters.received += 1
+        callbacks = self._callbacks.get(can_id)
+        if can_id == SYNC_ID and self.sync_producer:
+            self.counters.foreign_sync += 1
+        elif callbacks is not None:
+            for callback in callbacks:
+                callback(message.data, now_ns)
+        else:
+            self._offer_to_network(message)
+        return 1
+
+    def _is_echo(self, can_id: int) -> bool:
+        if self._tag is None:
+            return False
+        due = self._echoes_due.get(can_id, 0)
+        if due:
+            self._echoes_due[can_id] = due - 1
+        return due > 0
+
+    def _note_odd(self, message: can.Message) -> None:
+        if not message.is_error_frame:
+            self.counters.ignored += 1
+            return
+        self.counters.error_frames += 1
+        if message.arbitration_id & _BUS_OFF_FLAG:
+            self.bus_off = True
+        elif message.arbitration_id & _RESTARTED_FLAG:
+            self.bus_off = False
+
+    def _offer_to_network(self, message: can.Message) -> None:
+        if message.arbitration_id not in self.network.subscribers:
+            self.counters.unclaimed += 1
+            return
+        try:
+            self.network.notify(message.arbitration_id, message.data, message.timestamp)
+        except Exception:  # canopen's callbacks trust the length of what comes in
+            self.counters.malformed += 1
+
+    def _receive_failed(self, error: Exception) -> None:
+        if isinstance(self.bus, UdpMulticastBus) and not isinstance(error.__cause__, OSError):
+            if isinstance(error, can.CanOperationError):
+                self.counters.malformed += 1  # a datagram of somebody else's, no CAN frame
+                return
+        self.counters.receive_errors += 1
+        cause = error.__cause__ or error
+        raise BusError(f"cannot receive on {self.name}: {cause}; check cable and driver") from error
+
+    @contextlib.contextmanager
+    def pumping(self) -> Iterator[None]:
+        """Keep frames coming in while the caller blocks; steps back when a loop pumps anyway.
+
+        A bus that fails meanwhile raises BusError on exit.
+        """
+        self._helper.enter()
+        try:
+            yield
+        finally:
+            failed = self._helper.leave()
+            if failed is not None:
+                raise failed  # outranks the timeout that it caused
+
+    def heard(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
+        """Listen for `listen_s` [s]; return the first identifier whose test a frame passes."""
+        found: list[int] = []
+        event = threading.Event()
+
+        def watcher(can_id: int, test: Callable[[bytes], bool]) -> Callback:
+            def watch(data: bytes, _arrival: int) -> None:
+                if test(data):
+                    found.append(can_id)
+                    event.set()
+
+            return watch
+
+        watchers = [(can_id, watcher(can_id, test)) for can_id, test in can_ids.items()]
+        before = self.counters.foreign_sync
+        for can_id, watch in watchers:
+            self.subscribe(can_id, watch)
+        if listen_s > 0.0:
+            with self.pumping():
+                event.wait(listen_s)
+        for can_id, watch in watchers:
+            self.unsubscribe(can_id, watch)
+        if self.counters.foreign_sync > before:
+            return SYNC_ID
+        return found[0] if found else None
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on, -1 where the interface has none."""
+        try:
+            return self.bus.fileno()
+        except NotImplementedError:
+            return -1
+
+    def snapshot(self) -> PortCounters:
+        """Return a copy of the counters."""
+        return replace(self.counters)
+
+    def close(self) -> None:
+        """Close the bus."""
+        self.bus.shutdown()
+
+
+class _Network(canopen.Network):
+    """What canopen's clients need of a network, carried by a Port."""
+
+    def __init__(self, port: Port):
+        super().__init__()
+        self._port = port
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        if remote:
+            raise NotImplementedError("remote frames are not used")
+        self._port.send(can_id, bytes(data))

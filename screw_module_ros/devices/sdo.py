@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads and writes the object dictionary of one device (CiA 301, 7.2.4) with errors in words.
+
+canopen's client does the protocol; this adds the time limit, a second try, read-back, and the
+node's name in every message. Blocking: never called from a realtime loop. The answers come in
+through whoever pumps the port.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+
+from canopen.objectdictionary import ObjectDictionary
+from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
+
+from .errors import NotAnswering, NotConfigured, Refused
+from .port import Port
+
+_FRAME_BYTES = 8
+_REQUEST_BASE = 0x600
+_RESPONSE_BASE = 0x580
+
+
+class Sdo:
+    """SDO client of one node; the only one of this node in the whole graph.
+
+    label: how messages call the device. timeout_s: time limit of one try [s]; there are two.
+    """
+
+    def __init__(self, port: Port, node_id: int, label: str, timeout_s: float = 0.5):
+        self.label = label
+        self._port = port
+        self._node_id = node_id
+        self._lock = threading.Lock()
+        self._client = SdoClient(
+            _REQUEST_BASE + node_id, _RESPONSE_BASE + node_id, ObjectDictionary()
+        )
+        self._client.network = port.network
+        self._client.RESPONSE_TIMEOUT = timeout_s
+        self._client.MAX_RETRIES = 1
+        port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
+
+    def _on_response(self, data: bytes, _arrival_ns: int) -> None:
+        if len(data) == _FRAME_BYTES:
+            self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
+
+    def close(self) -> None:
+        """Stop listening for responses."""
+        self._port.unsubscribe(_RESPONSE_BASE + self._node_id, self._on_response)
+
+    def read(self, index: int, subindex: int = 0) -> bytes:
+        """Upload one object.
+
+        Raises NotAnswering after two tries, Refused with the device's abort code, BusError.
+        """
+        return self._transfer(index, subindex, lambda: self._client.upload(index, subindex))
+
+    def unsigned(self, index: int, subindex: int = 0) -> int:
+        """Upload an unsigned integer of any size; raises as `read`."""
+        return int.from_bytes(self.read(index, subindex), "little")
+
+    def signed(self, index: int, subindex: int = 0) -> int:
+        """Upload a signed integer of any size; raises as `read`."""
+        return int.from_bytes(self.read(index, subindex), "little", signed=True)
+
+    def write(self, index: int, subindex: int, value: int, size: int) -> None:
+        """Download an integer of `size` bytes, negative ones in two's complement.
+
+        Raises as `read`.
+        """
+        data = (value & ((1 << (8 * size)) - 1)).to_bytes(size, "little")
+        self._transfer(index, subindex, lambda: self._client.download(index, subindex, data))
+
+    def set(self, index: int, subindex: int, value: int, size: int) -> None:
+        """Download an integer and read it back.
+
+        Raises NotConfigured when another value comes back, otherwise as `read`.
+        """
+        self.write(index, subindex, value, size)
+        mask = (1 << (8 * size)) - 1
+        found = self.unsigned(index, subindex) & mask
+        if found != value & mask:
+            raise NotConfigured(
+                f"{self.label}: wrote 0x{value & mask:X} to {_name(index, subindex)} but read back "
+                f"0x{found:X}; the device does not take this setting"
+            )
+
+    def _transfer(self, index: int, subindex: int, action):
+        with self._lock:
+            try:
+                return self._attempt(index, subindex, action)
+            except NotAnswering:
+                return self._attempt(index, subindex, action)
+
+    def _attempt(self, index: int, subindex: int, action):
+        try:
+            return action()
+        except SdoAbortedError as error:
+            raise Refused(
+                f"{self.label} refused {_name(index, subindex)}: {error}", error.code
+            ) from error
+        except (SdoCommunicationError, struct.error) as error:
+            raise NotAnswering(self._silent(index, subindex, error)) from error
+
+    def _silent(self, index: int, subindex: int, error: Exception) -> str:
+        return (
+            f"{self.label} (node id {self._node_id}) does not answer on {self._port.name} when "
+            f"asked for {_name(index, subindex)} ({error}); check its power, cable, node id and "
+            "bit rate, or start the simulated rig"
+        )
+
+
+def _name(index: int, subindex: int) -> str:
+    return f"object {index:04X}:{subindex:02X}"
