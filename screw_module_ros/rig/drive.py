@@ -186,7 +186,7 @@ class Drive(CanopenDevice):
         """Go into fault with an error code (object 603F), as 605E says."""
         if self.machine.state not in (cia402.FAULT, cia402.FAULT_REACTION):
             self.error_code = code
-        self.errors.report(code, code.to_bytes(2, "little"))
+        self.errors.report(code)
         self.machine.fault()
         self._act(self.now_ns)
 

@@ -95,12 +95,12 @@ def _output_switch(drive: Drive, attribute: str, text: str) -> Fault:
 
 def _stuck(drive: Drive) -> Fault:
     def put(value: float | None) -> None:
-        drive.stuck_torque = value
+        rated = drive.settings.rated_torque
+        drive.stuck_torque = None if value is None else value * 1e-3 * rated
         drive.refresh_output()
 
     text = "while enabled it gives this torque, whatever the target"
-    rated = drive.settings.rated_torque
-    return Fault(text, put, lambda: put(None), "Nm", rated / 2.0, -4.0 * rated, 4.0 * rated)
+    return Fault(text, put, lambda: put(None), "per mille of rated", 500.0, -4000.0, 4000.0)
 
 
 def _freeze(drive: Drive) -> Fault:

@@ -50,7 +50,7 @@ class Encoder(CanopenDevice):
         self.alarms = self.warnings = 0
         node = self.node
         self._resolution = node.value(0x6501)
-        self._scale, self._range = (self._resolution, 1), self._physical_range()
+        self._scale, self._range = (1, 1), self._physical_range()
         node.sources[0x6004, 0] = self.position
         node.sources[0x6500, 0] = lambda: self._parameters
         node.sources[0x6503, 0] = lambda: self.alarms
@@ -81,7 +81,7 @@ class Encoder(CanopenDevice):
             self._scale = (self.node.value(0x6001), self._resolution)
             self._range = self.node.value(0x6002)
         else:
-            self._scale, self._range = (self._resolution, self._resolution), self._physical_range()
+            self._scale, self._range = (1, 1), self._physical_range()
 
     def restarted(self) -> None:
         """Come back with the defaults; the preset is kept, as in an EEPROM."""

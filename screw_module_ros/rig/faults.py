@@ -142,3 +142,23 @@ def _line(fault: Fault) -> str:
     if fault.stop is None:
         notes.append("happens once")
     return f"{fault.text} ({'; '.join(notes)})" if notes else fault.text
+
+
+def catalogue(books: dict[str, dict[str, str]]) -> list[str]:
+    """Return lines for people from device -> fault -> text: what is shared is told once."""
+    shared: dict[str, str] = {}
+    if len(books) > 1:
+        first, *others = books.values()
+        shared = {k: text for k, text in first.items() if all(o.get(k) == text for o in others)}
+    groups: dict[tuple, list[str]] = {}
+    for device, book in books.items():
+        rest = tuple((name, text) for name, text in book.items() if name not in shared)
+        groups.setdefault(rest, []).append(device)
+    lines = _section("each of " + ", ".join(books), tuple(shared.items())) if shared else []
+    for rest, devices in groups.items():
+        lines += _section(", ".join(devices), rest) if rest else []
+    return lines
+
+
+def _section(title: str, faults: tuple) -> list[str]:
+    return [title, *(f"  {name:18}{text}" for name, text in faults)]

@@ -18,7 +18,7 @@ import can
 
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.drive import Drive
-from screw_module_ros.rig.faults import CLEAR
+from screw_module_ros.rig.faults import CLEAR, catalogue
 from screw_module_ros.rig.physics import WALL, Physics, World
 from screw_module_ros.rig.port import Port
 from screw_module_ros.settings import validated
@@ -162,12 +162,14 @@ class Rig:
 
     def describe(self, device: str = ALL) -> str:
         """Return the faults of a device, a bus or all, as text for people."""
-        names = ", ".join((*self.devices, *self._buses(), ALL))
-        lines = [f"devices: {names}; duration in s, 0 = until '{CLEAR}'"]
-        for one in self._chosen(device):
-            active = f", active: {', '.join(one.faults.active)}" if one.faults.active else ""
-            lines.append(f"{one.name}{active}")
-            lines += [f"  {name:18}{text}" for name, text in one.faults.describe().items()]
+        books = {one.name: one.faults for one in self._chosen(device)}
+        lines = [f"{name}, active: {', '.join(b.active)}" for name, b in books.items() if b.active]
+        lines += catalogue({name: book.describe() for name, book in books.items()})
+        known = ", ".join((*self.devices, *self._buses(), ALL))
+        lines += [
+            f"devices and buses: {known}; '{CLEAR}' ends every fault of a device",
+            "value 0 = the default; duration in s, 0 = until cleared",
+        ]
         return "\n".join(lines)
 
     @property

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One loop over all buses: time, order, requests from other threads, broken buses."""
+
+import threading
+
+import can
+import pytest
+
+from screw_module_ros.rig.build import RigSettings
+from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.rig import Rig
+
+MS = 1_000_000
+
+
+def test_wall_clock_is_followed(make_bench, world):
+    bench = make_bench("encoder")
+    bench.run(10)
+    assert world.time == pytest.approx(0.010)
+
+
+def test_a_stall_is_given_up_and_counted(make_bench, world):
+    bench = make_bench("encoder")
+    bench.now_ns += 25 * MS
+    bench.run(0)
+    assert world.time == pytest.approx(0.005)
+    assert bench.rig.counters.slipped == 20
+    bench.run(3)
+    assert world.time == pytest.approx(0.008)
+
+
+def test_time_that_goes_backwards_changes_nothing(make_bench, world):
+    bench = make_bench("encoder")
+    bench.run(2)
+    bench.now_ns -= 5 * MS
+    bench.run(1)
+    assert world.time == pytest.approx(0.002)
+
+
+def test_position_is_latched_at_the_sync(make_bench, world):
+    bench = make_bench("encoder")
+    bench.start(2)
+    bench.drain()
+    world.counts_per_second = 1e6
+    bench.now_ns += 2 * MS
+    assert bench.ask(0x080)[0] == (0x282, "D0 07 00 00")
+
+
+def test_clock_sync_makes_one_period_per_sync(make_bench, world):
+    bench = make_bench("encoder", clock="sync", period_ns=2 * MS)
+    bench.run(50)
+    assert world.time == 0.0
+    for _ in range(3):
+        bench.ask(0x080)
+    # the third period has only begun: up to the moment at which its command will act
+    assert world.steps == pytest.approx([0.00025, 0.00175, 0.00025, 0.00175, 0.00025])
+
+
+def test_clock_sync_lets_a_command_act_after_its_latency(make_bench, world):
+    bench = make_bench("drive", clock="sync")
+    bench.write(1, "6060:00", "0A")
+    bench.start(1)
+    bench.ask(0x080)
+    powered_before = world.vertical_powered
+    for controlword in ("0600", "0700", "0F00"):
+        bench.write(1, "6040:00", controlword)
+    bench.write(1, "6071:00", "E803")
+    assert not powered_before
+    assert world.vertical_command == pytest.approx(2.625)
+    bench.ask(0x080)
+    assert world.steps[1] == pytest.approx(0.00075)
+
+
+def test_with_clock_sync_one_bus_keeps_time(world, request):
+    names = [f"{request.node.nodeid}/{i}" for i in range(2)]
+    near = [can.Bus(interface="virtual", channel=name) for name in names]
+    far = [can.Bus(interface="virtual", channel=name) for name in names]
+    rig = Rig({"encoder": far[0], "drive": far[1]}, world, clock="sync")
+    sync = can.Message(arbitration_id=0x080, is_extended_id=False)
+    near[1].send(sync)
+    rig.process(0)
+    assert world.steps == []
+    near[0].send(sync)
+    rig.process(0)
+    assert len(world.steps) == 1
+    for bus in near + far:
+        bus.shutdown()
+
+
+def test_frames_of_several_buses_are_taken_in_turn(world, request):
+    names = [f"{request.node.nodeid}/{i}" for i in range(2)]
+    near = [can.Bus(interface="virtual", channel=name) for name in names]
+    far = [can.Bus(interface="virtual", channel=name) for name in names]
+    rig = Rig({"force_sensor": far[0], "encoder": far[1]}, world)
+    order = []
+    for port in {id(d.link.port): d.link.port for d in rig.devices.values()}.values():
+        port.around[0x123] = (lambda _data, _now, port=port: order.append(port), None)
+        port.rebuild()
+    for bus in near:
+        for _ in range(3):
+            bus.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+    assert rig.process(0) == 6
+    assert order[:2] != [order[0]] * 2
+    for bus in near + far:
+        bus.shutdown()
+
+
+def test_requests_of_other_threads_run_between_frames(make_bench):
+    bench = make_bench("encoder")
+    seen = []
+    bench.rig.call(lambda: seen.append(threading.current_thread()))
+    assert seen == []
+    bench.run(0)
+    assert seen == [threading.current_thread()]
+
+
+def test_run_serves_until_it_is_told_to_stop(make_bench, wait_until):
+    bench = make_bench("encoder")
+    stop = threading.Event()
+    thread = threading.Thread(target=bench.rig.run, args=(stop.is_set,))
+    thread.start()
+    try:
+        bench.send(0x602, "40 00 10 00 00 00 00 00")
+        answers = []
+        wait_until(lambda: answers.extend(bench.drain()) or answers)
+        assert answers[0] == (0x582, "43 00 10 00 96 01 02 00")
+    finally:
+        stop.set()
+        thread.join(5.0)
+    assert not thread.is_alive()
+
+
+def test_run_over_udp_multicast_drops_its_own_echoes(world, can_port_base, wait_until):
+    pytest.importorskip("msgpack")
+    settings = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0}
+    near, far = (can.Bus(port=can_port_base, fd=False, **settings) for _ in range(2))
+    rig = Rig({"force_sensor": far, "encoder": far}, world)
+    stop = threading.Event()
+    thread = threading.Thread(target=rig.run, args=(stop.is_set,))
+    thread.start()
+    frames = []
+
+    def heard(can_id: int, count: int) -> bool:
+        while (message := near.recv(0)) is not None:
+            frames.append((message.arbitration_id, bytes(message.data).hex()))
+        return len([f for f in frames if f[0] == can_id]) >= count
+
+    def send(can_id: int, payload: str) -> None:
+        data = bytes.fromhex(payload)
+        near.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
+
+    try:
+        wait_until(lambda: heard(0x702, 1), what="boot-up")
+        send(0x126, "00")
+        wait_until(lambda: heard(0x126, 2), what="our own request and its reply")
+        send(0x128, "")
+        wait_until(lambda: heard(0x128, 2))
+    finally:
+        stop.set()
+        thread.join(5.0)
+        near.shutdown()
+        far.shutdown()
+    # had the rig answered its own reply, there would be more
+    assert frames.count((0x126, "00")) == 2
+    assert rig.devices["force_sensor"].own_echoes == 1
+    assert rig.counters.ignored >= 1
+
+
+def test_a_bus_that_refuses_frames_is_counted(make_bench):
+    bench = make_bench("encoder")
+
+    def refuse(_message, timeout=None):
+        raise can.CanOperationError("bus off")
+
+    bench.rig.devices["encoder"].link.port.bus.send = refuse
+    bench.send(0x602, "40 00 10 00 00 00 00 00")
+    bench.run(1)
+    assert bench.rig.counters.send_errors == 1
+
+
+def test_a_frame_that_cannot_be_read_is_counted(make_bench, monkeypatch):
+    bench = make_bench("encoder")
+    bus = bench.rig.devices["encoder"].link.port.bus
+    with monkeypatch.context() as patch:
+
+        def broken(timeout=None):
+            raise can.CanOperationError("could not unpack received message")
+
+        patch.setattr(bus, "recv", broken)
+        bench.run(0)
+    assert bench.rig.counters.receive_errors == 1
+    assert bench.read(2, "1000:00") == "96010200"
+
+
+def test_a_flood_does_not_starve_the_timers(make_bench):
+    bench = make_bench("encoder")
+    bench.write(2, "1017:00", "0100")
+    for _ in range(2000):
+        bench.send(0x001, "FF")
+    assert (0x702, "7F") in bench.run(1)
+
+
+def test_close_lets_go_of_the_motors(torque_drive):
+    for rpdo in ("06 00 00 00", "07 00 00 00", "0F 00 F4 01"):
+        torque_drive.ask(0x201, rpdo)
+    torque_drive.rig.close()
+    assert not torque_drive.world.vertical_powered
+    assert torque_drive.ask(0x601, "40 00 10 00 00 00 00 00") == []
+
+
+def test_ids_are_settings(make_bench):
+    settings = RigSettings(encoder_node=9, sensor_base=0x68)
+    bench = make_bench("encoder", "force_sensor", settings=settings)
+    assert bench.ask(0x609, "40 00 10 00 00 00 00 00") == [(0x589, "43 00 10 00 96 01 02 00")]
+    assert bench.ask(0x688) == [(0x688, "02 03")]
+
+
+@pytest.mark.parametrize(
+    ("keys", "options", "said"),
+    [
+        (("spindle",), {}, "spindle"),
+        ((), {}, "none"),
+        (("encoder",), {"clock": "sundial"}, "sundial"),
+        (("encoder",), {"settings": RigSettings(encoder_node=128)}, "encoder_node = 128"),
+    ],
+)
+def test_nonsense_is_refused(make_bench, keys, options, said):
+    with pytest.raises(ValueError, match=said):
+        make_bench(*keys, **options)
+
+
+def test_short_steps_are_saved_up(world):
+    physics = Physics(world, "wall", MS, 0)
+    for now_ns in range(0, 200_000, 10_000):
+        physics.advance(now_ns)
+    assert world.steps == pytest.approx([50e-6] * 3)
