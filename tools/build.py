@@ -103,12 +103,14 @@ def install(files: list[Path], ros: Path | None, progress: Progress) -> None:
     pip = [str(PYTHON), "-m", "pip", "install", "--no-deps", "--disable-pip-version-check"]
     pip += ["--progress-bar", "off", "--no-input"]
     bootstrap, rest = files[0], files[1:]
+    # pip would take what lies on PYTHONPATH, a sourced ROS, for part of the environment.
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     log = LOGS / "pip.log"
     log.unlink(missing_ok=True)
     try:
-        run_logged([*pip, "-r", str(bootstrap)], log, progress)
+        run_logged([*pip, "-r", str(bootstrap)], log, progress, env)
         listed = [argument for file in rest for argument in ("-r", str(file))]
-        run_logged([*pip, "--no-build-isolation", *listed], log, progress)
+        run_logged([*pip, "--no-build-isolation", *listed], log, progress, env)
     except StepFailed as error:
         raise StepFailed(f"{error}\nIs the package index reachable? Then run it again.") from None
     if ros is None:

@@ -16,6 +16,8 @@ import sys
 PACKAGES = ("screw_module_ros", "screw_module_msgs")
 RESTARTED = "_SCREW_MODULE_RESTARTED_PID"  # the restart keeps the process id, a child has another
 WHEELS_DONE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+# These work out the variables for others, from those they are given: colcon, its setup scripts.
+LEFT_ALONE = ("colcon", "_local_setup_util_sh.py")
 
 
 def prepend(name, entries):
@@ -50,4 +52,5 @@ def set_up(venv):
         os.execv(sys.executable, [sys.executable] + sys.orig_argv[1:])
 
 
-set_up(sys.prefix)
+if not any(os.path.basename(argument) in LEFT_ALONE for argument in sys.orig_argv[1:3]):
+    set_up(sys.prefix)
