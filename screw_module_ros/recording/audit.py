@@ -20,7 +20,8 @@ NO_SEQUENCE, FLAT, HEADER = 0, 1, 2
 _MASK = 0xFFFFFFFF
 _RESTART = 100_000  # ticks; a larger step is a restart of the counter, not a gap
 _MANY = 256  # different steps; a topic with more has no period
-_REGULAR = 0.75  # share of steps that are whole multiples of the commonest
+_COMMON = 0.25  # least share of the commonest step in a topic with a period
+_REGULAR = 0.75  # least share of steps that are whole multiples of the commonest
 
 
 class Counts(NamedTuple):
@@ -164,5 +165,6 @@ def _stride(steps: dict[int, int]) -> int:
     if not steps or len(steps) > _MANY:
         return 0
     stride = max(steps, key=lambda step: (steps[step], -step))
+    total = sum(steps.values())
     whole = sum(n for step, n in steps.items() if step % stride == 0)
-    return stride if whole >= _REGULAR * sum(steps.values()) else 0
+    return stride if steps[stride] >= _COMMON * total and whole >= _REGULAR * total else 0

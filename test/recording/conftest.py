@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages and definitions for the recording tests, without ROS.
+
+Messages are encoded by rosbags, so that our reading of raw CDR is checked against another codec.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from screw_module_ros.recording import BagWriter, Definitions, Message, Qos, StorageSettings, Topic
+
+ROOT = Path(__file__).parents[2]
+START = 1_700_000_000_000_000_000
+MS = 1_000_000
+
+# What share/PACKAGE/msg of ROS 2 Jazzy holds, without the comments.
+COMMON = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+    "unique_identifier_msgs/UUID": "uint8[16] uuid\n",
+}
+
+
+@pytest.fixture(scope="session")
+def definitions(tmp_path_factory) -> Definitions:
+    """Definitions of our messages from the source tree."""
+    share = tmp_path_factory.mktemp("share")
+    for name, text in COMMON.items():
+        package, kind = name.split("/")
+        path = share / package / "msg" / f"{kind}.msg"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    packages = {path.name: path for path in share.iterdir()}
+    return Definitions({**packages, "screw_module_msgs": ROOT / "msg_defs"})
+
+
+@pytest.fixture(scope="session")
+def own_types() -> list[str]:
+    """Every message type of screw_module_msgs."""
+    files = (ROOT / "msg_defs" / "msg").glob("*.msg")
+    return sorted(f"screw_module_msgs/msg/{path.stem}" for path in files)
+
+
+class Codec:
+    """Encodes messages of our types as CDR; what is not said is zero, empty or False."""
+
+    def __init__(self, definitions: Definitions, types: list[str]):
+        self.store = get_typestore(Stores.EMPTY)
+        found = {}
+        for name in types:
+            found.update(get_types_from_msg(definitions.find(name).text, name))
+        self.store.register(found)
+
+    def hash(self, type_name: str) -> str:
+        return self.store.hash_rihs01(type_name)
+
+    def encode(self, type_name: str, values: dict) -> bytes:
+        """`values` is nested as the message is."""
+        return bytes(self.store.serialize_cdr(self._make(type_name, values), type_name))
+
+    def _make(self, type_name: str, values: dict):
+        fields = self.store.fielddefs[type_name][1]
+        parts = {name: self._value(kind, values.get(name)) for name, kind in fields}
+        return self.store.types[type_name](**parts)
+
+    def _value(self, kind, value):
+        node, detail = kind
+        if node.name == "NAME":
+            return self._make(detail, value or {})
+        if node.name == "BASE":
+            zeros = {"string": "", "bool": False, "float64": 0.0}
+            return zeros.get(detail[0], 0) if value is None else value
+        base, size = detail[0][1][0], detail[1]
+        if base == "string":
+            return value or []
+        return np.array(value if value is not None else [0] * size, dtype=base)
+
+
+@pytest.fixture(scope="session")
+def codec(definitions, own_types) -> Codec:
+    return Codec(definitions, own_types)
+
+
+ENCODER = "screw_module_msgs/msg/EncoderSample"
+
+
+@pytest.fixture
+def encoder_topic(definitions, codec) -> Topic:
+    """The topic of the encoder, as the recorder would find it."""
+    return Topic(
+        "/screw/encoder", ENCODER, definitions.find(ENCODER), codec.hash(ENCODER),
+        (Qos("best_effort"),),
+    )
+
+
+@pytest.fixture
+def samples(codec):
+    """Return a maker of encoder messages for a channel, one for each sequence number."""
+
+    def make(channel: int, sequences, start: int = START) -> list[Message]:
+        return [
+            Message(
+                channel, start + number * MS, start + number * MS - 50_000, place,
+                codec.encode(
+                    ENCODER,
+                    {"sequence": number, "count": 3 * number, "position": number * 1e-6},
+                ),
+            )
+            for place, number in enumerate(sequences, 1)
+        ]
+
+    return make
+
+
+@pytest.fixture
+def bag(tmp_path, encoder_topic, samples):
+    """A closed bag of 5000 encoder samples in several chunks; returns its folder."""
+    writer = BagWriter(tmp_path / "bag", StorageSettings(chunk_size=20_000))
+    channel = writer.add_topic(encoder_topic)
+    writer.add_metadata("configuration", {"sim.yaml": "sha256:0"})
+    messages = samples(channel, range(5000))
+    for start in range(0, 5000, 500):
+        writer.write(messages[start : start + 500])
+        writer.flush()
+    writer.close()
+    return tmp_path / "bag"

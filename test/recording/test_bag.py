@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags are what rosbag2 of Jazzy writes: read back by mcap and rosbags."""
+
+import json
+
+import pytest
+import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+
+from screw_module_ros.recording import (
+    BagExistsError,
+    BagFolderError,
+    BagWriter,
+    Counts,
+    Qos,
+    StorageSettings,
+    Topic,
+)
+
+START = 1_700_000_000_000_000_000
+MS = 1_000_000
+SECOND = 1_000_000_000
+
+
+def read_by_mcap(path):
+    """Return (topic, sequence, log time, publish time, decoded) of every message, CRCs checked."""
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        return [
+            (channel.topic, message.sequence, message.log_time, message.publish_time, decoded)
+            for _, channel, message, decoded in reader.iter_decoded_messages()
+        ]
+
+
+def read_by_rosbags(folder):
+    with AnyReader([folder]) as reader:
+        return [
+            (connection.topic, log_time, reader.deserialize(data, connection.msgtype))
+            for connection, log_time, data in reader.messages()
+        ]
+
+
+def information(folder):
+    return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+def test_mcap_reads_every_message_with_its_times_and_number(bag):
+    found = read_by_mcap(bag / "bag_0.mcap")
+    assert len(found) == 5000
+    topic, sequence, log_time, publish_time, message = found[1234]
+    assert (topic, sequence) == ("/screw/encoder", 1235)
+    assert log_time == START + 1234 * MS
+    assert publish_time == log_time - 50_000
+    assert (message.sequence, message.count) == (1234, 3702)
+    assert message.position == pytest.approx(1234e-6)
+
+
+def test_rosbags_reads_every_message_and_agrees_on_the_type_hash(bag):
+    found = read_by_rosbags(bag)
+    assert [message.sequence for _, _, message in found] == list(range(5000))
+    assert found[-1][1] == START + 4999 * MS
+
+
+def test_header_and_channel_are_those_of_rosbag2(bag, codec):
+    with (bag / "bag_0.mcap").open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+    (schema,) = summary.schemas.values()
+    (channel,) = summary.channels.values()
+    assert (schema.name, schema.encoding) == ("screw_module_msgs/msg/EncoderSample", "ros2msg")
+    assert b"=" * 80 + b"\nMSG: builtin_interfaces/Time\n" in schema.data
+    assert channel.message_encoding == "cdr"
+    assert channel.metadata["topic_type_hash"] == codec.hash(schema.name)
+    (offer,) = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+    assert (offer["reliability"], offer["durability"]) == ("best_effort", "volatile")
+    assert offer["deadline"] == {"sec": 9223372036, "nsec": 854775807}
+    assert len(summary.chunk_indexes) > 10
+    assert {index.compression for index in summary.chunk_indexes} == {"zstd"}
+
+
+def test_metadata_file_holds_the_keys_of_version_9_in_order(bag, codec):
+    info = information(bag)
+    assert list(info) == [
+        "version", "storage_identifier", "duration", "starting_time", "message_count",
+        "topics_with_message_count", "compression_format", "compression_mode",
+        "relative_file_paths", "files", "custom_data", "ros_distro",
+    ]  # fmt: skip
+    assert (info["version"], info["storage_identifier"], info["ros_distro"]) == (9, "mcap", "jazzy")
+    assert info["duration"] == {"nanoseconds": 4999 * MS}
+    assert info["starting_time"] == {"nanoseconds_since_epoch": START}
+    assert info["message_count"] == 5000
+    assert (info["compression_format"], info["compression_mode"]) == ("", "")
+    assert info["relative_file_paths"] == ["bag_0.mcap"]
+    (file,) = info["files"]
+    assert file["path"] == "bag_0.mcap"
+    assert file["message_count"] == 5000
+    (line,) = info["topics_with_message_count"]
+    assert line["message_count"] == 5000
+    topic = line["topic_metadata"]
+    assert list(topic) == [
+        "name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash",
+    ]  # fmt: skip
+    assert topic["type_description_hash"] == codec.hash(topic["type"])
+    (offer,) = topic["offered_qos_profiles"]
+    assert list(offer) == [
+        "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness",
+        "liveliness_lease_duration", "avoid_ros_namespace_conventions",
+    ]  # fmt: skip
+
+
+def test_rosbags_understands_the_metadata_file(bag):
+    with Reader(bag) as reader:
+        assert (reader.message_count, reader.duration) == (5000, 4999 * MS + 1)
+        (connection,) = reader.connections
+        assert connection.ext.offered_qos_profiles[0].reliability.name == "BEST_EFFORT"
+
+
+def test_counts_and_notes_are_in_the_file_and_in_the_metadata_file(bag):
+    with (bag / "bag_0.mcap").open("rb") as file:
+        records = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
+    counts = Counts.from_text(records["screw_module_ros/audit"]["/screw/encoder"])
+    assert counts == Counts(messages=5000, stride=1)
+    assert records["screw_module_ros/configuration"] == {"sim.yaml": "sha256:0"}
+    inner = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
+    assert inner == information(bag)
+    custom = inner["custom_data"]
+    assert custom["screw_module_ros/state"] == "closed"
+    assert json.loads(custom["screw_module_ros/audit"])["/screw/encoder"] == counts._asdict()
+
+
+def test_bag_is_complete_after_every_flush(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "b")
+    assert read_by_mcap(tmp_path / "b" / "b_0.mcap") == []
+    channel = writer.add_topic(encoder_topic)
+    for flushed in range(1, 6):
+        writer.write(samples(channel, range((flushed - 1) * 10, flushed * 10)))
+        writer.flush()
+        assert len(read_by_mcap(tmp_path / "b" / "b_0.mcap")) == 10 * flushed
+        assert len(read_by_rosbags(tmp_path / "b")) == 10 * flushed
+        assert information(tmp_path / "b")["message_count"] == 10 * flushed
+    writer.close()
+
+
+def test_all_own_types_are_recorded_with_full_schemas(tmp_path, definitions, codec, own_types):
+    writer = BagWriter(tmp_path / "b")
+    for name in own_types:
+        topic = Topic(f"/{name.split('/')[-1]}", name, definitions.find(name), codec.hash(name))
+        channel = writer.add_topic(topic)
+        writer.write([(channel, START, START, 1, codec.encode(name, {}))])
+    writer.close()
+    found = read_by_rosbags(tmp_path / "b")  # raises when a hash does not fit its definition
+    assert len(found) == len(own_types) == len(read_by_mcap(tmp_path / "b" / "b_0.mcap"))
+    assert len(own_types) >= 9
+
+
+def test_topic_added_in_mid_recording(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "b")
+    first = writer.add_topic(encoder_topic)
+    writer.write(samples(first, range(10)))
+    writer.flush()
+    second = writer.add_topic(encoder_topic._replace(name="/late", qos=(Qos(), Qos())))
+    writer.write(samples(second, range(10, 15)))
+    writer.close()
+    assert [topic for topic, _, _ in read_by_rosbags(tmp_path / "b")] == (
+        ["/screw/encoder"] * 10 + ["/late"] * 5
+    )
+
+
+def test_topic_without_definition_does_not_spoil_the_bag(tmp_path, encoder_topic, samples):
+    from screw_module_ros.recording.definitions import UNKNOWN
+
+    writer = BagWriter(tmp_path / "b")
+    channel = writer.add_topic(encoder_topic)
+    odd = writer.add_topic(Topic("/odd", "odd_msgs/msg/Odd", UNKNOWN))
+    writer.write([*samples(channel, range(3)), (odd, START, START, 0, b"\0\1\0\0abcd")])
+    writer.close()
+    with Reader(tmp_path / "b") as reader:
+        found = {connection.topic: data for connection, _, data in reader.messages()}
+    assert found["/odd"] == b"\0\1\0\0abcd"
+
+
+def test_long_recording_continues_in_a_second_file(tmp_path, encoder_topic, samples):
+    settings = StorageSettings(max_file_duration=1.0)
+    writer = BagWriter(tmp_path / "b", settings)
+    channel = writer.add_topic(encoder_topic)
+    messages = samples(channel, range(2500))
+    for start in range(0, 2500, 100):
+        writer.write(messages[start : start + 100])
+        writer.flush()
+    writer.close()
+    info = information(tmp_path / "b")
+    assert info["relative_file_paths"] == ["b_0.mcap", "b_1.mcap", "b_2.mcap"]
+    assert sum(file["message_count"] for file in info["files"]) == info["message_count"] == 2500
+    assert info["files"][1]["starting_time"]["nanoseconds_since_epoch"] > START + SECOND
+    assert [message.sequence for *_, message in read_by_rosbags(tmp_path / "b")] == list(range(2500))
+    assert writer.message_count == 2500
+
+
+def test_uncompressed_chunks(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "b", StorageSettings(compression="none"))
+    writer.write(samples(writer.add_topic(encoder_topic), range(100)))
+    writer.close()
+    assert len(read_by_mcap(tmp_path / "b" / "b_0.mcap")) == len(read_by_rosbags(tmp_path / "b"))
+
+
+def test_bag_without_messages(tmp_path, encoder_topic):
+    writer = BagWriter(tmp_path / "b")
+    writer.add_topic(encoder_topic)
+    writer.close()
+    assert information(tmp_path / "b")["starting_time"]["nanoseconds_since_epoch"] == 2**63 - 1
+    assert read_by_rosbags(tmp_path / "b") == []
+
+
+def test_existing_folder_is_refused_and_left_alone(bag):
+    before = (bag / "bag_0.mcap").read_bytes()
+    with pytest.raises(BagExistsError, match="never overwritten"):
+        BagWriter(bag)
+    assert (bag / "bag_0.mcap").read_bytes() == before
+
+
+def test_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BagFolderError, match="file/bag"):
+        BagWriter(tmp_path / "file" / "bag")
+
+
+def test_folder_without_permission(tmp_path, monkeypatch):
+    from screw_module_ros.recording import mcap_file
+
+    def refuse(path, *_):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(mcap_file.os, "open", refuse)
+    with pytest.raises(BagFolderError, match="Permission denied"):
+        BagWriter(tmp_path / "b")
+    assert not (tmp_path / "b").exists()
+
+
+def test_closing_twice_is_one_close(bag, tmp_path, encoder_topic):
+    writer = BagWriter(tmp_path / "other")
+    writer.close()
+    writer.close()
+    assert information(tmp_path / "other")["custom_data"]["screw_module_ros/state"] == "closed"
