@@ -13,6 +13,8 @@ help:  ## say what there is
 	@echo "Python 3.10 to 3.13 is needed: make build PYTHON=python3.12 names one."
 
 build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: uses that)
+	@command -v $(PYTHON) >/dev/null || { echo "make build: $(PYTHON) not found: install Python 3.10" \
+	    "to 3.13 (on Debian or Ubuntu, apt install python3 python3-venv python3-dev)" >&2; exit 1; }
 	@$(PYTHON) tools/build.py
 
 demo: build  ## the whole robot against the simulated rig: table, figures and a bag

@@ -34,7 +34,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
-        (f"share/{NAME}/eds", sorted(glob(f"{NAME}/rig/eds/*.eds"))),
     ],
     zip_safe=False,
     entry_points={"console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]},

@@ -37,6 +37,7 @@ STEPS = 4
 def main() -> int:
     """Run the steps that are needed; return the exit code."""
     started = time.monotonic()
+    os.chdir(ROOT)  # where colcon looks for its defaults, and what the logs' names are relative to
     try:
         prerequisites.check_python()
         ros = prerequisites.ros_prefix()
@@ -108,9 +109,9 @@ def install(files: list[Path], ros: Path | None, progress: Progress) -> None:
     log = LOGS / "pip.log"
     log.unlink(missing_ok=True)
     try:
-        run_logged([*pip, "-r", str(bootstrap)], log, progress, env)
+        run_logged("pip", [*pip, "-r", str(bootstrap)], log, progress, env)
         listed = [argument for file in rest for argument in ("-r", str(file))]
-        run_logged([*pip, "--no-build-isolation", *listed], log, progress, env)
+        run_logged("pip", [*pip, "--no-build-isolation", *listed], log, progress, env)
     except StepFailed as error:
         raise StepFailed(f"{error}\nIs the package index reachable? Then run it again.") from None
     if ros is None:
@@ -134,7 +135,7 @@ def colcon(package: str, ros: Path | None, progress: Progress) -> None:
         command += [f"-D{options[1]}"]
     log = LOGS / f"{package}.log"
     log.unlink(missing_ok=True)
-    run_logged(command, log, progress, env=env, cwd=ROOT)
+    run_logged("colcon", command, log, progress, env)
 
 
 def requirement_files(ros: Path | None) -> list[Path]:
@@ -145,7 +146,7 @@ def requirement_files(ros: Path | None) -> list[Path]:
 
 def data_files() -> list[str]:
     """Return the names of the files that setup.py installs beside the code."""
-    found = [*ROOT.glob("params/*.yaml"), *ROOT.glob("launch/*.py"), *ROOT.glob("*/rig/eds/*.eds")]
+    found = [*ROOT.glob("params/*.yaml"), *ROOT.glob("launch/*.py")]
     return sorted(str(file.relative_to(ROOT)) for file in found)
 
 

@@ -58,8 +58,7 @@ class Progress:
 
 
 def run_logged(
-    command: list[str], log: Path, progress: Progress, env: dict[str, str] | None = None,
-    cwd: Path | None = None,
+    name: str, command: list[str], log: Path, progress: Progress, env: dict[str, str]
 ) -> None:
     """Run a command with its output appended to `log`; raise StepFailed with the output's end."""
     log.parent.mkdir(parents=True, exist_ok=True)
@@ -67,7 +66,7 @@ def run_logged(
     with log.open("a", encoding="utf-8") as file:
         file.write("$ " + " ".join(command) + "\n")
         with subprocess.Popen(
-            command, cwd=cwd, env=env, text=True, errors="replace", bufsize=1,
+            command, env=env, text=True, errors="replace", bufsize=1,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         ) as process:
             assert process.stdout is not None
@@ -75,9 +74,10 @@ def run_logged(
                 file.write(line)
                 if line.strip():
                     last.append(line.rstrip())
+                if not line.startswith(("make", "gmake")):  # entering and leaving folders
                     progress.tick(line.strip())
     if process.returncode != 0:
         progress.failed()
         tail = "\n".join("    " + line for line in last)
-        what = f"{Path(command[0]).name} failed; its last lines (all in {os.path.relpath(log)})"
+        what = f"{name} failed; its last lines (all in {os.path.relpath(log)})"
         raise StepFailed(f"{what}:\n{tail}")
