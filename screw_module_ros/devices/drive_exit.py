@@ -27,18 +27,13 @@ _SLICE_S = 0.001
 def leave(drives: Sequence[Drive], port: Port) -> str:
     """Take the drives of one bus out of operation; return what did not work, empty when all did."""
     running = [drive for drive in drives if drive.running]
-    problems: list[str] = []
+    if not running:
+        return ""
     for drive in running:
         drive.request_disable()
+    problems: list[str] = []
     try:
-        begun_ns = port.clock()
-        _command_until(
-            running,
-            port,
-            lambda: not _still_on(running, port)
-            or port.clock() - begun_ns > _DISABLE_WITHIN_NS,
-        )
-        problems += [f"the {label} still shows operation enabled" for label in _still_on(running, port)]
+        problems += _disable(running, port)
         problems += _disarm(running, port)
         for drive in running:
             drive.node.pre_operational()
@@ -47,6 +42,16 @@ def leave(drives: Sequence[Drive], port: Port) -> str:
     for drive in running:
         drive.stop()
     return "; ".join(problems)
+
+
+def _disable(drives: Sequence[Drive], port: Port) -> list[str]:
+    begun_ns = port.clock()
+
+    def is_over() -> bool:
+        return not _still_on(drives, port) or port.clock() - begun_ns > _DISABLE_WITHIN_NS
+
+    _command_until(drives, port, is_over)
+    return [f"the {label} still shows operation enabled" for label in _still_on(drives, port)]
 
 
 def _still_on(drives: Sequence[Drive], port: Port) -> list[str]:
@@ -76,8 +81,7 @@ def _command_until(drives: Sequence[Drive], port: Port, done: Callable[[], bool]
     """Command zero torque every millisecond until `done`."""
     while not done():
         now_ns = port.clock()
-        if drives:
-            drives[0].sync(now_ns)
+        drives[0].sync(now_ns)
         for drive in drives:
             drive.heartbeat(now_ns)
             drive.write(0.0, now_ns)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A far end in raw frames, written from the standards and apart from the drivers' own codecs."""
+
+from __future__ import annotations
+
+import can
+from can.interfaces.virtual import VirtualBus
+
+from screw_module_ros.devices.port import Port
+
+MILLISECOND = 1_000_000
+
+
+class TiedBus(VirtualBus):
+    """A virtual bus whose far end gets its turn inside each send."""
+
+    def __init__(self, channel: str, wire: Wire):
+        super().__init__(channel=channel)
+        self._wire = wire
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        super().send(msg, timeout)
+        self._wire.step()
+
+
+class Wire:
+    """One virtual bus: our port on one end, scripted devices on the other, a clock by hand."""
+
+    def __init__(self, channel: str, sync_producer: bool = True):
+        self.now_ns = 1_000_000_000_000
+        self.frames: list[tuple[int, bytes]] = []
+        self._devices: list[FarEnd] = []
+        self._far = VirtualBus(channel=channel)
+        self.bus = TiedBus(channel, self)
+        self.port = Port(self.bus, sync_producer, clock=lambda: self.now_ns)
+
+    def attach(self, device: FarEnd) -> FarEnd:
+        self._devices.append(device)
+        return device
+
+    def step(self) -> None:
+        while (message := self._far.recv(0.0)) is not None:
+            frame = (message.arbitration_id, bytes(message.data))
+            self.frames.append(frame)
+            for device in self._devices:
+                device.handle(*frame)
+
+    def emit(self, can_id: int, data: bytes | str) -> None:
+        """Put one frame on the bus from the far side; text is hex."""
+        payload = bytes.fromhex(data) if isinstance(data, str) else data
+        self._far.send(can.Message(arbitration_id=can_id, data=payload, is_extended_id=False))
+
+    def emit_message(self, message: can.Message) -> None:
+        self._far.send(message)
+
+    def advance(self, milliseconds: float = 1.0) -> int:
+        self.now_ns += round(milliseconds * MILLISECOND)
+        return self.now_ns
+
+    def sent(self, can_id: int) -> list[bytes]:
+        """What we have sent under one identifier so far."""
+        return [data for identifier, data in self.frames if identifier == can_id]
+
+    def close(self) -> None:
+        self.bus.shutdown()
+        self._far.shutdown()
+
+
+class FarEnd:
+    """Something that sees each frame we send."""
+
+    def __init__(self, wire: Wire):
+        self.wire = wire
+
+    def handle(self, can_id: int, data: bytes) -> None:
+        raise NotImplementedError
+
+
+class ScriptedNode(FarEnd):
+    """SDO server (expedited, CiA 301) and NMT slave over a table of raw objects."""
+
+    def __init__(self, wire: Wire, node_id: int, objects: dict[tuple[int, int], bytes]):
+        super().__init__(wire)
+        self.node_id = node_id
+        self.objects = dict(objects)
+        self.refused: dict[tuple[int, int], int] = {}  # on writing: abort code
+        self.deaf: set[tuple[int, int]] = set()  # accepts a write, keeps the old value
+        self.writes: list[tuple[int, int, int]] = []
+        self.operational = False
+        self.mute = False
+        self.nmt: list[int] = []
+
+    def handle(self, can_id: int, data: bytes) -> None:
+        if can_id == 0x000 and data[1] in (0, self.node_id):
+            self.nmt.append(data[0])
+            self.operational = data[0] == 0x01
+        elif can_id == 0x600 + self.node_id and not self.mute:
+            self._sdo(data)
+
+    def boot_up(self) -> None:
+        self.operational = False
+        self.wire.emit(0x700 + self.node_id, "00")
+
+    def _reply(self, data: bytes) -> None:
+        self.wire.emit(0x580 + self.node_id, data)
+
+    def _sdo(self, data: bytes) -> None:
+        command, key = data[0], (data[1] | data[2] << 8, data[3])
+        address = data[1:4]
+        if command == 0x80:
+            return
+        if command == 0x40:
+            self._upload(key, address)
+        else:
+            self._download(command, key, address, data[4:])
+
+    def _upload(self, key: tuple[int, int], address: bytes) -> None:
+        if key not in self.objects:
+            self._reply(b"\x80" + address + b"\x00\x00\x02\x06")
+            return
+        value = self.objects[key]
+        command = {1: 0x4F, 2: 0x4B, 3: 0x47, 4: 0x43}[len(value)]
+        self._reply(bytes([command]) + address + value.ljust(4, b"\0"))
+
+    def _download(self, command: int, key: tuple[int, int], address: bytes, data: bytes) -> None:
+        size = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4}[command]
+        if key in self.refused:
+            self._reply(b"\x80" + address + self.refused[key].to_bytes(4, "little"))
+            return
+        if key not in self.objects:
+            self._reply(b"\x80" + address + b"\x00\x00\x02\x06")
+            return
+        if len(self.objects[key]) != size:
+            self._reply(b"\x80" + address + b"\x10\x00\x07\x06")
+            return
+        self.writes.append((*key, int.from_bytes(data[:size], "little")))
+        if key not in self.deaf:
+            self.objects[key] = data[:size]
+            self.written(key, data[:size])
+        self._reply(b"\x60" + address + b"\0\0\0\0")
+
+    def written(self, key: tuple[int, int], data: bytes) -> None:
+        """For a device whose other objects follow a write."""
+
+
+def unsigned(value: int, size: int) -> bytes:
+    return value.to_bytes(size, "little")
+
+
+def pdo_objects(base: int, number: int, cob_id: int, entries: list[int], kind: int = 254) -> dict:
+    """Raw parameters and mapping of one PDO, as a device might have it from the factory."""
+    parameters, mapping = base + number - 1, base + 0x200 + number - 1
+    objects = {
+        (parameters, 0): b"\x05",
+        (parameters, 1): unsigned(cob_id, 4),
+        (parameters, 2): bytes([kind]),
+        (parameters, 3): b"\0\0",
+        (parameters, 5): b"\0\0",
+        (mapping, 0): bytes([len(entries)]),
+    }
+    for subindex in range(1, 5):
+        value = entries[subindex - 1] if subindex <= len(entries) else 0
+        objects[mapping, subindex] = unsigned(value, 4)
+    return objects

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole CiA 402 state machine, from the tables of the standard."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scripted_devices import STATUSWORDS
+
+from screw_module_ros.devices import cia402
+from screw_module_ros.devices.cia402 import CONTROLWORD, Goal, State
+
+S = State
+
+# CiA 402-2 table 7, bit by bit: x is any. Bits 6, 5, 3, 2, 1, 0 of the statusword.
+PATTERNS = {
+    S.NOT_READY_TO_SWITCH_ON: "0x0000",
+    S.SWITCH_ON_DISABLED: "1x0000",
+    S.READY_TO_SWITCH_ON: "010001",
+    S.SWITCHED_ON: "010011",
+    S.OPERATION_ENABLED: "010111",
+    S.QUICK_STOP_ACTIVE: "000111",
+    S.FAULT_REACTION_ACTIVE: "0x1111",
+    S.FAULT: "0x1000",
+}
+
+
+def state_by_hand(word: int) -> State:
+    bits = "".join(str(word >> bit & 1) for bit in (6, 5, 3, 2, 1, 0))
+    for state, pattern in PATTERNS.items():
+        if all(p in ("x", b) for p, b in zip(pattern, bits, strict=True)):
+            return state
+    return S.UNKNOWN
+
+
+def test_every_statusword_decodes_as_the_table_says():
+    assert all(cia402.decode(word) is state_by_hand(word) for word in range(0x10000))
+
+
+def test_words_of_the_scripted_drive_decode_to_their_states():
+    assert {cia402.decode(word).text: word for word in STATUSWORDS.values()} == STATUSWORDS
+
+
+def test_the_numbers_are_those_of_the_message():
+    assert [state.value for state in State] == list(range(9))
+    assert (S.OPERATION_ENABLED, S.FAULT, S.UNKNOWN) == (4, 7, 8)
+
+
+# CiA 402-2 figure 8 with the transitions' numbers.
+ARROWS = {
+    1: (S.NOT_READY_TO_SWITCH_ON, S.SWITCH_ON_DISABLED),
+    2: (S.SWITCH_ON_DISABLED, S.READY_TO_SWITCH_ON),
+    3: (S.READY_TO_SWITCH_ON, S.SWITCHED_ON),
+    4: (S.SWITCHED_ON, S.OPERATION_ENABLED),
+    5: (S.OPERATION_ENABLED, S.SWITCHED_ON),
+    6: (S.SWITCHED_ON, S.READY_TO_SWITCH_ON),
+    7: (S.READY_TO_SWITCH_ON, S.SWITCH_ON_DISABLED),
+    8: (S.OPERATION_ENABLED, S.READY_TO_SWITCH_ON),
+    9: (S.OPERATION_ENABLED, S.SWITCH_ON_DISABLED),
+    10: (S.SWITCHED_ON, S.SWITCH_ON_DISABLED),
+    11: (S.OPERATION_ENABLED, S.QUICK_STOP_ACTIVE),
+    12: (S.QUICK_STOP_ACTIVE, S.SWITCH_ON_DISABLED),
+    14: (S.FAULT_REACTION_ACTIVE, S.FAULT),
+    15: (S.FAULT, S.SWITCH_ON_DISABLED),
+    16: (S.QUICK_STOP_ACTIVE, S.OPERATION_ENABLED),
+}
+
+
+@pytest.mark.parametrize("number", ARROWS)
+def test_transition_is_there(number):
+    arrows = [(t.before, t.after) for t in cia402.TRANSITIONS if t.number == number]
+    assert arrows == [ARROWS[number]]
+    assert cia402.is_legal(*ARROWS[number])
+
+
+def test_a_fault_may_come_from_everywhere_else():
+    faulting = {t.before for t in cia402.TRANSITIONS if t.number == 13}
+    assert faulting == set(State) - {S.FAULT, S.FAULT_REACTION_ACTIVE, S.UNKNOWN}
+
+
+def test_illegal_transitions():
+    """What is no arrow is illegal; the fault reaction may pass unseen between two statuswords."""
+    legal = set(ARROWS.values())
+    for before in set(State) - {S.FAULT, S.FAULT_REACTION_ACTIVE, S.UNKNOWN}:
+        legal |= {(before, S.FAULT_REACTION_ACTIVE), (before, S.FAULT)}
+    for before, after in itertools.permutations(State, 2):
+        assert cia402.is_legal(before, after) == ((before, after) in legal), (before, after)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (S.SWITCH_ON_DISABLED, S.OPERATION_ENABLED),
+        (S.SWITCH_ON_DISABLED, S.SWITCHED_ON),
+        (S.READY_TO_SWITCH_ON, S.OPERATION_ENABLED),
+        (S.FAULT, S.OPERATION_ENABLED),
+        (S.FAULT, S.READY_TO_SWITCH_ON),
+        (S.FAULT_REACTION_ACTIVE, S.SWITCH_ON_DISABLED),
+        (S.QUICK_STOP_ACTIVE, S.SWITCHED_ON),
+        (S.OPERATION_ENABLED, S.NOT_READY_TO_SWITCH_ON),
+    ],
+)
+def test_jumps_are_illegal(before, after):
+    assert not cia402.is_legal(before, after)
+
+
+# CiA 402-2 table 4, bits 7 3 2 1 0: what each step up and down must look like.
+@pytest.mark.parametrize(
+    ("goal", "state", "word"),
+    [
+        (Goal.OPERATION_ENABLED, S.SWITCH_ON_DISABLED, 0b0_0110),
+        (Goal.OPERATION_ENABLED, S.READY_TO_SWITCH_ON, 0b0_0111),
+        (Goal.OPERATION_ENABLED, S.SWITCHED_ON, 0b0_1111),
+        (Goal.OPERATION_ENABLED, S.OPERATION_ENABLED, 0b0_1111),
+        (Goal.SWITCHED_ON, S.SWITCH_ON_DISABLED, 0b0_0110),
+        (Goal.SWITCHED_ON, S.READY_TO_SWITCH_ON, 0b0_0111),
+        (Goal.SWITCHED_ON, S.SWITCHED_ON, 0b0_0111),
+        (Goal.SWITCHED_ON, S.OPERATION_ENABLED, 0b0_0111),
+    ],
+)
+def test_steps(goal, state, word):
+    assert CONTROLWORD[goal][state] == word
+
+
+def test_everything_else_is_voltage_off():
+    for goal, state in itertools.product(Goal, State):
+        on_the_way = goal is not Goal.OFF and S.SWITCH_ON_DISABLED <= state <= S.OPERATION_ENABLED
+        assert (CONTROLWORD[goal][state] == 0) != on_the_way
+
+
+def test_operation_is_enabled_by_one_goal_only_and_no_table_resets_a_fault():
+    for goal, state in itertools.product(Goal, State):
+        word = CONTROLWORD[goal][state]
+        assert not word & 0x80
+        assert (word & 0x0F == 0x0F) <= (goal is Goal.OPERATION_ENABLED)
+
+
+@given(st.integers(0, 0xFFFF))
+def test_decoding_needs_only_the_low_seven_bits(word):
+    assert cia402.decode(word) is cia402.decode(word & 0x7F)
