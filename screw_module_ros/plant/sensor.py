@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The six-axis transducer between handle and hand (thesis 3.1.9): wrench, noise, bias, drift.
+
+Axes are those of frame `handle`, parallel to `manus_base`; the wrench is that of the patient on the
+robot. The hand holds the grip above the transducer, so a planar force gives a torque there. The
+parasitic torque of the 77.85 mm between transducer and screw (3.1.2) loads the linear bearing, not
+the transducer: it enters friction, not this wrench. On the locked-rotor fixture the transducer
+reads the rotor's torque about z.
+
+Zeros drift as the electronics warm up: each axis goes exponentially to an offset of its own.
+Quantisation is the business of the simulated ATI electronics.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Annotated, NamedTuple
+
+from ..settings import Setting
+from .noise import normal_pair
+
+Wrench = tuple[float, float, float, float, float, float]
+
+
+class Sensor(NamedTuple):
+    """Imperfections of the transducer; standard deviations."""
+
+    force_noise: Annotated[float, Setting("of one sample", "N", 0.0, 10.0)]
+    torque_noise: Annotated[float, Setting("of one sample", "Nm", 0.0, 1.0)]
+    force_bias: Annotated[float, Setting("zero at the start", "N", 0.0, 100.0)]
+    torque_bias: Annotated[float, Setting("zero at the start", "Nm", 0.0, 10.0)]
+    force_drift: Annotated[float, Setting("zero, when warm", "N", 0.0, 100.0)]
+    torque_drift: Annotated[float, Setting("zero, when warm", "Nm", 0.0, 10.0)]
+    drift_time: Annotated[float, Setting("warm-up time constant", "s", 1.0, 1e5)]
+
+
+class SensorParams(NamedTuple):
+    """One transducer: noise [N], [Nm]; per axis zeros and drift [N, Nm]; time constant [s]."""
+
+    force_noise: float
+    torque_noise: float
+    bias: Wrench
+    drift: Wrench
+    drift_time: float
+
+
+def sensor_params(sensor: Sensor, seed: int) -> SensorParams:
+    """Return the transducer that `seed` draws from these standard deviations."""
+    draw = random.Random(f"transducer {seed}")
+
+    def axes(force: float, torque: float) -> Wrench:
+        return tuple(draw.gauss(0.0, force if axis < 3 else torque) for axis in range(6))
+
+    return SensorParams(
+        sensor.force_noise,
+        sensor.torque_noise,
+        axes(sensor.force_bias, sensor.torque_bias),
+        axes(sensor.force_drift, sensor.torque_drift),
+        sensor.drift_time,
+    )
+
+
+def true_wrench(
+    force_x: float, force_y: float, force_z: float, grip_height: float, rotor_torque: float
+) -> Wrench:
+    """Return force [N] and torque [Nm] at the transducer for a force at the grip above it [m]."""
+    return (
+        force_x,
+        force_y,
+        force_z,
+        -grip_height * force_y,
+        grip_height * force_x,
+        rotor_torque,
+    )
+
+
+def measured_wrench(
+    p: SensorParams, wrench: Wrench, time: float, noise_gain: float, first: int, second: int
+) -> tuple[Wrench, int, int]:
+    """Return the wrench with zeros, drift and noise, and the next state of the noise.
+
+    time: since power-on [s]; noise_gain: 1 = as in the parameters; first, second: see `noise`.
+    """
+    warm = 1.0 - math.exp(-time / p.drift_time)
+    n1, n2, first, second = normal_pair(first, second)
+    n3, n4, first, second = normal_pair(first, second)
+    n5, n6, first, second = normal_pair(first, second)
+    force = noise_gain * p.force_noise
+    torque = noise_gain * p.torque_noise
+    b = p.bias
+    d = p.drift
+    return (
+        (
+            wrench[0] + b[0] + warm * d[0] + force * n1,
+            wrench[1] + b[1] + warm * d[1] + force * n2,
+            wrench[2] + b[2] + warm * d[2] + force * n3,
+            wrench[3] + b[3] + warm * d[3] + torque * n4,
+            wrench[4] + b[4] + warm * d[4] + torque * n5,
+            wrench[5] + b[5] + warm * d[5] + torque * n6,
+        ),
+        first,
+        second,
+    )

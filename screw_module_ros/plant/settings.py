@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything that is settable about the rig, read from a YAML file, and perturbed by a seed."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import yaml
+
+from ..resources import resource_path
+from ..settings import Setting, declared, problem
+from .amplifier import Amplifier, amplifier_step_settings
+from .arm import HumanArm
+from .friction import Friction
+from .module import Vertical
+from .planar import Planar, resting_plane
+from .sensor import Sensor
+from .transducer import Transducer
+
+DEFAULT_FILE = "params/plant.yaml"
+POLYNOMIALS = {"trend": 8, "rotation": 6}  # coefficients, highest power first
+
+
+class PlantFileError(ValueError):
+    """A plant file cannot be used; the text names the file, the key and what is wrong."""
+
+
+class Start(NamedTuple):
+    """Where things are at power-on."""
+
+    position: Annotated[float, Setting("nut and handle from the bottom of travel", "m", 0.0, 2.0)]
+    x: Annotated[float, Setting("handle from the workspace centre", "m", -1.0, 1.0)]
+    y: Annotated[float, Setting("handle from the workspace centre", "m", -1.0, 1.0)]
+    upside_down: Annotated[bool, Setting("the module hangs upside down")]
+    locked: Annotated[bool, Setting("the lock pin is in")]
+    encoder_offset: Annotated[int, Setting("count at z = 0", "counts", -(2**31), 2**31)]
+    shoulder_offset: Annotated[int, Setting("count at angle 0", "counts", -(2**31), 2**31)]
+    elbow_offset: Annotated[int, Setting("count at angle 0", "counts", -(2**31), 2**31)]
+    counts_per_turn: Annotated[int, Setting("motor encoder", "counts", 4, 10_000_000)]
+    joint_resolution: Annotated[float, Setting("joint encoders", "rad/count", 1e-7, 0.1)]
+
+
+class WorldSettings(NamedTuple):
+    """The rig: one section of the plant file each. substep: of the integration [s]."""
+
+    vertical: Vertical
+    friction: Friction
+    amplifier: Amplifier
+    transducer: Transducer
+    planar: Planar
+    arm: HumanArm
+    sensor: Sensor
+    start: Start
+    substep: Annotated[float, Setting("step of the integration", "s", 1e-6, 2e-4)]
+
+
+def load_world(path: str | Path | None = None, perturb_seed: int | None = None) -> WorldSettings:
+    """Read the rig from a plant file; None = the one installed with the package.
+
+    perturb_seed: draw another rig round the file's values (`perturbed`), None = as written.
+    Raises PlantFileError naming the file and the key that is wrong.
+    """
+    file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
+    try:
+        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PlantFileError(f"plant file {file} cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise PlantFileError(f"plant file {file} is not YAML: {error}") from error
+    try:
+        settings = checked(_section(WorldSettings, content, ""))
+    except ValueError as error:
+        raise PlantFileError(f"plant file {file}: {error}") from None
+    return settings if perturb_seed is None else perturbed(settings, perturb_seed)
+
+
+def _section(kind: type, content: Any, where: str) -> Any:
+    """Return `content` as the NamedTuple `kind`; `where` is the key it stands under."""
+    if not isinstance(content, dict):
+        raise ValueError(f"{where or 'the file'}: a mapping of names to values is wanted")
+    hints = get_type_hints(kind)
+    for key in content:
+        if key not in hints:
+            raise ValueError(f"{where}{key} is unknown; known are {', '.join(hints)}")
+    missing = [name for name in hints if name not in content]
+    if missing:
+        raise ValueError(f"{where}{missing[0]} is missing")
+    return kind(*(_value(kind, name, hints[name], content[name], where) for name in hints))
+
+
+def _value(kind: type, name: str, hint: type, value: Any, where: str) -> Any:
+    if hasattr(hint, "_fields"):
+        return _section(hint, value, f"{where}{name}.")
+    label = where + name
+    if hint is tuple:
+        value = _numbers(value, label, POLYNOMIALS[name])
+    elif hint is float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"{label} = {value!r}: a number is wanted (write 1.0e-4, not 1e-4)")
+        value = float(value)
+    elif type(value) is not hint:
+        raise ValueError(f"{label} = {value!r}: {hint.__name__} is wanted")
+    wrong = problem(declared(kind)[name], value, label)
+    if wrong:
+        raise ValueError(wrong)
+    return value
+
+
+def _numbers(value: Any, label: str, count: int) -> tuple[float, ...]:
+    good = isinstance(value, list) and len(value) == count
+    if not good or not all(type(number) in (int, float) for number in value):
+        raise ValueError(f"{label}: a list of {count} numbers is wanted")
+    return tuple(float(number) for number in value)
+
+
+def checked(settings: WorldSettings) -> WorldSettings:
+    """Return the settings unchanged when they fit together.
+
+    Raises ValueError naming the values that do not.
+    """
+    start, planar, vertical = settings.start, settings.planar, settings.vertical
+    if start.position > vertical.travel:
+        raise ValueError(
+            f"start.position = {start.position:g} m lies above vertical.travel = "
+            f"{vertical.travel:g} m"
+        )
+    for low, high in (("shoulder_low", "shoulder_high"), ("between_low", "between_high")):
+        if getattr(planar, low) >= getattr(planar, high):
+            raise ValueError(f"planar.{low} must lie below planar.{high}")
+    resting_plane(planar, start.x, start.y)
+    amplifier_step_settings(settings.amplifier, settings.substep)
+    return settings
+
+
+def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
+    """Return another rig of the same build, drawn round `settings`; the same for the same seed.
+
+    Changed are friction (level, ripples, phase, slopes, stiction, Stribeck), masses and with them
+    gravity, the motor constant, the dead zone and the play; by about as much as one module differs
+    from the next or from itself after it was taken apart (thesis 5.1.1).
+    """
+    draw = random.Random(f"plant {seed}")
+
+    def about(value: float, spread: float) -> float:
+        return value * math.exp(draw.uniform(-spread, spread))
+
+    def map_about(settled):
+        ripple = math.exp(draw.uniform(-0.4, 0.4))
+        return settled._replace(
+            rotation=tuple(ripple * number for number in settled.rotation),
+            slope=about(settled.slope, 0.3),
+            intercept=about(settled.intercept, 0.1),
+            low_scale=about(settled.low_scale, 0.1),
+        )
+
+    friction = settings.friction
+    friction = friction._replace(
+        against=map_about(friction.against),
+        along=map_about(friction.along),
+        scale=about(friction.scale, 0.3),
+        phase=friction.phase + draw.uniform(-math.pi, math.pi),
+        roller_amplitude=about(friction.roller_amplitude, 0.4),
+        stiction=1.0 + about(friction.stiction - 1.0, 0.5),
+        stribeck=about(friction.stribeck, 0.4),
+    )
+    vertical = settings.vertical
+    vertical = vertical._replace(
+        turning_mass=about(vertical.turning_mass, 0.15),
+        moving_mass=about(vertical.moving_mass, 0.15),
+        play=about(vertical.play, 0.4),
+    )
+    amplifier = settings.amplifier
+    amplifier = amplifier._replace(
+        dead_zone=about(amplifier.dead_zone, 0.3),
+        torque_constant=about(amplifier.torque_constant, 0.03),
+    )
+    return settings._replace(friction=friction, vertical=vertical, amplifier=amplifier)

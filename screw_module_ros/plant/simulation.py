@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole rig over many substeps as one function: what `World` compiles."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from .arm import HandPath, hand_point
+from .module import VerticalInput, VerticalParams, VerticalState
+from .planar import PlanarInput, PlanarParams, PlanarState, planar_step
+from .vertical import vertical_step
+
+HAND_EVERY = 20  # substeps between exact points of the hand's path, straight lines between
+
+
+class SimulationParams(NamedTuple):
+    """Both mechanisms and the paths of the virtual hand."""
+
+    vertical: VerticalParams
+    planar: PlanarParams
+    path_x: HandPath
+    path_y: HandPath
+    path_z: HandPath
+
+
+class SimulationState(NamedTuple):
+    """ticks: substeps since the start; the mechanisms; the virtual hand [m] and its velocity."""
+
+    ticks: int
+    vertical: VerticalState
+    planar: PlanarState
+    x: float
+    y: float
+    z: float
+    vx: float
+    vy: float
+    vz: float
+
+
+def advance(
+    p: SimulationParams,
+    s: SimulationState,
+    vertical_input: VerticalInput,
+    planar_input: PlanarInput,
+    steps: int,
+) -> SimulationState:
+    """Return the state after `steps` substeps with the same inputs.
+
+    The hand's place in the inputs is ignored: it comes from the paths.
+    """
+    ticks, vertical, planar = s.ticks, s.vertical, s.planar
+    x, y, z, vx, vy, vz = s.x, s.y, s.z, s.vx, s.vy, s.vz
+    dt = p.vertical.dt
+    u, w = vertical_input, planar_input
+    for _ in range(steps):
+        if ticks % HAND_EVERY == 0:
+            time = ticks * dt
+            x, vx = hand_point(p.path_x, time)
+            y, vy = hand_point(p.path_y, time)
+            z, vz = hand_point(p.path_z, time)
+        side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
+        on_module = VerticalInput(
+            u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
+            z, vz, u.stage_speed, u.stage_target, side,
+        )  # fmt: skip
+        on_plane = PlanarInput(
+            w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
+            w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
+        )  # fmt: skip
+        vertical = vertical_step(p.vertical, vertical, on_module)
+        planar = planar_step(p.planar, planar, on_plane)
+        x += vx * dt
+        y += vy * dt
+        z += vz * dt
+        ticks += 1
+    return SimulationState(ticks, vertical, planar, x, y, z, vx, vy, vz)
+
+
+def advance_packed(
+    parameters: Any,
+    s: SimulationState,
+    vertical_input: VerticalInput,
+    planar_input: PlanarInput,
+    steps: int,
+) -> SimulationState:
+    """Do what `advance` does with parameters from `compiled.packed`: quicker to call."""
+    return advance(parameters[0], s, vertical_input, planar_input, steps)

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical screw module: motor and nut, play, handle, arm or stage, lock pin, end stops.
+
+Motor, friction and encoder are on the nut's side; weight, end stops, transducer and the arm are on
+the handle's. Between them is play with a film of grease in it, then a contact spring whose damping
+sets in with the contact. One substep solves both velocities implicitly (backward Euler), so springs
+and friction can take energy out but not put any in.
+
+z is positive up the screw also when the module hangs upside down. `patient_force` is the force of
+the patient (arm or stage) on the robot at the transducer, so it contains the reaction of the arm's
+own mass; friction is positive where it opposes upward motion (F_f in thesis 5.3).
+"""
+
+from __future__ import annotations
+
+import math
+
+from .amplifier import amplifier_step
+from .arm import spring_terms, stage_velocity
+from .friction import bristle_terms, passive_force, settled_bristle, steady_level
+from .module import (
+    HUMAN_ARM,
+    LOCKED_ROTOR,
+    STAGE,
+    Vertical,
+    VerticalInput,
+    VerticalParams,
+    VerticalState,
+)
+from .transducer import rotor_step
+
+
+def vertical_step(p: VerticalParams, s: VerticalState, u: VerticalInput) -> VerticalState:
+    """Advance the module by one substep of p.dt."""
+    if u.powered:
+        current, mean = amplifier_step(
+            p.amplifier, s.current, u.current, s.command_1, s.command_2, s.command_3
+        )
+        history_1, history_2, history_3 = u.current, s.command_1, s.command_2
+    else:
+        current, mean = amplifier_step(p.amplifier, s.current, 0.0, 0.0, 0.0, 0.0)
+        history_1, history_2, history_3 = 0.0, 0.0, 0.0
+    drive = p.torque_constant * mean
+    if u.fixture == LOCKED_ROTOR:
+        angle, speed = rotor_step(p.rotor, s.rotor_angle, s.rotor_velocity, drive)
+        return VerticalState(
+            s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
+            current, history_1, history_2, history_3, drive, angle, speed,
+        )  # fmt: skip
+    nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient = _move(
+        p, s, u, drive
+    )
+    brake = p.module.brake_damping * p.turn_rate * nut_velocity if u.braked else 0.0
+    moment = p.module.handle_offset * abs(patient) + p.module.grip_height * u.side_force
+    load = s.load + (moment - s.load) * p.dt / (p.friction.load_time + p.dt)
+    return VerticalState(
+        nut, nut_velocity, handle, handle_velocity, bristle, load, friction, patient, contact,
+        current, history_1, history_2, history_3, drive - brake, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def _friction_level(p: VerticalParams, s: VerticalState, upright: float) -> float:
+    """Return |friction| the bristle tends to at the present speed [N]."""
+    f = p.friction
+    against = s.nut_velocity * upright > 0.0
+    level = steady_level(f, p.turn_rate, s.nut, abs(s.nut_velocity), against)
+    weight = p.module.moving_mass * p.module.gravity
+    mapped = p.module.handle_offset * passive_force(level, weight, against)
+    return max(level + f.load_gain * (s.load - mapped), f.smallest)
+
+
+def _stop_terms(m: Vertical, position: float, velocity: float, dt: float) -> tuple[float, float]:
+    """Return (stiffness x depth [N], 1 where an end stop pushes) at the end of this substep."""
+    ahead = position + dt * velocity
+    depth = 0.0
+    if ahead < 0.0:
+        depth = -position
+    elif ahead > m.travel:
+        depth = m.travel - position
+    else:
+        return 0.0, 0.0
+    push = m.stop_stiffness * (depth - dt * velocity) - m.stop_damping * velocity
+    if push * (0.5 * m.travel - ahead) <= 0.0:  # a stop does not pull
+        return 0.0, 0.0
+    return m.stop_stiffness * depth, 1.0
+
+
+def _move(
+    p: VerticalParams, s: VerticalState, u: VerticalInput, drive: float
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Solve one substep of both masses; drive: mean motor torque [Nm].
+
+    Returns nut [m], its velocity, handle, its velocity, bristle, friction, contact, patient [N].
+    """
+    m = p.module
+    dt = p.dt
+    level = _friction_level(p, s, u.upright)
+    keep, slope, micro = bristle_terms(
+        p.friction.stiffness, p.friction.damping, s.bristle, s.nut_velocity, level, dt
+    )
+    damping = slope + micro
+    if u.braked:
+        damping += m.brake_damping * p.turn_rate * p.turn_rate
+    nut_gain = m.turning_mass / dt + damping
+    nut_push = m.turning_mass / dt * s.nut_velocity + p.turn_rate * drive - keep * s.bristle
+
+    weight = m.moving_mass * m.gravity
+    mass = m.moving_mass
+    stiffness, viscous, steady = 0.0, 0.0, 0.0
+    if u.fixture == HUMAN_ARM:
+        mass += p.arm.mass
+        weight += p.arm.weight
+        stiffness, viscous, steady = spring_terms(
+            p.arm, u.hand, u.hand_velocity, s.handle, s.handle_velocity
+        )
+        steady += stiffness * (u.hand - s.handle) + viscous * u.hand_velocity
+    stop, stopped = _stop_terms(m, s.handle, s.handle_velocity, dt)
+    stop_gain = stopped * (m.stop_stiffness * dt + m.stop_damping)
+    own = -u.upright * weight + stop
+    handle_gain = mass / dt + stiffness * dt + viscous + stop_gain
+    handle_push = mass / dt * s.handle_velocity + own + steady
+    stage = math.nan
+    if u.fixture == STAGE:
+        stage = stage_velocity(
+            s.handle, s.handle_velocity, u.stage_speed, u.stage_target, m.stage_acceleration, dt
+        )
+    nut_velocity, handle_velocity, contact = _solve(
+        m, s, dt, nut_gain, nut_push, handle_gain, handle_push, u.locked, stage
+    )
+    acceleration = (handle_velocity - s.handle_velocity) / dt
+    if u.fixture == STAGE:
+        patient = mass * acceleration + contact - own + stop_gain * handle_velocity
+    elif u.fixture == HUMAN_ARM:
+        patient = steady - (stiffness * dt + viscous) * handle_velocity
+        patient -= p.arm.mass * acceleration + u.upright * p.arm.weight
+    else:
+        patient = 0.0
+    bristle = settled_bristle(keep * s.bristle + slope * nut_velocity, s.bristle, level)
+    return (
+        s.nut + dt * nut_velocity,
+        nut_velocity,
+        s.handle + dt * handle_velocity,
+        handle_velocity,
+        bristle,
+        bristle + micro * nut_velocity,
+        contact,
+        patient,
+    )
+
+
+def _solve(
+    m: Vertical,
+    s: VerticalState,
+    dt: float,
+    nut_gain: float,
+    nut_push: float,
+    handle_gain: float,
+    handle_push: float,
+    locked: bool,
+    stage: float,
+) -> tuple[float, float, float]:
+    """Return both velocities after the substep and the contact force of the handle on the nut.
+
+    Without contact, gain x velocity = push on each side [N]. A locked screw and a stage (velocity
+    `stage`, NaN = none) prescribe their side's velocity. The contact is assumed open or closed by
+    where the masses are heading, and the answer is checked: a contact does not pull.
+    """
+    gap = s.handle - s.nut
+    half = 0.5 * m.play
+    ahead = gap + dt * (s.handle_velocity - s.nut_velocity)
+    nut_velocity = 0.0
+    handle_velocity = 0.0
+    contact = 0.0
+    for _ in range(2):
+        side = 1.0 if ahead > half else (-1.0 if ahead < -half else 0.0)
+        depth = gap - side * half
+        share = min(abs(depth) / m.contact_depth, 1.0)
+        spring = m.contact_stiffness * depth * abs(side)
+        firm = (m.contact_stiffness * dt + share * m.contact_damping) * abs(side)
+        gain = firm + m.film_damping
+        if locked:
+            nut_velocity = 0.0
+        elif stage == stage:
+            nut_velocity = (nut_push + spring + gain * stage) / (nut_gain + gain)
+        else:
+            first = nut_push + spring
+            second = handle_push - spring
+            nut_velocity = (first * (handle_gain + gain) + second * gain) / (
+                nut_gain * handle_gain + gain * (nut_gain + handle_gain)
+            )
+        if stage == stage:
+            handle_velocity = stage
+        else:
+            handle_velocity = (handle_push - spring + gain * nut_velocity) / (handle_gain + gain)
+        contact = spring + gain * (handle_velocity - nut_velocity)
+        pulls = side * (spring + firm * (handle_velocity - nut_velocity)) < 0.0
+        ahead = gap + dt * (handle_velocity - nut_velocity)
+        if side == 0.0 and abs(ahead) <= half:
+            break
+        if side != 0.0 and not pulls:
+            break
+        if pulls:
+            ahead = 0.0
+    return nut_velocity, handle_velocity, contact
