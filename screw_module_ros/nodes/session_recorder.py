@@ -76,7 +76,7 @@ class SessionRecorder(ModuleNode):
         """Complete bags that a power failure cut off."""
         self._period = self.parameters.read(RecorderSettings).period
         for folder, result in recover_all(self._parent()).items():
-            self.get_logger().warning(f"{folder} had been cut off: {result}")
+            self.get_logger().warning(f"{folder} had been cut off; {result}")
 
     def _parent(self) -> Path:
         return Path(self.parameters.read(RecorderSettings).folder).expanduser()

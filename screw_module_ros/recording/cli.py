@@ -59,11 +59,7 @@ def _verify(bag: Path) -> int:
 
 
 def _recover(bag: Path) -> int:
-    done = recover(bag)
-    print(
-        f"{bag}: {done.messages} messages; {done.files} files completed, "
-        f"{done.cut} bytes of a torn write cut off"
-    )
+    print(f"{bag}: {recover(bag)}")
     return 0
 
 

@@ -35,6 +35,12 @@ class Recovered(NamedTuple):
     messages: int
     cut: int
 
+    def __str__(self) -> str:
+        return (
+            f"{self.messages} messages in the bag; {self.files} files completed, "
+            f"{self.cut} bytes of a torn write cut off"
+        )
+
 
 class _Known(NamedTuple):
     """One topic as found in the files."""

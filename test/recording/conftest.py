@@ -95,7 +95,10 @@ ENCODER = "screw_module_msgs/msg/EncoderSample"
 def encoder_topic(definitions, codec) -> Topic:
     """The topic of the encoder, as the recorder would find it."""
     return Topic(
-        "/screw/encoder", ENCODER, definitions.find(ENCODER), codec.hash(ENCODER),
+        "/screw/encoder",
+        ENCODER,
+        definitions.find(ENCODER),
+        codec.hash(ENCODER),
         (Qos("best_effort"),),
     )
 
@@ -107,7 +110,10 @@ def samples(codec):
     def make(channel: int, sequences, start: int = START) -> list[Message]:
         return [
             Message(
-                channel, start + number * MS, start + number * MS - 50_000, place,
+                channel,
+                start + number * MS,
+                start + number * MS - 50_000,
+                place,
                 codec.encode(
                     ENCODER,
                     {"sequence": number, "count": 3 * number, "position": number * 1e-6},

@@ -51,7 +51,8 @@ def test_unknown_type_is_named(definitions, monkeypatch, name):
 
 
 def test_fields_leave_out_constants_and_comments():
-    text = f"uint8 OFF=0  # x\n# float64 no\nint32 a  # b\n\nstring<=4 c\n\n{LINE}\nMSG: x/Y\nint8 z"
+    own = "uint8 OFF=0  # x\n# float64 no\nint32 a  # b\n\nstring<=4 c\n"
+    text = f"{own}\n{LINE}\nMSG: x/Y\nint8 z"
     assert fields(text) == [("int32", "a"), ("string<=4", "c")]
 
 

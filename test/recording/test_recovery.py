@@ -19,7 +19,7 @@ from screw_module_ros.recording.verify import verify
 
 def sequences(folder):
     with AnyReader([folder]) as reader:
-        return [reader.deserialize(d, c.msgtype).sequence for c, _, d in reader.messages()]
+        return [int.from_bytes(data[12:16], "little") for _, _, data in reader.messages()]
 
 
 def whole_chunks(path):
@@ -47,7 +47,7 @@ def test_complete_bag_is_not_torn(bag):
 
 
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(share=st.floats(0.01, 0.9999))
 def test_cut_anywhere_every_whole_chunk_is_kept(bag, content, share):
@@ -92,9 +92,7 @@ def test_what_the_recorder_noted_survives(bag):
     assert notes["state"] == "recovered"
     assert notes["configuration"] == {"sim.yaml": "sha256:0"}
     assert notes["audit"]["/screw/encoder"]["messages"] == 5000
-    assert verify(bag).problems == [
-        "the recording was not closed in good order (state: recovered)"
-    ]
+    assert verify(bag).problems == ["the recording was not closed in good order (state: recovered)"]
 
 
 @pytest.mark.parametrize("content", ["", "nonsense: [", "rosbag2_bagfile_information: 3"])

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `session_recorder` as a process of its own, against real publishers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+messages = pytest.importorskip("screw_module_msgs.msg")
+
+from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from std_msgs.msg import String  # noqa: E402
+from std_srvs.srv import Trigger  # noqa: E402
+
+from screw_module_ros.recording.reader import columns, metadata, topics  # noqa: E402
+from screw_module_ros.recording.verify import verify  # noqa: E402
+
+BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RUN = "from screw_module_ros.nodes.session_recorder import main; raise SystemExit(main())"
+
+
+class Graph:
+    """A node of the test beside the recorder: publishes, calls services, hears `~/status`."""
+
+    def __init__(self, wait_until):
+        self.wait_until = wait_until
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("recorder_test", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.status = DiagnosticStatus()
+        self.node.create_subscription(DiagnosticStatus, "/session_recorder/status", self._heard, 10)
+        self.encoder = self.node.create_publisher(
+            messages.EncoderSample, "/screw/encoder", BEST_EFFORT
+        )
+        self.state = self.node.create_publisher(
+            messages.AmplifierState, "/screw/amplifier_state", 50
+        )
+        self.latched = self.node.create_publisher(String, "/latched", LATCHED)
+
+    def _heard(self, status):
+        self.status = status
+
+    def until(self, predicate, what):
+        def turn():
+            self.executor.spin_once(timeout_sec=0.01)
+            return predicate()
+
+        self.wait_until(turn, 20.0, what)
+
+    def values(self):
+        return {value.key: value.value for value in self.status.values}
+
+    def call(self, name) -> Trigger.Response:
+        """Call a service; a node that is not active yet is asked again."""
+        client = self.node.create_client(Trigger, f"/session_recorder/{name}")
+        self.until(client.service_is_ready, f"the service {name}")
+        answers = []
+
+        def answered():
+            if not answers or (answers[-1].done() and "not active" in answers[-1].result().message):
+                answers.append(client.call_async(Trigger.Request()))
+            return answers[-1].done() and "not active" not in answers[-1].result().message
+
+        self.until(answered, f"the answer of {name}")
+        return answers[-1].result()
+
+    def connected(self):
+        self.until(
+            lambda: all(
+                p.get_subscription_count() for p in (self.encoder, self.state, self.latched)
+            ),
+            "the recorder's subscriptions",
+        )
+
+    def publish(self, sequences):
+        for number in sequences:
+            self.encoder.publish(messages.EncoderSample(sequence=number, count=2 * number))
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def graph(wait_until) -> Iterator[Graph]:
+    graph = Graph(wait_until)
+    yield graph
+    graph.close()
+
+
+@pytest.fixture
+def recorder(tmp_path):
+    """Start the recorder with parameters; ended with SIGTERM, which it must answer with 0."""
+    processes = []
+
+    def start(**parameters) -> subprocess.Popen:
+        given = {"folder": tmp_path, "name": "bag", **parameters}
+        options = [text for key, value in given.items() for text in ("-p", f"{key}:={value}")]
+        processes.append(subprocess.Popen([sys.executable, "-c", RUN, "--ros-args", *options]))
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            process.terminate()
+            assert process.wait(20) == 0
+
+
+def sequences(bag):
+    return list(columns(bag, "/screw/encoder")["sequence"])
+
+
+def test_start_record_stop(graph, recorder, tmp_path):
+    (tmp_path / "params.yaml").write_text("x: 1")
+    recorder(configuration=f"['{tmp_path}/params.yaml']")
+    graph.latched.publish(String(data="before the recorder came"))
+    answer = graph.call("start")
+    assert answer.success, answer.message
+    assert answer.message == str(tmp_path / "bag")
+    graph.connected()
+    graph.publish([*range(10), *range(12, 20)])
+    graph.state.publish(messages.AmplifierState(calibration="line-cubic-line 1"))
+    graph.until(
+        lambda: '"messages": 18' in graph.values().get("/screw/encoder", ""), "18 samples in status"
+    )
+    assert '"lost": 2' in graph.values()["/screw/encoder"]
+    assert graph.status.level == DiagnosticStatus.OK
+    assert not graph.call("start").success
+    answer = graph.call("stop")
+    assert answer.success, answer.message
+    assert "2 ticks lost, 0 not received, 0 not written" in answer.message
+
+    bag = tmp_path / "bag"
+    assert sequences(bag) == [*range(10), *range(12, 20)]
+    assert list(columns(bag, "/latched")["data"]) == ["before the recorder came"]
+    notes = metadata(bag)
+    assert notes["state"] == "closed"
+    assert notes["calibration"] == {"/screw/amplifier_state": "line-cubic-line 1"}
+    assert notes["configuration"][f"{tmp_path}/params.yaml"].startswith("sha256:")
+    assert verify(bag).topics["/screw/encoder"].lost == 2
+    assert {"/rosout", "/parameter_events"} <= set(topics(bag))
+    offer = (bag / "metadata.yaml").read_text().split('"/screw/encoder"')[1]
+    assert "reliability: best_effort" in offer.split("message_count")[0]
+
+
+def test_topics_are_chosen_by_name_and_pattern(graph, recorder, tmp_path):
+    recorder(record_on_start=True, topics="['/screw/*', latched]", exclude="['/screw/ampl*']")
+    graph.until(lambda: graph.latched.get_subscription_count(), "the subscription")
+    graph.until(lambda: graph.values().get("recording") == "True", "the recording")
+    assert graph.call("stop").success
+    assert set(topics(tmp_path / "bag")) == {"/screw/encoder", "/latched"}
+
+
+def test_killed_recorder_leaves_a_readable_bag(graph, recorder, tmp_path, kill_9):
+    process = recorder(record_on_start=True)
+    graph.connected()
+    graph.publish(range(40))
+    bag = tmp_path / "bag"
+    graph.until(
+        lambda: "message_count: 40" in (bag / "metadata.yaml").read_text(), "40 samples on the disk"
+    )
+    kill_9(process.pid)
+    process.wait()
+    assert sequences(bag) == list(range(40))
+    assert metadata(bag)["state"] == "recording"
+
+
+def test_stopped_by_sigint_the_bag_is_closed(graph, recorder, tmp_path):
+    process = recorder(record_on_start=True)
+    graph.connected()
+    graph.publish(range(5))
+    graph.until(
+        lambda: '"messages": 5' in graph.values().get("/screw/encoder", ""), "samples in status"
+    )
+    process.send_signal(2)
+    assert process.wait(20) == 0
+    assert sequences(tmp_path / "bag") == list(range(5))
+    assert metadata(tmp_path / "bag")["state"] == "closed"
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "sentence"), [("folder", "never overwritten"), ("file", "cannot make the bag")]
+)
+def test_folder_that_cannot_be_used(graph, recorder, tmp_path, obstacle, sentence):
+    if obstacle == "folder":
+        (tmp_path / "bag").mkdir()
+        recorder(record_on_start=True)
+    else:
+        (tmp_path / "file").write_text("")
+        recorder(record_on_start=True, folder=tmp_path / "file")
+    graph.until(lambda: graph.status.level == DiagnosticStatus.ERROR, "an error in status")
+    assert sentence in graph.status.message
+    answer = graph.call("start")
+    assert not answer.success
+    assert sentence in answer.message
+    answer = graph.call("stop")
+    assert (answer.success, answer.message) == (False, "not recording")
+
+
+def test_full_disk_is_told_and_the_recorder_lives_on(graph, recorder, tmp_path):
+    # More free space than any disk has: full from the first flush on.
+    recorder(record_on_start=True, **{"storage.min_free_space": 2**40})
+    graph.until(lambda: graph.status.level == DiagnosticStatus.ERROR, "an error in status")
+    assert "left on the disk" in graph.status.message
+    assert metadata(tmp_path / "bag")["state"] == "closed"
+    assert not graph.call("start").success  # the name is taken
+    assert "never overwritten" in graph.call("start").message
+
+
+def test_bag_torn_by_a_power_failure_is_repaired_at_the_next_start(graph, recorder, bag, tmp_path):
+    with (bag / "bag_0.mcap").open("r+b") as file:
+        file.truncate(60_000)
+    recorder(name="next")
+    assert graph.call("start").success
+    assert metadata(bag)["state"] == "recovered"
+    assert len(sequences(bag)) > 1000
