@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import time
 
+from screw_module_msgs.msg import EncoderSample
 from std_srvs.srv import Trigger
 
-from screw_module_msgs.msg import EncoderSample
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
@@ -126,3 +126,7 @@ class EncoderNode(DriverNode):
 def main() -> int:
     """Console entry point."""
     return run_node(EncoderNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -11,8 +11,6 @@ import math
 import time
 from typing import Annotated, NamedTuple
 
-from sensor_msgs.msg import JointState
-
 from screw_module_msgs.msg import (
     AmplifierState,
     EncoderSample,
@@ -21,10 +19,13 @@ from screw_module_msgs.msg import (
     PlanarState,
     SafetyState,
 )
+from sensor_msgs.msg import JointState
+
 from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.freshness import Newest
+from .support.rates import RateMeter
 from .support.realtime import Inbox, Ticker
 from .support.runtime import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
@@ -46,6 +47,7 @@ class EndpointStateNode(ModuleNode):
     def __init__(self):
         super().__init__("endpoint_state")
         self.parameters.declare(EndpointSettings)
+        self._rate = RateMeter()
         self._message = EndpointState()
         self._message.header.frame_id = "manus_base"
         self._joints = JointState(name=["shoulder", "elbow", "vertical"])
@@ -126,7 +128,8 @@ class EndpointStateNode(ModuleNode):
         }
         ages = {f"age {name} [s]": newest.age_text(now) for name, newest in inputs.items()}
         stale = [name for name, newest in inputs.items() if newest.stale(now)]
-        values = {"rate [1/s]": self.parameters.read(EndpointSettings).rate, "published": self._ticks, **ages}
+        rate = self._rate.rate(self._ticks, now)
+        values = {"rate [1/s]": f"{rate:.1f}", **ages}
         if stale:
             return Health(WARN, f"no fresh {', '.join(stale)}", values)
         return Health(OK, "all inputs fresh", values)
@@ -156,3 +159,7 @@ def _fill_force(message: EndpointState, force: ForceSample | None) -> None:
 def main() -> int:
     """Console entry point."""
     return run_node(EndpointStateNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

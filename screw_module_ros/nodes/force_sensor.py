@@ -8,9 +8,9 @@ import time
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
+from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import Trigger
 
-from screw_module_msgs.msg import ForceSample
 from screw_module_ros.devices.errors import DeviceError, NotTared
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.samples import ForceReading
@@ -29,9 +29,9 @@ _TARE_PATIENCE_S = 3.0
 class WrenchSettings(NamedTuple):
     """The slow copy of the force for tools."""
 
-    wrench_rate: Annotated[float, Setting("handle/wrench messages per second", "Hz", 1.0, 500.0)] = (
-        100.0
-    )
+    wrench_rate: Annotated[
+        float, Setting("handle/wrench messages per second", "Hz", 1.0, 500.0)
+    ] = 100.0
 
 
 class ForceSensorNode(DriverNode):
@@ -179,3 +179,7 @@ def _told(bias: tuple) -> str:
 def main() -> int:
     """Console entry point."""
     return run_node(ForceSensorNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

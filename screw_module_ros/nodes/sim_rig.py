@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import can
-
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
+
 from screw_module_ros.devices.bus import BusSettings, open_bus
-from screw_module_ros.plant.world import World, load_world
+from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
@@ -77,7 +77,7 @@ class SimRigNode(ModuleNode):
         )
         self._publisher = self.create_publisher(SimTruth, "sim/truth", qos.STATE)
         self._timer = self.create_timer(1.0 / settings.truth_rate, self._publish_truth)
-        self._services = [
+        self._rig_services = [
             self.create_service(SetArm, "~/set_arm", self._set_arm),
             self.create_service(SetFixture, "~/set_fixture", self._set_fixture),
             self.create_service(InjectFault, "~/inject_fault", self._inject),
@@ -94,7 +94,7 @@ class SimRigNode(ModuleNode):
             self._rig.close()
             self.destroy_timer(self._timer)
             self.destroy_publisher(self._publisher)
-            for service in self._services:
+            for service in self._rig_services:
                 self.destroy_service(service)
             self._rig = None
         for bus in self._buses.values():
@@ -116,7 +116,7 @@ class SimRigNode(ModuleNode):
     # Services: what they change, the rig's own thread changes between two frames -------------
 
     def _set_arm(self, request: SetArm.Request, response: SetArm.Response) -> SetArm.Response:
-        return self._asked(response, lambda: self._world.set_arm(ArmRequest(
+        return self._asked(response, lambda: self._world.set_arm(ArmSettings(
             request.kind,
             request.mass,
             request.stiffness,
@@ -182,3 +182,7 @@ def _xyz(vector) -> tuple[float, float, float]:
 def main() -> int:
     """Console entry point."""
     return run_node(SimRigNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -8,14 +8,16 @@ active, and nothing else, so that no callback stands between a sample and its co
 
 from __future__ import annotations
 
+import logging
 import signal
 import sys
 import threading
-from typing import Annotated, Callable, NamedTuple
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
@@ -24,7 +26,7 @@ from screw_module_ros.settings import Setting
 
 from .parameters import ParameterError, Parameters
 from .realtime import RealtimeSettings, prepare
-from .single import AlreadyRunning, Lock, lock_node
+from .single import AlreadyRunning, lock_node
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
@@ -226,6 +228,8 @@ def main(factory: Callable[[], ModuleNode], args: list[str] | None = None) -> in
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
+    # What canopen logs, our errors say with the node id and the way out.
+    logging.getLogger("canopen").setLevel(logging.CRITICAL)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node, lock = None, None
     try:
@@ -249,7 +253,8 @@ def main(factory: Callable[[], ModuleNode], args: list[str] | None = None) -> in
 def _live(node: ModuleNode) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    serving = threading.Thread(target=_serve, args=(executor, node), daemon=True)
+    ended = threading.Event()
+    serving = threading.Thread(target=_serve, args=(executor, node, ended), daemon=True)
     serving.start()
     try:
         executor.create_task(node.start_by_itself)
@@ -261,15 +266,17 @@ def _live(node: ModuleNode) -> None:
         node.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
         raise
     finally:
-        executor.shutdown(timeout_sec=2.0)
-        serving.join(timeout=2.0)
+        ended.set()
+        executor.wake()
+        serving.join(timeout=_LEAVE_STEP_S)
         node.close()
+        executor.shutdown(timeout_sec=0.0)
 
 
-def _serve(executor: SingleThreadedExecutor, node: ModuleNode) -> None:
+def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.Event) -> None:
+    # Not `spin`: an executor that is shut down while it spins trips over its own guard condition.
     try:
-        executor.spin()
-    except ExternalShutdownException:
-        pass
+        while not ended.is_set():
+            executor.spin_once()
     finally:
         node.stopping.set()  # without services and diagnostics the node is no use

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws joined to drives, without ROS: what the nodes `amplifier` and `manus` run."""

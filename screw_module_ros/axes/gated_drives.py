@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One gate over one or more drives: no torque passes to any unless it may pass to all.
+
+The loop's thread calls `step` before each write. Services ask from another thread; what they ask
+is carried out by the loop, so that gate and drives are only ever changed between two writes.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NoAnswer  # another class before Python 3.11
+
+from ..control import gate
+from ..control.gate import GATE_CLOSED, GateInput, GateSettings, GateState
+from ..devices.cia402 import State
+from ..devices.drive import Drive
+from ..devices.errors import DeviceError
+
+_ANSWER_S = 1.0
+_POLL_S = 0.005
+
+
+class GatedDrives:
+    """Gate and drives of one axis group.
+
+    settings: of the gate. period_ns: between commands. fault: set by the owner where it has a
+    reason of its own to let no torque pass; it closes the gate and stays until `clear_fault`.
+    """
+
+    def __init__(self, drives: Sequence[Drive], settings: GateSettings, period_ns: int):
+        self.drives = tuple(drives)
+        self.gate: GateState = GATE_CLOSED
+        self.fault = ""
+        self._settings = settings
+        self._period_ns = period_ns
+        self._safety_ns = 0
+        self._permitted = False
+        self._safety_reason = ""
+        self._refusal = ""
+        self._closed_because = ""
+        self._asked: queue.SimpleQueue[tuple[Callable, Future]] = queue.SimpleQueue()
+
+    # -- loop's thread ---------------------------------------------------------------------------
+
+    def permit(self, permitted: bool, reason: str, now_ns: int) -> None:
+        """Take over a safety_state that arrived at now_ns [ns]; reason: why not permitted."""
+        self._permitted = permitted
+        self._safety_reason = reason
+        self._safety_ns = now_ns
+
+    def step(self, command_ns: int, now_ns: int) -> float:
+        """Bring gate and drives up to date; return the factor on the torque, 0 to 1.
+
+        command_ns: acquisition behind the newest command [ns], 0 = none yet.
+        """
+        inp = self._input(command_ns, now_ns)
+        while not self._asked.empty():
+            action, answer = self._asked.get_nowait()
+            if answer.set_running_or_notify_cancel():
+                answer.set_result(action(inp))
+        before = self.gate
+        self.gate = gate.gate_step(self._settings, before, inp)
+        if before.phase != gate.CLOSED and self.gate.phase == gate.CLOSED:
+            self._close()
+        return self.gate.scale
+
+    def _input(self, command_ns: int, now_ns: int) -> GateInput:
+        states = [drive.state(now_ns) for drive in self.drives]
+        return GateInput(
+            now_ns,
+            command_ns,
+            self._period_ns,
+            self._safety_ns,
+            self._permitted,
+            all(state is State.OPERATION_ENABLED for state in states),
+            bool(self.fault) or any(drive.fault for drive in self.drives),
+        )
+
+    def _close(self) -> None:
+        self._closed_because = self._why(self.gate)
+        for drive in self.drives:
+            drive.request_disable()
+
+    def _why(self, state: GateState) -> str:
+        if state.reason == gate.DRIVE_FAULT or state.reason == gate.DRIVE_LEFT:
+            own = self.fault or next((drive.fault for drive in self.drives if drive.fault), "")
+            return own or gate.REASONS[state.reason]
+        if state.reason == gate.NO_PERMISSION and self._safety_reason:
+            return f"not permitted: {self._safety_reason}"
+        return gate.REASONS[state.reason]
+
+    def _open(self, inp: GateInput) -> str:
+        """Carry out an `enable`; return why not, empty when the gate is opening."""
+        state, refused = gate.enable(self._settings, self.gate, inp)
+        if refused:
+            detail = self._why(state._replace(reason=self._refused_for(state, inp)))
+            return detail or refused
+        if state is self.gate:
+            return ""
+        try:
+            for drive in self.drives:
+                drive.request_enable()
+        except DeviceError as error:
+            for drive in self.drives:
+                drive.request_disable()
+            return str(error)
+        self.gate = state
+        return ""
+
+    def _refused_for(self, state: GateState, inp: GateInput) -> int:
+        if inp.drive_faulted:
+            return gate.DRIVE_FAULT
+        if state.latched:
+            return state.reason
+        if not inp.permitted:
+            return gate.NO_PERMISSION
+        return gate.PASSING
+
+    def _disable(self, inp: GateInput) -> str:
+        self.gate = gate.disable(self.gate, inp.now_ns)
+        self._close()
+        return ""
+
+    def _clear(self, inp: GateInput) -> str:
+        self.fault = ""
+        self.gate = gate.clear(self.gate)
+        self._closed_because = ""
+        return ""
+
+    # -- any thread ------------------------------------------------------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether torque is being passed on."""
+        return self.gate.phase == gate.OPEN
+
+    @property
+    def faulted(self) -> bool:
+        """Whether something is latched that `clear_fault` must clear."""
+        return (
+            self.gate.latched or bool(self.fault) or any(drive.fault for drive in self.drives)
+        )
+
+    @property
+    def reason(self) -> str:
+        """Why no torque passes, empty while it does."""
+        if self.gate.phase == gate.OPEN:
+            return ""
+        for drive in self.drives:
+            if drive.fault:
+                return drive.fault
+        return self.fault or self._closed_because or gate.REASONS[self.gate.reason]
+
+    def enable(self, wait: Callable[[float], object]) -> str:
+        """Enable and wait until torque passes; return why not, empty when it does.
+
+        wait: sleeps so many seconds, or less when the process ends.
+        """
+        refused = self._ask(self._open)
+        if refused:
+            return refused
+        deadline = time.monotonic() + self._settings.drive_timeout + _ANSWER_S
+        while self.gate.phase == gate.OPENING and time.monotonic() < deadline:
+            wait(_POLL_S)
+        return self.reason
+
+    def disable(self) -> str:
+        """Disable; return what is wrong, empty when done."""
+        return self._ask(self._disable)
+
+    def clear_fault(self, wait: Callable[[float], object]) -> str:
+        """Recover the drives, up to switched on at most; return what is left, empty when well.
+
+        Raises DeviceError when a drive that restarted cannot be configured again.
+        """
+        for drive in self.drives:
+            if drive.fault:
+                drive.clear_fault()
+        patience = max(drive.settings.enable_timeout for drive in self.drives) + _ANSWER_S
+        deadline = time.monotonic() + patience
+        while any(drive.recovering for drive in self.drives) and time.monotonic() < deadline:
+            wait(_POLL_S)
+        left = next((drive.fault for drive in self.drives if drive.fault), "")
+        return left or self._ask(self._clear)
+
+    def _ask(self, action: Callable[[GateInput], str]) -> str:
+        answer: Future = Future()
+        self._asked.put((action, answer))
+        try:
+            return answer.result(timeout=_ANSWER_S)
+        except NoAnswer:
+            answer.cancel()
+            return "the loop does not run: activate the node"

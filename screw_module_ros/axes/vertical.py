@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical drive's end of the law: force command in, linearized motor torque out.
+
+::
+
+    force command -> plausible? -> gate -> T = F L / 2 pi (eq 5.2) -> I2t limit (3.1.6)
+                  -> linearization (4.1.1) -> drive
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..control.command_watch import CommandWatch
+from ..control.gate import GateSettings
+from ..control.limits import TorqueLimits, limit_torque
+from ..control.linearization import Linearization, torque_command
+from ..devices.drive import Drive
+from ..geometry import SCREW, Screw, force_to_torque
+from .gated_drives import GatedDrives
+
+LARGEST_FORCE = 150.0
+"""No controller of this robot may ask for more [N]."""
+
+
+class Written(NamedTuple):
+    """The last write: torque wanted and command sent [Nm], whether a limit acted."""
+
+    torque: float
+    command: float
+    saturated: bool
+
+
+class VerticalAxis:
+    """Turns force commands into drive writes; every method of the loop's thread.
+
+    period_ns: between commands. linearization: of the amplifier behind the drive.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        period_ns: int,
+        gate: GateSettings,
+        limits: TorqueLimits,
+        linearization: Linearization | None = None,
+        screw: Screw = SCREW,
+    ):
+        self.drive = drive
+        self.drives = GatedDrives([drive], gate, period_ns)
+        self.last = Written(0.0, 0.0, False)
+        self._watch = CommandWatch(period_ns, LARGEST_FORCE)
+        self._limits = limits
+        self._linearization = linearization
+        self._screw = screw
+        self._heat = 0.0
+        self._written_ns = 0
+        self._period_ns = period_ns
+
+    def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
+        """Act on a force command [N] at once; return whether it was plausible and was written."""
+        accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
+        if self._watch.fault and not self.drives.fault:
+            self.drives.fault = self._watch.fault
+            self._watch.reset()
+        if accepted:
+            self._write(force, now_ns)
+        return accepted
+
+    def idle(self, now_ns: int) -> None:
+        """Keep gate and drive going without a new command: zero torque; once a tick is enough."""
+        if now_ns - self._written_ns >= 2 * self._period_ns:
+            self._write(0.0, now_ns)
+
+    def _write(self, force: float, now_ns: int) -> None:
+        scale = self.drives.step(self._watch.newest_ns, now_ns)
+        elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
+        self._written_ns = now_ns
+        wanted = scale * force_to_torque(force, self._screw)
+        torque, self._heat = limit_torque(self._limits, self._heat, wanted, max(elapsed, 1e-6))
+        command = torque
+        if self._linearization is not None and torque != 0.0:
+            command = torque_command(self._linearization, torque)
+        sent = self.drive.write(command, now_ns)
+        self.last = Written(torque if sent else 0.0, sent, torque != wanted)

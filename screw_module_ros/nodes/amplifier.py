@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`amplifier`: the vertical CiA 402 drive; writes the torque as soon as a command comes."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, NamedTuple
+
+from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.axes.vertical import VerticalAxis
+from screw_module_ros.control.calibration import calibration_identity
+from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.control.limits import TorqueLimits
+from screw_module_ros.control.linearization import default_linearization, load_linearization
+from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.devices.drive import Drive
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.geometry import SCREW, torque_to_force
+from screw_module_ros.settings import Setting
+
+from .support import qos
+from .support.driver import DriverNode, RateSettings, device_values
+from .support.realtime import Inbox
+from .support.runtime import ERROR, OK, WARN, Health
+from .support.runtime import main as run_node
+
+_ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
+
+
+class AmplifierSettings(NamedTuple):
+    """What stands between the force command and the drive."""
+
+    linearize: Annotated[
+        bool, Setting("undo the amplifier's dead zone around zero (thesis 4.1.1)")
+    ] = True
+    linearization_file: Annotated[
+        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm")
+    ] = ""
+    missed_limit: Annotated[
+        int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
+    ] = 20
+    state_rate: Annotated[
+        float, Setting("screw/amplifier_state messages per second", "Hz", 1.0, 500.0)
+    ] = 100.0
+
+
+class AmplifierNode(DriverNode):
+    """SYNC and heartbeat on the tick, torque on the command."""
+
+    def __init__(self):
+        super().__init__("amplifier", port=43114)
+        self.parameters.declare(AmplifierSettings)
+        self.parameters.declare(DriveSettings, without=("rate",))
+        self.parameters.declare(GateSettings, "gate")
+        self.parameters.declare(TorqueLimits, "torque")
+        self._state = AmplifierState()
+        self._state.header.frame_id = "manus_base"
+        self._inbox: Inbox | None = None
+        self._drive: Drive | None = None
+        self.create_service(SetBool, "~/enable", self._enable)
+        self.create_service(Trigger, "~/clear_fault", self._clear_fault)
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Find the drive, configure it and its guards."""
+        own = self.parameters.read(AmplifierSettings)
+        rate = self.parameters.read(RateSettings).rate
+        settings = self.parameters.read(DriveSettings)._replace(rate=rate)
+        self._load_linearization(own)
+        port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
+        self._drive = Drive(port, settings, "vertical drive")
+        self._drive.configure()
+        self.hardware_id = self._drive.identity
+        for warning in self._drive.warnings:
+            self.get_logger().warning(warning)
+        self.check_bus_load(self._drive.traffic)
+        self._state_period_ns = round(1e9 / own.state_rate)
+        self._missed_limit = own.missed_limit
+        self._inbox = Inbox(self)
+        self._take_command = self._inbox.subscribe(
+            ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
+        )
+        self._take_safety = self._inbox.subscribe(SafetyState, "safety_state", qos.COMMAND)
+        self._publisher = self.create_publisher(
+            AmplifierState, "screw/amplifier_state", qos.STATE
+        )
+
+    def _load_linearization(self, own: AmplifierSettings) -> None:
+        path = own.linearization_file
+        self._linearization, self._calibration = None, "none"
+        if own.linearize:
+            self._linearization = load_linearization(path) if path else default_linearization()
+            self._calibration = calibration_identity(path) if path else "thesis 4.1.1"
+
+    def begin(self) -> None:
+        """Start the drive, disabled."""
+        self._axis = VerticalAxis(
+            self._drive,
+            self.period_ns,
+            self.parameters.read(GateSettings, "gate"),
+            self.parameters.read(TorqueLimits, "torque"),
+            self._linearization,
+        )
+        self._meter = DeadlineMeter(self.period_ns)
+        self._force = 0.0
+        self._state_due_ns = 0
+        self._drive.start()
+        self.start_clock()
+
+    def end(self) -> None:
+        """Torque off and a clean exit, so that the next start does not begin in fault."""
+        self.stop_clock()
+        problem = self._drive.shutdown()
+        if problem:
+            self.get_logger().warning(f"drive not left cleanly: {problem}")
+
+    def disconnect(self) -> None:
+        """Close the bus."""
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
+            self.destroy_publisher(self._publisher)
+        self._drive = None
+        self.close_port()
+
+    # Hot loop ------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Wait for a command or the tick and do what is due."""
+        self._inbox.wait(self.ticker.due_ns() - time.monotonic_ns())
+        now = time.monotonic_ns()
+        try:
+            command = self._take_command()
+            if command is not None:
+                self._act(command, now)
+            if now >= self.ticker.due_ns():
+                self._tick(now)
+        except DeviceError:
+            return  # latched by the driver, shown by state and diagnostics
+
+    def _act(self, command: ForceCommand, now: int) -> None:
+        self.port.pump(0.0)
+        self._force = command.force
+        acted = self._axis.command(command.sequence, command.monotonic_ns, command.force, now)
+        if acted:
+            self._meter.tick(command.sequence, command.monotonic_ns, time.monotonic_ns())
+
+    def _tick(self, now: int) -> None:
+        self.skipped += self.ticker.take().skipped
+        self._drive.sync(now)
+        self._drive.heartbeat(now)
+        safety = self._take_safety()
+        if safety is not None:
+            reason = safety.reasons[0] if safety.reasons else ""
+            self._axis.drives.permit(safety.vertical_permitted, reason, now)
+        self._stop_when_late(now)
+        self._axis.idle(now)
+        if now >= self._state_due_ns:
+            self._state_due_ns = now + self._state_period_ns
+            self.port.pump(0.0)
+            self._publish_state(now)
+
+    def _stop_when_late(self, now: int) -> None:
+        missed = self._meter.missed_in_a_row(now)
+        drives = self._axis.drives
+        if drives.enabled and missed >= self._missed_limit and not drives.fault:
+            drives.fault = f"{missed} deadlines missed in a row"
+
+    def _publish_state(self, now: int) -> None:
+        message, drives, meter, drive = self._state, self._axis.drives, self._meter, self._drive
+        reading, written = drive.reading, self._axis.last
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.state = int(drive.state(now))
+        message.statusword = reading.statusword if reading else 0
+        message.error_code = drive.error_code
+        message.enabled = drives.enabled
+        message.faulted = drives.faulted
+        message.reason = drives.reason
+        message.commanded_force = self._force
+        message.commanded_torque = written.torque
+        message.measured_torque = reading.torque if reading else 0.0
+        counts = drive.settings.direction * reading.position if reading else 0
+        message.position = SCREW.lead * counts / _ONE_TURN
+        message.rate = meter.rate(now)
+        message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
+        message.commands, message.late, message.lost = meter.samples, meter.late, meter.lost
+        message.consecutive_missed = meter.missed_in_a_row(now)
+        message.success_rate = meter.success_rate
+        message.saturated = written.saturated
+        message.calibration = self._calibration
+        self._publisher.publish(message)
+
+    # Services ------------------------------------------------------------------------------
+
+    def _enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if not self.active:
+            response.message = "the node is not active"
+            return response
+        drives = self._axis.drives
+        publishers = self._inbox.publishers("screw/force_command")
+        if request.data and publishers > 1:
+            response.message = f"{publishers} nodes publish screw/force_command: one is allowed"
+            return response
+        problem = drives.enable(self.stopping.wait) if request.data else drives.disable()
+        response.success = not problem
+        response.message = problem or ("enabled" if request.data else "disabled")
+        return response
+
+    def _clear_fault(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        if not self.active:
+            response.message = "the node is not active"
+            return response
+        try:
+            problem = self._axis.drives.clear_fault(self.stopping.wait)
+        except DeviceError as error:
+            problem = str(error)
+        response.success = not problem
+        response.message = problem or "cleared; call ~/enable to enable"
+        return response
+
+    def health(self) -> Health:
+        """State of the drive, timing, counters."""
+        now, meter, drives = time.monotonic_ns(), self._meter, self._axis.drives
+        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak)
+        values = {
+            "rate [1/s]": meter.rate(now),
+            "latency p50 [us]": f"{meter.latency(0.5) * 1e6:.0f}",
+            "latency p99 [us]": f"{meter.latency(0.99) * 1e6:.0f}",
+            "late": meter.late,
+            "lost": meter.lost,
+            "success rate": f"{meter.success_rate:.3f}",
+            "state": self._drive.state(now).text,
+            "largest force [N]": f"{peak:.0f}",
+            "linearization": self._calibration,
+            **device_values(self._drive.snapshot()),
+            **self.port_values(),
+        }
+        if drives.faulted:
+            return Health(ERROR, drives.reason, values)
+        if self._drive.warnings:
+            return Health(WARN, self._drive.warnings[0], values)
+        if drives.enabled and meter.success_rate < 0.99:
+            return Health(WARN, "deadlines are being missed", values)
+        return Health(OK, "enabled" if drives.enabled else drives.reason, values)
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(AmplifierNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`impedance_controller`: the vertical law, once per encoder sample with the newest force sample.
+
+Every number it computes comes from `control/`; here the samples come in and the command goes out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Annotated, NamedTuple
+
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    EndpointSetpoint,
+    ForceCommand,
+    ForceSample,
+    ImpedanceState,
+    SafetyState,
+)
+from screw_module_msgs.srv import SetControlMode, SetImpedance
+
+from screw_module_ros.control.calibration import calibration_identity
+from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.control.modes import MODE_NAMES, OFF
+from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.control.vertical import (
+    VerticalInput,
+    VerticalOutput,
+    initial_state,
+    vertical_step,
+)
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.watch import VerticalWatch, WatchSettings
+from screw_module_ros.resources import resource_path
+from screw_module_ros.settings import Setting
+
+from .support import qos
+from .support.driver import RateSettings, period_of
+from .support.freshness import Newest
+from .support.realtime import Inbox
+from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
+from .support.runtime import main as run_node
+
+FRICTION_FILE = "params/friction_thesis.yaml"
+_AMPLIFIER_AGE_NS = 200_000_000
+_SETPOINT_AGE_NS = 1 << 62
+
+
+class ControllerSettings(NamedTuple):
+    """What the node starts with."""
+
+    mode: Annotated[
+        int, Setting("control mode: 0 OFF, 1 IMPEDANCE, 2 FRICTION_COMPENSATION, "
+                     "3 FORCE_FEEDBACK, 4 COMBINED", choices=tuple(MODE_NAMES), live=True)
+    ] = 1
+    friction_file: Annotated[
+        str, Setting("friction model file, empty for the thesis's polynomials")
+    ] = ""
+    state_rate: Annotated[
+        float, Setting("screw/controller_state messages per second", "Hz", 1.0, 500.0)
+    ] = 100.0
+
+
+class ImpedanceControllerNode(ModuleNode):
+    """Encoder sample in, force command out; a latched watch holds the force at zero."""
+
+    def __init__(self):
+        super().__init__("impedance_controller")
+        self.parameters.declare(ControllerSettings)
+        self.parameters.declare(RateSettings)
+        self.parameters.declare(VerticalSettings)
+        self.parameters.declare(WatchSettings, "watch")
+        self._command = ForceCommand()
+        self._state_message = ImpedanceState()
+        self._state_message.header.frame_id = "manus_base"
+        self._inbox: Inbox | None = None
+        self.create_service(SetImpedance, "~/set_impedance", self._set_impedance)
+        self.create_service(SetControlMode, "~/set_mode", self._set_mode)
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Load the friction model and make the topics."""
+        chosen = self.parameters.read(ControllerSettings)
+        path = chosen.friction_file or resource_path(FRICTION_FILE)
+        self._friction = load_friction_model(path)
+        self._calibration = calibration_identity(path)
+        self._settings = self.parameters.read(VerticalSettings).validated()
+        self._mode = chosen.mode
+        self._period_ns = period_of(self.parameters.read(RateSettings).rate)
+        self._state_period_ns = round(1e9 / chosen.state_rate)
+        self._inbox = inbox = Inbox(self)
+        self._take_encoder = inbox.subscribe(
+            EncoderSample, "screw/encoder", qos.SAMPLE, wakes=True
+        )
+        self._take_force = inbox.subscribe(ForceSample, "handle/force", qos.SAMPLE)
+        take = inbox.subscribe
+        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), _SETPOINT_AGE_NS)
+        self._amplifier = Newest(
+            take(AmplifierState, "screw/amplifier_state", qos.STATE), _AMPLIFIER_AGE_NS
+        )
+        self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), _AMPLIFIER_AGE_NS)
+        self._publisher = self.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
+        self._publish = self._publisher.handle.publish
+        self._state_publisher = self.create_publisher(
+            ImpedanceState, "screw/controller_state", qos.STATE
+        )
+
+    def begin(self) -> None:
+        """Start from nothing: zero force, set point at the measured position."""
+        self._watch = VerticalWatch(self.parameters.read(WatchSettings, "watch"), self._period_ns)
+        self._meter = DeadlineMeter(self._period_ns)
+        self._state = initial_state(self._settings)
+        self._output = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
+        self._encoder: EncoderSample | None = None
+        self._handle_force = 0.0
+        self._reason: str | None = "no sample yet"
+        self._held = True
+        self._resets: int | None = None
+        self._state_due_ns = 0
+
+    def end(self) -> None:
+        """Send one last zero, so that nobody goes on with the last force."""
+        if self._inbox is not None and self._encoder is not None:
+            self._send(self._encoder, _zero(self._output))
+
+    def disconnect(self) -> None:
+        """Remove the topics."""
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
+            self.destroy_publisher(self._publisher)
+            self.destroy_publisher(self._state_publisher)
+
+    def changed(self, kind: type) -> None:
+        """Take over live parameters; the law fades them in."""
+        if kind is VerticalSettings:
+            self._settings = self.parameters.read(VerticalSettings)
+        elif kind is ControllerSettings:
+            self._mode = self.parameters.read(ControllerSettings).mode
+
+    # Hot loop ------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Wait for an encoder sample and answer it with a command."""
+        self._inbox.wait(2 * self._period_ns)
+        now = time.monotonic_ns()
+        watch = self._watch
+        force = self._take_force()
+        if force is not None and watch.force(force, now):
+            self._handle_force = force.fz
+        sample = self._take_encoder()
+        if sample is not None and watch.encoder(sample, now):
+            self._act(sample, now)
+        elif not self._held and watch.check(now):
+            self._reason = watch.check(now)
+            self._output = _zero(self._output)
+            self._state = initial_state(self._settings)
+            self._send(self._encoder, self._output)
+        if now >= self._state_due_ns:
+            self._state_due_ns = now + self._state_period_ns
+            self._follow_reset(now)
+            self._publish_state(now)
+
+    def _act(self, sample: EncoderSample, now: int) -> None:
+        last, self._encoder = self._encoder, sample
+        dt = (sample.monotonic_ns - last.monotonic_ns if last else self._period_ns) * 1e-9
+        self._reason = self._watch.check(now)
+        self._setpoint.update(now)
+        amplifier = self._amplifier.fresh(now)
+        wanted = self._setpoint.message
+        self._output, self._state = vertical_step(
+            self._settings,
+            self._friction,
+            self._state,
+            VerticalInput(
+                self._mode,
+                sample.position,
+                sample.velocity,
+                self._handle_force,
+                wanted.position.z if wanted else math.nan,
+                wanted.velocity.z if wanted else 0.0,
+                self._reason is None and (amplifier is None or amplifier.enabled),
+            ),
+            dt,
+        )
+        self._send(sample, self._output)
+        self._meter.tick(sample.sequence, sample.monotonic_ns, time.monotonic_ns())
+
+    def _send(self, sample: EncoderSample, output: VerticalOutput) -> None:
+        command = self._command
+        command.stamp = sample.stamp
+        command.sequence = sample.sequence
+        command.monotonic_ns = sample.monotonic_ns
+        command.force = output.force
+        command.mode = self._mode
+        command.impedance = output.impedance
+        command.gravity = output.gravity
+        command.friction = output.friction
+        command.feedback = output.feedback
+        command.saturated = output.saturated
+        self._held = output.force == 0.0
+        self._publish(command)
+
+    def _follow_reset(self, now: int) -> None:
+        """Forget a latched fault when the supervisor was reset since it was latched."""
+        safety = self._safety.fresh(now)
+        if safety is None:
+            return
+        if self._resets is not None and safety.resets != self._resets:
+            self._reason = self._watch.reset(now)
+        self._resets = safety.resets
+
+    def _publish_state(self, now: int) -> None:
+        message, meter, output = self._state_message, self._meter, self._output
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.mode = self._mode
+        message.faulted = bool(self._watch.fault)
+        message.reason = self._reason or ""
+        message.active = self._reason is None and self._mode != OFF
+        if self._encoder is not None:
+            message.position = self._encoder.position
+            message.velocity = self._encoder.velocity
+        message.desired_position = output.desired_position
+        message.desired_velocity = output.desired_velocity
+        blend = self._state.blend
+        message.stiffness, message.damping = blend.stiffness, blend.damping
+        message.force_gain = blend.gain
+        message.measured_force = self._handle_force
+        message.commanded_force = output.force
+        message.rate = meter.rate(now)
+        message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
+        message.samples, message.late, message.lost = meter.samples, meter.late, meter.lost
+        message.consecutive_missed = meter.missed_in_a_row(now)
+        message.success_rate = meter.success_rate
+        message.calibration = self._calibration
+        self._state_publisher.publish(message)
+
+    # Services ------------------------------------------------------------------------------
+
+    def _set_impedance(
+        self, request: SetImpedance.Request, response: SetImpedance.Response
+    ) -> SetImpedance.Response:
+        response.message = self.parameters.write(
+            stiffness=request.stiffness, damping=request.damping
+        )
+        response.success = not response.message
+        return response
+
+    def _set_mode(
+        self, request: SetControlMode.Request, response: SetControlMode.Response
+    ) -> SetControlMode.Response:
+        response.message = self.parameters.write(mode=request.mode)
+        response.success = not response.message
+        return response
+
+    def health(self) -> Health:
+        """Reason of a zero force, timing."""
+        now, meter = time.monotonic_ns(), self._meter
+        values = {
+            "rate [1/s]": meter.rate(now),
+            "latency p50 [us]": f"{meter.latency(0.5) * 1e6:.0f}",
+            "latency p99 [us]": f"{meter.latency(0.99) * 1e6:.0f}",
+            "late": meter.late,
+            "lost": meter.lost,
+            "success rate": f"{meter.success_rate:.3f}",
+            "age [s]": self._age_text(now),
+            "mode": MODE_NAMES[self._mode],
+            "calibration": self._calibration,
+        }
+        if self._watch.fault:
+            return Health(ERROR, self._watch.fault, values)
+        if self._reason:
+            return Health(WARN, self._reason, values)
+        if meter.success_rate < 0.99:
+            return Health(WARN, "deadlines are being missed", values)
+        return Health(OK, f"running in {MODE_NAMES[self._mode]}", values)
+
+
+    def _age_text(self, now: int) -> str:
+        if self._encoder is None:
+            return "never"
+        return f"{(now - self._encoder.monotonic_ns) * 1e-9:.4f}"
+
+
+def _zero(output: VerticalOutput) -> VerticalOutput:
+    return VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, output.desired_position, 0.0)
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(ImpedanceControllerNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

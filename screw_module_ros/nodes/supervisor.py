@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`supervisor`: permission to move, emergency stop, vertical lock.
+
+It grants nothing by itself: every drive stays off until it is enabled. What it decides, and from
+what, is `control/supervision.py`; here the states are collected and the decision is sent.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Annotated, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    EndpointState,
+    ForceSample,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.control import supervision
+from screw_module_ros.control.supervision import (
+    NodeReport,
+    SupervisionSettings,
+    SupervisorState,
+    decide,
+)
+from screw_module_ros.settings import Setting
+
+from .support import qos
+from .support.freshness import Newest
+from .support.rates import RateMeter
+from .support.realtime import Inbox, Ticker
+from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
+from .support.runtime import main as run_node
+
+_DIAGNOSTICS_NS = 3_000_000_000
+# Node -> what it is heard by. Watched besides: endpoint_state, which nothing depends on.
+_HEARD_BY = {
+    "encoder": (EncoderSample, "screw/encoder", qos.SAMPLE),
+    "force_sensor": (ForceSample, "handle/force", qos.SAMPLE),
+    "impedance_controller": (ImpedanceState, "screw/controller_state", qos.STATE),
+    "amplifier": (AmplifierState, "screw/amplifier_state", qos.STATE),
+    "manus": (PlanarState, "manus/state", qos.STATE),
+    "endpoint_state": (EndpointState, "endpoint_state", qos.STATE),
+}
+
+
+class SupervisorSettings(NamedTuple):
+    """The node's clock."""
+
+    rate: Annotated[float, Setting("decisions per second", "Hz", 20.0, 500.0)] = 50.0
+
+
+class SupervisorNode(ModuleNode):
+    """Looks at the newest state of every node and says whether the robot may move."""
+
+    def __init__(self):
+        super().__init__("supervisor")
+        self.parameters.declare(SupervisorSettings)
+        self.parameters.declare(SupervisionSettings)
+        self._message = SafetyState()
+        self._message.header.frame_id = "manus_base"
+        self._state = SupervisorState()
+        self._changing = threading.Lock()  # the loop decides, services change what it decides from
+        self._rate = RateMeter()
+        self._decisions = 0
+        self._inbox: Inbox | None = None
+        self._alarms: dict[str, tuple[int, str]] = {}
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._note_diagnostics, 50)
+        self.create_service(Trigger, "~/estop", self._estop)
+        self.create_service(Trigger, "~/reset", self._reset)
+        self.create_service(SetBool, "~/lock_vertical", self._lock)
+
+    def connect(self) -> None:
+        """Make the topics."""
+        self._period_ns = round(1e9 / self.parameters.read(SupervisorSettings).rate)
+        self._settings = self.parameters.read(SupervisionSettings)
+        unknown = set(self._settings.required) - set(_HEARD_BY)
+        if unknown:
+            raise ValueError(
+                f"required names {', '.join(sorted(unknown))}; there are {', '.join(_HEARD_BY)}"
+            )
+        self._inbox = Inbox(self)
+        age_ns = round(self._settings.timeout * 1e9)
+        self._heard = {
+            node: Newest(self._inbox.subscribe(*heard), age_ns)
+            for node, heard in _HEARD_BY.items()
+        }
+        self._publisher = self.create_publisher(SafetyState, "safety_state", qos.COMMAND)
+
+    def begin(self) -> None:
+        """Start the clock."""
+        self._ticker = Ticker(self._period_ns)
+
+    def disconnect(self) -> None:
+        """Remove the topics; without safety_state the drives stop."""
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
+            self.destroy_publisher(self._publisher)
+
+    def step(self) -> None:
+        """Decide and say so."""
+        self._publish(self._ticker.sleep().monotonic_ns)
+
+    def _publish(self, now: int) -> None:
+        reports = self._reports(now)
+        with self._changing:
+            decision, self._state = decide(self._settings, self._state, reports, now)
+            state = self._state
+        message = self._message
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.level = decision.level
+        message.motion_permitted = decision.motion_permitted
+        message.vertical_permitted = decision.vertical_permitted
+        message.planar_permitted = decision.planar_permitted
+        message.reasons = list(decision.reasons)
+        message.estopped = state.estopped
+        message.vertical_locked = state.locked
+        message.resets = state.resets
+        self._publisher.publish(message)
+        self._decisions += 1
+
+    def _reports(self, now: int) -> dict[str, NodeReport]:
+        for newest in self._heard.values():
+            newest.update(now)
+        return {node: self._report(node, newest, now) for node, newest in self._heard.items()}
+
+    def _report(self, node: str, newest: Newest, now: int) -> NodeReport:
+        message = newest.message
+        if message is None:
+            return NodeReport(seen=False)
+        alarmed_ns, alarm = self._alarms.get(node, (0, ""))
+        alarm = alarm if now - alarmed_ns < _DIAGNOSTICS_NS else ""
+        age = (now - newest.arrival_ns) * 1e-9
+        if not hasattr(message, "faulted"):  # a sample: only the diagnostics tell of an error
+            return NodeReport(True, age, error=bool(alarm), reason=alarm)
+        enabled = getattr(message, "enabled", False) and not newest.stale(now)
+        return NodeReport(True, age, False, message.faulted, enabled, message.reason)
+
+    def _note_diagnostics(self, array: DiagnosticArray) -> None:
+        mine = self.get_namespace().strip("/")
+        for status in array.status:
+            namespace, _, node = status.name.rpartition("/")
+            if namespace == mine and node in _HEARD_BY:
+                alarm = status.message if status.level == ERROR else ""
+                self._alarms[node] = (time.monotonic_ns(), alarm)
+
+    # Services ------------------------------------------------------------------------------
+
+    def _estop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._changing:
+            self._state = supervision.estop(self._state)
+        if self.active:
+            self._publish(time.monotonic_ns())
+        self.get_logger().error("emergency stop")
+        response.success = True
+        response.message = "stopped; call ~/reset, then enable the drives"
+        return response
+
+    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active:
+            response.message = "the node is not active"
+            return response
+        now = time.monotonic_ns()
+        with self._changing:
+            self._state, response.message = supervision.reset(
+                self._settings, self._state, self._reports(now), now
+            )
+        response.success = not response.message
+        response.message = response.message or "reset; the drives stay off until enabled"
+        return response
+
+    def _lock(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        with self._changing:
+            self._state = supervision.lock(self._state, request.data)
+        response.success = True
+        response.message = "vertical locked" if request.data else "vertical unlocked"
+        return response
+
+    def health(self) -> Health:
+        """What is permitted and why not."""
+        message, now = self._message, time.monotonic_ns()
+        ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._heard.items()}
+        values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
+        reason = "; ".join(message.reasons)
+        if message.level == SafetyState.STOPPED:
+            return Health(ERROR, reason, values)
+        if message.level == SafetyState.WAITING:
+            return Health(WARN, f"waiting: {reason}", values)
+        return Health(OK, "motion permitted", values)
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(SupervisorNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a long-running command shows: steps with their time, progress of what takes longer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console as RichConsole
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+_NARROWEST = 110  # columns where the output goes into a file
+
+
+class Console:
+    """Steps on a terminal with a spinner, in a file or a pipe as plain lines."""
+
+    def __init__(self):
+        self._rich = RichConsole(highlight=False)
+        if not self._rich.is_terminal:
+            self._rich.width = max(self._rich.width, _NARROWEST)
+
+    @contextmanager
+    def step(self, text: str) -> Iterator[Callable[[str], None]]:
+        """Show that `text` is being done, then that it is; the function given adds a detail."""
+        begun = time.monotonic()
+        shown = text
+        with self._rich.status(text) as status:
+
+            def detail(more: str) -> None:
+                nonlocal shown
+                now = f"{text}: {more}" if more else text
+                if now != shown:
+                    shown = now
+                    status.update(now)
+
+            try:
+                yield detail
+            except BaseException:
+                self._rich.print(f"[red]✗[/] {text}")
+                raise
+        self._rich.print(f"[green]✓[/] {text} [dim]{time.monotonic() - begun:.1f} s[/]")
+
+    @contextmanager
+    def progress(self, text: str, total: float) -> Iterator[Callable[[float], None]]:
+        """Show a bar over `total` seconds; the function given tells how many have passed."""
+        columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
+        with self.step(text) as _, Progress(*columns, console=self._rich, transient=True) as bar:
+            task = bar.add_task(text, total=total)
+            yield lambda done: bar.update(task, completed=done)
+
+    def show(self, *what: Table | str) -> None:
+        """Print tables and lines."""
+        for item in what:
+            self._rich.print(item)
+
+    def fail(self, text: str) -> None:
+        """Print what went wrong."""
+        self._rich.print(f"[bold red]{text}[/]", soft_wrap=True)

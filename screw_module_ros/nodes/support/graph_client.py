@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client of the running graph: services with deadlines, newest states, what the nodes say.
+
+Every call either works or raises RobotError in a sentence that names the node and what it said.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
+from std_srvs.srv import Trigger
+
+from . import qos
+from .freshness import Newest
+from .realtime import Inbox
+
+_POLL_S = 0.01
+ANSWER_S = 10.0
+_READY_S = 90.0
+_ASK_AGAIN_S = 1.0
+_FRESH_NS = 300_000_000
+_STATES = {
+    SafetyState: "safety_state",
+    ImpedanceState: "screw/controller_state",
+    AmplifierState: "screw/amplifier_state",
+    PlanarState: "manus/state",
+}
+
+
+class RobotError(RuntimeError):
+    """Something asked of the robot did not work; the message says which node said what."""
+
+
+class Client:
+    """A client of the whole graph. Not thread-safe: one thread calls it.
+
+    `watch` is called in every wait and may raise to end it, for instance when a process died.
+    """
+
+    def __init__(
+        self,
+        name: str = "operator",
+        namespace: str = "",
+        watch: Callable[[], None] = lambda: None,
+    ):
+        self.watch = watch
+        self._context = Context()
+        self._context.init()
+        self.node = Node(name, namespace=namespace or None, context=self._context)
+        self._clients: dict[str, Any] = {}
+        self._told: dict[str, DiagnosticStatus] = {}
+        self._never = threading.Event()
+        self._inbox = Inbox(self.node)
+        self._states = {
+            kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
+            for kind, topic in _STATES.items()
+        }
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 50)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown(timeout_sec=2.0)
+        self._thread.join(timeout=2.0)
+        self._inbox.close()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def _serve(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+    # Waiting -------------------------------------------------------------------------------
+
+    def pause(self, seconds: float) -> None:
+        """Wait, watching."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self.watch()
+            self._never.wait(min(left, _POLL_S))
+
+    def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
+        """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
+        end = time.monotonic() + deadline_s
+        while not condition():
+            if time.monotonic() > end:
+                raise RobotError(f"{what} (waited {deadline_s:g} s){self._complaints_text()}")
+            self.pause(_POLL_S)
+
+    def wait_until_ready(
+        self,
+        nodes: Iterable[str],
+        deadline_s: float = _READY_S,
+        told: Callable[[list[str]], None] = lambda waiting: None,
+    ) -> None:
+        """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet."""
+        waiting = list(nodes)
+        asked: dict[str, tuple[Any, float]] = {}
+
+        def ready() -> bool:
+            waiting[:] = [name for name in waiting if not self._is_active(name, asked)]
+            told(waiting)
+            return not waiting
+
+        try:
+            self.wait_until(ready, deadline_s, "")
+        except RobotError:
+            said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
+            raise RobotError(f"not ready after {deadline_s:g} s: {said}") from None
+
+    def _is_active(self, name: str, asked: dict[str, tuple[Any, float]]) -> bool:
+        """Whether the node has answered so; asks again where an answer does not come.
+
+        A node that is just being discovered may lose one.
+        """
+        future, until = asked.get(name, (None, 0.0))
+        if future is not None and future.done():
+            del asked[name]
+            return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
+        client = self.client(GetState, f"{name}/get_state")
+        if time.monotonic() > until and client.service_is_ready():
+            asked[name] = (client.call_async(GetState.Request()), time.monotonic() + _ASK_AGAIN_S)
+        return False
+
+    # What the nodes say --------------------------------------------------------------------
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._told[status.name.rpartition("/")[2]] = status
+
+    def said(self, node: str) -> str:
+        """Return what the node said last on /diagnostics."""
+        status = self._told.get(node)
+        return status.message if status else "nothing heard of it on /diagnostics"
+
+    def complaints(self) -> list[str]:
+        """Return `node: message` of every node that reports an error."""
+        bad = (DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
+        told = sorted(self._told.items())
+        return [f"{name}: {status.message}" for name, status in told if status.level in bad]
+
+    def _complaints_text(self) -> str:
+        found = self.complaints()
+        return f"; /diagnostics: {'; '.join(found)}" if found else ""
+
+    def state(self, kind: type) -> Any:
+        """Return the newest SafetyState, ImpedanceState, AmplifierState or PlanarState.
+
+        None when it is older than 0.3 s.
+        """
+        return self._states[kind].fresh(time.monotonic_ns())
+
+    # Services ------------------------------------------------------------------------------
+
+    def client(self, kind: type, service: str):
+        """Return the client of a service, made once."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        return self._clients[service]
+
+    def call(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+        """Call a service and return its response. Raises RobotError without an answer in time."""
+        client = self.client(kind, service)
+        self.wait_until(client.service_is_ready, deadline_s, f"nobody offers {service}")
+        future = client.call_async(request or kind.Request())
+        self.wait_until(future.done, deadline_s, f"{service} did not answer")
+        return future.result()
+
+    def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+        """Like `call`; return the response's message, raise RobotError with it when refused."""
+        response = self.call(kind, service, request, deadline_s)
+        if not response.success:
+            raise RobotError(f"{service} was refused: {response.message}")
+        return response.message
+
+    def trigger(self, service: str, deadline_s: float = ANSWER_S) -> str:
+        """Call a Trigger service, like `ask`."""
+        return self.ask(Trigger, service, deadline_s=deadline_s)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set one parameter."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
+        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        if not result.successful:
+            raise RobotError(f"{node} refused {name} = {value!r}: {result.reason}")

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run of the whole graph against the rig, apart from others, that always ends in good order.
+
+    with GraphRun() as graph, Robot("demo", watch=graph.watch) as robot:
+        robot.wait_until_ready(graph.names)
+
+Ctrl-C and SIGTERM only set a flag, which `watch` turns into Interrupted at the next wait; so no
+process is started or stopped by halves.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Sequence
+from typing import Any
+
+from .. import bringup
+from .isolation import Place, own_place
+from .leftovers import remove_orphans
+from .robot import RobotError
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interrupted(Exception):
+    """Ctrl-C or SIGTERM came."""
+
+
+class GraphRun:
+    """Every node of the graph as a process of its own, from entering to leaving."""
+
+    def __init__(
+        self,
+        params: str | None = None,
+        extra: Sequence[str] = (),
+        only: Sequence[str] = (),
+        without: Sequence[str] = (),
+    ):
+        """Prepare; `params` replaces the parameter file, `extra` goes to every --ros-args."""
+        self._params, self._extra = params, list(extra)
+        self._only, self._without = list(only), list(without)
+        self._stopping = threading.Event()
+        self._processes: list[bringup.Process] = []
+        self._place: Place | None = None
+        self._handlers: dict[signal.Signals, Any] = {}
+        self.codes: dict[str, int] = {}
+
+    def __enter__(self) -> GraphRun:
+        self._place = own_place()
+        for number in _SIGNALS:
+            self._handlers[number] = signal.signal(number, lambda *_: self._stopping.set())
+        try:
+            self._processes = bringup.start(
+                True,
+                self._params,
+                only=self._only,
+                without=self._without,
+                extra=[*self._place.arguments(), *self._extra],
+            )
+        except BaseException:
+            self._leave()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+        self._leave()
+
+    def _leave(self) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        if self._place is not None:
+            self._place.release()
+
+    @property
+    def names(self) -> list[str]:
+        """The nodes, in the order they were started."""
+        return [process.name for process in self._processes]
+
+    def watch(self) -> None:
+        """Raise Interrupted after Ctrl-C, RobotError when a node has ended."""
+        if self._stopping.is_set():
+            raise Interrupted
+        for process in self._processes:
+            if (code := process.exit_code()) is not None:
+                raise RobotError(f"{process.name} ended by itself with code {code}")
+
+    def stop(self) -> dict[str, int]:
+        """Stop all nodes in order, once; return their exit codes."""
+        if not self.codes:
+            self.codes = bringup.stop(self._processes)
+            if any(self.codes.values()):
+                remove_orphans()  # what a node that crashed left in shared memory
+        return self.codes
+
+    def check_codes(self) -> None:
+        """Raise Interrupted after Ctrl-C, RobotError naming the nodes that ended with an error."""
+        if self._stopping.is_set():
+            raise Interrupted
+        if failed := [f"{name} (code {code})" for name, code in self.codes.items() if code]:
+            raise RobotError(f"ended with an error: {', '.join(failed)}")

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps two runs on one machine apart: each has a ROS domain and CAN ports of its own.
+
+What is taken is held by locks that die with this process. A ROS_DOMAIN_ID that is set already is
+used as it is: whoever set it wants the run to meet others.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import socket
+from typing import NamedTuple
+
+from .single import AlreadyRunning, Lock
+
+DOMAIN_VARIABLE, RANGE_VARIABLE = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+FIRST_PORT = 43113
+BUSES = ("encoder", "drive", "force_sensor", "planar")
+NODE_OF_BUS = {
+    "encoder": "encoder",
+    "drive": "amplifier",
+    "force_sensor": "force_sensor",
+    "planar": "manus",
+}
+_DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
+_DDS_PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
+_FIRST_PARTICIPANT = 10
+_SHIFTS = range(0, 1000, 10)
+
+
+class Place(NamedTuple):
+    """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them."""
+
+    domain: int
+    first_port: int
+    locks: tuple[Lock, ...]
+
+    def release(self) -> None:
+        """Let others have the domain and the ports."""
+        for lock in self.locks:
+            lock.release()
+
+    def arguments(self) -> list[str]:
+        """Return the --ros-args that put every node on this run's CAN ports."""
+        given = []
+        for number, bus in enumerate(BUSES):
+            port = self.first_port + number
+            given += ["-p", f"{NODE_OF_BUS[bus]}:can.port:={port}"]
+            given += ["-p", f"sim_rig:{bus}.can.port:={port}"]
+        return given
+
+
+def own_place() -> Place:
+    """Take a domain and ports, and set the environment of this process and its children.
+
+    Raises AlreadyRunning when all of them are in use.
+    """
+    os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
+    locks = []
+    if os.environ.get(DOMAIN_VARIABLE):
+        domain = int(os.environ[DOMAIN_VARIABLE])
+    else:
+        domain, lock = _first_free(
+            random.sample(_DOMAINS, len(_DOMAINS)), "ROS domain", lambda d: [_first_dds_port(d)]
+        )
+        locks.append(lock)
+        os.environ[DOMAIN_VARIABLE] = str(domain)
+    port, lock = _first_free(
+        [FIRST_PORT + shift for shift in _SHIFTS],
+        "CAN port",
+        lambda first: range(first, first + len(BUSES)),
+    )
+    locks.append(lock)
+    return Place(domain, port, tuple(locks))
+
+
+def _first_free(numbers, what: str, ports_of) -> tuple[int, Lock]:
+    for number in numbers:
+        try:
+            lock = Lock(f"place/{what}/{number}", f"{what} {number} is in use")
+        except AlreadyRunning:
+            continue
+        if all(map(_is_quiet, ports_of(number))):
+            return number, lock
+        lock.release()
+    raise AlreadyRunning(f"every {what} tried is in use on this machine: end some runs first")
+
+
+def _first_dds_port(domain: int) -> int:
+    return _DDS_PORT_BASE + _PORTS_PER_DOMAIN * domain + _FIRST_PARTICIPANT
+
+
+def _is_quiet(port: int) -> bool:
+    # Without SO_REUSEADDR this fails as soon as anybody listens there, multicast included.
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", port))
+        except OSError:
+            return False
+    return True

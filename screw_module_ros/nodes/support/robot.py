@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An operator's hand on the robot: what somebody at the bench does, as calls.
+
+    with Robot() as robot:
+        robot.wait_until_ready(["encoder", "amplifier"])
+        robot.home()
+        robot.set_mode(ForceCommand.IMPEDANCE)
+
+Every call either works or raises RobotError in a sentence that names the node and what it said.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Point, Vector3
+from screw_module_msgs.msg import AmplifierState, EndpointSetpoint, PlanarState, SafetyState
+from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
+from std_srvs.srv import SetBool
+
+from . import qos
+from .graph_client import ANSWER_S, Client, RobotError
+
+__all__ = ["Robot", "RobotError", "arm"]
+
+_NAN = math.nan
+_LEAVE = (_NAN, _NAN, _NAN)
+_STILL = (0.0, 0.0, 0.0)
+
+
+def arm(
+    target: tuple[float, float, float] = _LEAVE,
+    duration: float = 0.0,
+    amplitude: tuple[float, float, float] = _STILL,
+    omega: tuple[float, float, float] = _STILL,
+    kind: str = "",
+    mass: float = _NAN,
+    stiffness: float = _NAN,
+    damping: float = _NAN,
+) -> SetArm.Request:
+    """Return a change of the simulated patient, in the units of SetArm.srv; NaN and '' keep."""
+    return SetArm.Request(
+        kind=kind,
+        mass=mass,
+        stiffness=stiffness,
+        damping=damping,
+        target=Point(**dict(zip("xyz", target, strict=True))),
+        duration=duration,
+        amplitude=Vector3(**dict(zip("xyz", amplitude, strict=True))),
+        omega=Vector3(**dict(zip("xyz", omega, strict=True))),
+    )
+
+
+class Robot(Client):
+    """The robot as its operator handles it."""
+
+    def __init__(self, *args: Any, **kwargs: Any):
+        super().__init__(*args, **kwargs)
+        self._setpoint = EndpointSetpoint()
+        self._setpoint.header.frame_id = "manus_base"
+        self._setpoints = self.node.create_publisher(EndpointSetpoint, "setpoint", qos.COMMAND)
+
+    def home(self) -> None:
+        """Home encoder and plane: nut and arm stand at their reference marks, at rest."""
+        self.trigger("encoder/home")
+        self.trigger("manus/home")
+
+    def tare(self) -> str:
+        """Take the resting, unloaded handle as zero force."""
+        return self.trigger("force_sensor/tare")
+
+    def permit(self) -> None:
+        """Wait for the supervisor's permission; acknowledge what stopped the robot before."""
+        state = None
+
+        def known() -> bool:
+            nonlocal state
+            state = self.state(SafetyState)
+            return state is not None and state.level != SafetyState.WAITING
+
+        try:
+            self.wait_until(known, ANSWER_S, "the supervisor gives no permission to move")
+        except RobotError as error:
+            reasons = ", ".join(state.reasons) if state else "no safety_state"
+            raise RobotError(f"{error}: {reasons}") from None
+        if state.level == SafetyState.STOPPED:
+            self.trigger("supervisor/reset")
+
+    def enable(self, on: bool = True) -> None:
+        """Switch the torque of the vertical axis on or off."""
+        self._enable("amplifier", AmplifierState, on)
+
+    def enable_plane(self, on: bool = True) -> None:
+        """Switch the torque of the plane on or off."""
+        self._enable("manus", PlanarState, on)
+
+    def _enable(self, node: str, kind: type, on: bool) -> None:
+        self.ask(SetBool, f"{node}/enable", SetBool.Request(data=on))
+        state = None
+
+        def switched() -> bool:
+            nonlocal state
+            state = self.state(kind)
+            return state is not None and state.enabled == on
+
+        try:
+            self.wait_until(switched, ANSWER_S, f"{node} did not switch {'on' if on else 'off'}")
+        except RobotError as error:
+            raise RobotError(f"{error}: {state.reason if state else 'it is silent'}") from None
+
+    def set_mode(self, mode: int) -> None:
+        """Choose the vertical law, a constant of ForceCommand."""
+        self.ask(SetControlMode, "impedance_controller/set_mode", SetControlMode.Request(mode=mode))
+
+    def set_impedance(
+        self, stiffness: float, damping: float, node: str = "impedance_controller"
+    ) -> None:
+        """Set spring [N/m] and damper [Ns/m] of the vertical axis, or of the plane (`manus`)."""
+        request = SetImpedance.Request(stiffness=stiffness, damping=damping)
+        self.ask(SetImpedance, f"{node}/set_impedance", request)
+
+    def set_setpoint(
+        self,
+        x: float = _NAN,
+        y: float = _NAN,
+        z: float = _NAN,
+        velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Publish where the spring pulls [m], as a game does; NaN leaves an axis alone."""
+        message = self._setpoint
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.position.x, message.position.y, message.position.z = x, y, z
+        message.velocity.x, message.velocity.y, message.velocity.z = velocity
+        self._setpoints.publish(message)
+
+    def start_recording(self) -> Path:
+        """Start the session recorder; return the bag's folder."""
+        return Path(self.trigger("session_recorder/start"))
+
+    def stop_recording(self) -> str:
+        """Stop the session recorder; return its summary."""
+        return self.trigger("session_recorder/stop", deadline_s=30.0)
+
+    def check_enabled(self, plane: bool = True) -> None:
+        """Raise RobotError with the reason when the torque is off."""
+        drives = {"amplifier": AmplifierState, **({"manus": PlanarState} if plane else {})}
+        for name, kind in drives.items():
+            state = self.state(kind)
+            if state is None:
+                raise RobotError(f"{name} is silent{self._complaints_text()}")
+            if not state.enabled:
+                raise RobotError(f"{name} took the torque off: {state.reason}")
+
+    # The simulated rig ---------------------------------------------------------------------
+
+    def set_arm(self, request: SetArm.Request) -> None:
+        """Change the simulated patient."""
+        self.ask(SetArm, "sim_rig/set_arm", request)
+
+    def send_arm(self, request: SetArm.Request) -> None:
+        """Change the simulated patient without waiting for the answer."""
+        self.client(SetArm, "sim_rig/set_arm").call_async(request)
+
+    def set_fixture(self, name: str) -> None:
+        """Change what the handle is attached to: human_arm, free, stage or locked_rotor."""
+        request = SetFixture.Request(fixture=name, position=_NAN)
+        self.ask(SetFixture, "sim_rig/set_fixture", request)
+
+    def inject(self, device: str, fault: str, value: float = 0.0, duration: float = 0.0) -> str:
+        """Make something go wrong at the far end of a bus; return what the rig says it did."""
+        request = InjectFault.Request(device=device, fault=fault, value=value, duration=duration)
+        return self.ask(InjectFault, "sim_rig/inject_fault", request)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings tuples as ROS parameters: start-up values, run-time changes, clear refusals."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from screw_module_ros.nodes.support.parameters import ParameterError, Parameters
+from screw_module_ros.settings import Setting
+
+
+class Spring(NamedTuple):
+    """A law's numbers."""
+
+    stiffness: Annotated[float, Setting("spring", "N/m", 0.0, 5000.0, live=True)] = 100.0
+    axes: Annotated[tuple[float, float], Setting("per axis", "m", -1.0, 1.0)] = (0.1, 0.2)
+    kind: Annotated[str, Setting("kind", choices=("soft", "hard"))] = "soft"
+
+
+class Made(NamedTuple):
+    """A node under test: its parameters, what changed, and the switch for `active`."""
+
+    parameters: Parameters
+    node: object
+    changes: list
+    active: list
+
+
+@pytest.fixture
+def make():
+    """Return a maker of nodes with the given start-up parameters."""
+    context = rclpy.Context()
+    nodes = []
+
+    def build(*given: str) -> Made:
+        arguments = [word for pair in given for word in ("-p", pair)]
+        if given:
+            arguments = ["--ros-args", *arguments]
+        node = rclpy.create_node("law", context=context, cli_args=arguments)
+        nodes.append(node)
+        changes, active = [], []
+        parameters = Parameters(node, changes.append, lambda: bool(active))
+        parameters.declare(Spring, "spring")
+        return Made(parameters, node, changes, active)
+
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    yield build
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def test_start_values_reach_the_tuple(make):
+    """What is given at start replaces the default, as the tuple's own types."""
+    made = make("spring.stiffness:=250.0", "spring.axes:=[0.5, -0.5]")
+    made.parameters.finish()
+    assert made.parameters.read(Spring, "spring") == Spring(250.0, (0.5, -0.5), "soft")
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("spring.stiffness:=-1.0", "below the smallest allowed, 0 N/m"),
+        ("spring.stiffness:=5001.0", "above the largest allowed, 5000 N/m"),
+        ("spring.stiffness:=.nan", "a finite number is wanted"),
+        ("spring.stiffness:=100", "write 1.0, not 1"),
+        ("spring.stiffness:=soft", "type float"),
+        ("spring.kind:=medium", "one of 'soft', 'hard'"),
+        ("spring.axes:=[0.1]", "2 numbers are wanted"),
+        ("spring.axes:=[0.1, 2.0]", "above the largest allowed"),
+    ],
+)
+def test_a_bad_start_value_is_named(make, given, told):
+    """The refusal names the parameter and what is allowed."""
+    with pytest.raises(ParameterError, match=given.split(":=")[0]) as caught:
+        make(given)
+    assert told in str(caught.value)
+
+
+def test_an_unknown_name_is_refused_with_the_known_ones(make):
+    """A misspelt parameter is not silently ignored."""
+    made = make("spring.stifness:=250.0")
+    with pytest.raises(ParameterError, match=r"spring\.stifness is unknown.*spring\.stiffness"):
+        made.parameters.finish()
+
+
+def test_live_change_while_active(make):
+    """A live field changes while active and the node hears of its tuple; a fixed one does not."""
+    made = make()
+    made.parameters.finish()
+    made.active.append(True)
+    good = made.node.set_parameters([Parameter("spring.stiffness", value=300.0)])[0]
+    bad = made.node.set_parameters([Parameter("spring.kind", value="hard")])[0]
+    assert good.successful and made.changes == [Spring]
+    assert not bad.successful and "deactivate first" in bad.reason
+    assert made.parameters.read(Spring, "spring") == Spring(stiffness=300.0)
+
+
+def test_a_bad_change_leaves_everything(make):
+    """Out of range at run time: refused with the bound, nothing is taken over."""
+    made = make()
+    made.parameters.finish()
+    result = made.node.set_parameters([Parameter("spring.stiffness", value=9000.0)])[0]
+    assert not result.successful and "spring.stiffness" in result.reason
+    assert made.changes == [] and made.parameters.read(Spring, "spring") == Spring()
+
+
+def test_descriptions_carry_unit_and_range(make):
+    """`ros2 param describe` shows what the tuple says."""
+    made = make()
+    described = made.node.describe_parameter("spring.stiffness")
+    assert described.description.startswith("spring [N/m]")
+    assert described.floating_point_range[0].from_value == 0.0
+    assert described.floating_point_range[0].to_value == 5000.0
+    assert "hard" in made.node.describe_parameter("spring.kind").additional_constraints
