@@ -139,7 +139,7 @@ class Drive:
 
     def stop(self) -> None:
         """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit."""
-        self._running = False
+        self._running = self._armed = False
 
     def shutdown(self) -> str:
         """Leave cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import can
 from can.interfaces.virtual import VirtualBus
 
@@ -30,6 +32,7 @@ class Wire:
         self.now_ns = 1_000_000_000_000
         self.frames: list[tuple[int, bytes]] = []
         self._devices: list[FarEnd] = []
+        self._turn = threading.RLock()
         self._far = VirtualBus(channel=channel)
         self.bus = TiedBus(channel, self)
         self.port = Port(self.bus, sync_producer, clock=lambda: self.now_ns)
@@ -39,11 +42,12 @@ class Wire:
         return device
 
     def step(self) -> None:
-        while (message := self._far.recv(0.0)) is not None:
-            frame = (message.arbitration_id, bytes(message.data))
-            self.frames.append(frame)
-            for device in self._devices:
-                device.handle(*frame)
+        with self._turn:
+            while (message := self._far.recv(0.0)) is not None:
+                frame = (message.arbitration_id, bytes(message.data))
+                self.frames.append(frame)
+                for device in self._devices:
+                    device.handle(*frame)
 
     def emit(self, can_id: int, data: bytes | str) -> None:
         """Put one frame on the bus from the far side; text is hex."""

@@ -1,0 +1,405 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The drive driver in its cycle, against a scripted CiA 402 device: raw frames both ways."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from scripted import Wire
+from scripted_devices import STATUSWORDS, ScriptedDrive
+
+from screw_module_ros.devices.cia402 import State
+from screw_module_ros.devices.drive import Drive
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.errors import NotEnabled
+
+SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
+
+
+def started(wire, drive_end, settings=SETTINGS):
+    """Configured, started, one arming tick and up to switched on."""
+    drive = Drive(wire.port, settings, "vertical drive")
+    drive.configure()
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    return drive
+
+
+@pytest.fixture
+def drive(wire, drive_end):
+    return started(wire, drive_end)
+
+
+@pytest.fixture
+def enabled(wire, drive, drive_end):
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    assert drive_end.state == "operation enabled"
+    return drive
+
+
+def tick(wire, drive, torque=0.0):
+    """One period of a torque loop; returns the torque written."""
+    now_ns = wire.advance()
+    drive.sync(now_ns)
+    drive.heartbeat(now_ns)
+    wire.port.pump()
+    return drive.write(torque, now_ns)
+
+
+def commands(wire):
+    return [data.hex(" ") for data in wire.sent(0x201)]
+
+
+# -- frames by hand ------------------------------------------------------------------------------
+
+
+def test_arming_order_heartbeat_then_one_command_without_torque(wire, drive_end):
+    drive = Drive(wire.port, SETTINGS)
+    drive.configure()
+    drive.start()
+    wire.frames.clear()
+    assert drive.write(1.0, wire.advance()) == 0.0
+    assert wire.frames == [(0x770, b"\x05"), (0x201, b"\x00\x00\x00\x00")]
+
+
+def test_way_up_word_by_word_and_torque_only_when_enabled(wire, drive_end):
+    drive = Drive(wire.port, SETTINGS)
+    drive.configure()
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive, 0.21)
+    assert commands(wire) == ["00 00 00 00"] + ["06 00 00 00", "07 00 00 00"] + ["07 00 00 00"] * 2
+    drive.request_enable()
+    written = [tick(wire, drive, 0.21) for _ in range(3)]
+    # 0.21 of 0.42 Nm are 500 per mille: F4 01.
+    assert commands(wire)[-3:] == ["0f 00 00 00", "0f 00 f4 01", "0f 00 f4 01"]
+    assert written == [0.0, pytest.approx(0.21), pytest.approx(0.21)]
+
+
+def test_torque_is_signed_and_follows_the_direction(wire, drive_end):
+    drive = started(wire, drive_end, SETTINGS._replace(direction=-1))
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    tick(wire, drive, 0.042)
+    assert commands(wire)[-1] == "0f 00 9c ff"  # -100 per mille
+    wire.emit(0x181, "37 02 FF FF FF FF 32 00")  # position -1, torque +50 per mille
+    wire.port.pump()
+    assert drive.reading.position == -1
+    assert drive.reading.torque == pytest.approx(-0.021)
+    assert drive.reading.statusword == 0x0237
+
+
+def test_slow_status_layout(wire, drive):
+    wire.emit(0x281, "20 32 0A 05 00 00 80")
+    wire.port.pump()
+    assert drive.error_code == 0x3220
+    assert drive.reports.mode_display == 10
+    assert drive.reports.digital_inputs == 0x80000005
+
+
+def test_heartbeat_is_sent_by_the_loop_at_its_own_pace(wire, drive):
+    before = len(wire.sent(0x770))
+    for _ in range(100):
+        tick(wire, drive)
+    assert len(wire.sent(0x770)) - before == 4  # each 25 ms
+    for _ in range(100):
+        wire.advance()
+        wire.port.pump()
+    assert len(wire.sent(0x770)) - before == 4  # a loop that does not run is silent
+
+
+def test_torque_beyond_the_limit_is_cut_and_counted(wire, enabled):
+    assert tick(wire, enabled, 5.0) == pytest.approx(1.6, abs=1e-3)
+    assert tick(wire, enabled, -5.0) == pytest.approx(-1.6, abs=1e-3)
+    assert enabled.counters.saturated == 2
+
+
+def test_disable_is_one_command_down_to_switched_on(wire, enabled, drive_end):
+    enabled.request_disable()
+    assert tick(wire, enabled, 0.3) == 0.0
+    assert commands(wire)[-1] == "07 00 00 00"
+    assert drive_end.state == "switched on"
+    for _ in range(5):
+        assert tick(wire, enabled, 0.3) == 0.0
+    assert enabled.fault == ""
+
+
+# -- torque only where it is allowed -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("torque", [math.nan, math.inf, -math.inf])
+def test_torque_that_is_no_number_is_zero_and_a_fault(wire, enabled, torque):
+    tick(wire, enabled, 0.1)
+    assert tick(wire, enabled, torque) == 0.0
+    assert commands(wire)[-1] == "00 00 00 00"
+    assert "torque command" in enabled.fault
+    assert enabled.counters.bad_torque == 1
+
+
+@hypothesis_settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.sampled_from(sorted(STATUSWORDS.values())), st.integers(0, 0xFFFF)),
+            st.sampled_from(["", "enable", "disable", "clear"]),
+            st.floats(allow_nan=True, allow_infinity=True),
+        ),
+        max_size=40,
+    )
+)
+def test_whatever_the_drive_shows_torque_is_zero_unless_enabled_and_asked_for(script):
+    wire = Wire("any statusword")
+    try:
+        end = wire.attach(ScriptedDrive(wire))
+        drive = started(wire, end)
+        end.answering = False
+        asked = False
+        for word, act, torque in script:
+            if act == "enable" and not drive.fault:
+                drive.request_enable()
+                asked = True
+            elif act in ("disable", "clear"):
+                drive.request_disable() if act == "disable" else drive.clear_fault()
+                asked = False
+            wire.emit(0x181, word.to_bytes(2, "little") + bytes(6))
+            tick(wire, drive, torque)
+            command = wire.sent(0x201)[-1]
+            enabled = word & 0x6F == 0x27
+            asked = asked and not drive.fault
+            if not (enabled and asked and math.isfinite(torque)):
+                assert command[2:] == b"\0\0"
+            assert (command[0] & 0x0F == 0x0F) <= asked
+    finally:
+        wire.close()
+
+
+def test_nothing_is_enabled_that_nobody_asked_for(wire, drive, drive_end):
+    drive_end.state = "operation enabled"
+    assert tick(wire, drive, 0.3) == 0.0
+    assert commands(wire)[-1] == "07 00 00 00"
+    assert drive_end.state == "switched on"
+
+
+# -- exits nobody asked for ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", sorted(set(STATUSWORDS) - {"operation enabled"}))
+def test_every_exit_from_operation_enabled_is_latched(wire, enabled, drive_end, state):
+    drive_end.state = state
+    assert tick(wire, enabled, 0.3) == 0.0
+    assert f"left operation enabled by itself, to {state}" in enabled.fault
+    assert not enabled.enabling
+    drive_end.state = "operation enabled"
+    for _ in range(5):
+        assert tick(wire, enabled, 0.3) == 0.0  # nothing re-enables by itself
+    assert drive_end.state == "switch on disabled"
+    with pytest.raises(NotEnabled, match="clear the fault"):
+        enabled.request_enable()
+
+
+def test_statusword_older_than_ten_periods_disables(wire, enabled, drive_end):
+    drive_end.answering = False
+    for _ in range(10):
+        tick(wire, enabled, 0.3)
+        assert enabled.fault == ""
+    assert enabled.state(wire.now_ns) is State.OPERATION_ENABLED
+    assert tick(wire, enabled, 0.3) == 0.0
+    assert commands(wire)[-1] == "00 00 00 00"
+    assert enabled.state(wire.now_ns) is State.UNKNOWN
+    assert "stale" in enabled.fault
+    drive_end.answering = True
+    assert tick(wire, enabled, 0.3) == 0.0
+
+
+def test_missing_heartbeat_of_the_drive_is_latched(wire, drive):
+    for _ in range(145):
+        tick(wire, drive)
+    assert drive.fault == ""
+    for _ in range(10):
+        tick(wire, drive)
+    assert "heartbeat of the vertical drive is missing" in drive.fault
+
+
+def test_heartbeats_keep_the_drive_healthy_and_show_a_fall_back(wire, drive):
+    for n in range(1000):
+        if n % 50 == 0:
+            wire.emit(0x701, "05")
+        tick(wire, drive)
+    assert drive.fault == ""
+    wire.emit(0x701, "7F")
+    tick(wire, drive)
+    assert "fell back to PRE-OPERATIONAL" in drive.fault
+
+
+def test_drive_in_fault_is_named_with_its_emergency(wire, enabled, drive_end):
+    drive_end.fail("10 23 03 00 00 00 00 00")
+    tick(wire, enabled, 0.3)
+    assert "0x2310 continuous overcurrent, motor side" in enabled.fault
+    assert enabled.error_code == 0x2310
+    assert enabled.counters.emcy == 1
+
+
+def test_error_code_that_comes_after_the_fault_explains_it(wire, drive, drive_end):
+    drive_end.state = "fault"
+    tick(wire, drive)
+    assert drive.fault == "the vertical drive is in fault"
+    drive_end.report_slowly(0x3220)
+    tick(wire, drive)
+    assert drive.fault == "the vertical drive is in fault: 0x3220 DC link undervoltage"
+
+
+def test_emergency_while_enabled_stops_the_drive(wire, enabled):
+    wire.emit(0x081, "10 43 08 00 00 00 00 00")
+    tick(wire, enabled, 0.3)
+    assert commands(wire)[-1] == "00 00 00 00"
+    assert "excess temperature, drive" in enabled.fault
+
+
+def test_mode_that_changes_while_enabled_stops_the_drive(wire, enabled, drive_end):
+    drive_end.report_slowly(mode=8)
+    assert tick(wire, enabled, 0.3) == 0.0
+    assert "6061 is 8" in enabled.fault
+
+
+def test_enabling_that_takes_too_long_is_given_up(wire, drive, drive_end):
+    drive.request_enable()
+    drive_end.command = lambda word: None
+    for n in range(2100):
+        if n % 50 == 0:
+            wire.emit(0x701, "05")
+        tick(wire, drive, 0.3)
+    assert "did not reach operation enabled in 2 s, it is in switched on" in drive.fault
+
+
+def test_boot_up_is_latched_and_reconfigured_on_request_only(wire, enabled, drive_end):
+    drive_end.boot_up()
+    drive_end.state = "switch on disabled"
+    drive_end.objects[0x1016, 1] = bytes(4)
+    writes = len(drive_end.writes)
+    for _ in range(3):
+        assert tick(wire, enabled, 0.3) == 0.0
+    assert "boot-up" in enabled.fault
+    assert len(drive_end.writes) == writes
+    with pytest.raises(NotEnabled):
+        enabled.request_enable()
+    enabled.clear_fault()
+    assert drive_end.objects[0x1016, 1] == bytes.fromhex("64 00 70 00")
+    for _ in range(5):
+        tick(wire, enabled, 0.3)
+    assert drive_end.state == "switched on"
+    assert enabled.fault == ""
+
+
+# -- brake instead of coast ----------------------------------------------------------------------
+
+
+def test_brake_stops_with_the_quick_stop_ramp(wire, drive_end):
+    drive = started(wire, drive_end, SETTINGS._replace(stop_reaction="brake"))
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    tick(wire, drive, math.nan)
+    assert commands(wire)[-1] == "02 00 00 00"
+    tick(wire, drive)
+    assert drive_end.state == "quick stop active"
+    assert commands(wire)[-1] == "02 00 00 00"  # the ramp is not cut short
+
+
+# -- recovery ------------------------------------------------------------------------------------
+
+
+def test_recovery_is_a_rising_edge_and_ends_switched_on(wire, enabled, drive_end):
+    drive_end.fail()
+    tick(wire, enabled, 0.3)
+    count = len(commands(wire))
+    enabled.clear_fault()
+    assert enabled.recovering
+    for _ in range(6):
+        assert tick(wire, enabled, 0.3) == 0.0
+    assert commands(wire)[count : count + 4] == [
+        "00 00 00 00", "80 00 00 00", "06 00 00 00", "07 00 00 00",
+    ]  # fmt: skip
+    assert (0x000, bytes([0x01, 0x01])) in wire.frames[-20:]
+    assert drive_end.state == "switched on"
+    assert (enabled.fault, enabled.recovering, enabled.enabling) == ("", False, False)
+
+
+def test_recovery_tries_again_while_the_cause_stands_then_gives_up(wire, enabled, drive_end):
+    drive_end.fail()
+    drive_end.cause_stands = True
+    tick(wire, enabled)
+    enabled.clear_fault()
+    for n in range(2100):
+        if n == 130:
+            edges = [data[0] for data in wire.sent(0x201)[-130:]]
+            assert edges.count(0x00) == 3  # an edge each 50 ms
+        tick(wire, enabled)
+    assert not enabled.recovering
+    assert "does not recover, it is in fault" in enabled.fault
+    drive_end.cause_stands = False
+    enabled.clear_fault()
+    for _ in range(6):
+        tick(wire, enabled)
+    assert enabled.fault == ""
+
+
+def test_recovery_restarts_a_drive_that_fell_back(wire, enabled, drive_end):
+    drive_end.operational = False
+    drive_end.fail("30 81 11 00 00 00 00 00")
+    for _ in range(20):
+        tick(wire, enabled)
+    assert "heartbeat error" in enabled.fault
+    enabled.clear_fault()
+    for _ in range(10):
+        tick(wire, enabled)
+    assert drive_end.operational
+    assert drive_end.state == "switched on"
+    assert enabled.fault == ""
+
+
+# -- malformed frames ----------------------------------------------------------------------------
+
+
+def test_wrong_lengths_are_counted_and_not_believed(wire, enabled):
+    before = enabled.reading
+    for can_id, data in ((0x181, "37 02"), (0x181, ""), (0x281, "00 00 0A"), (0x281, "00" * 8)):
+        wire.emit(can_id, data)
+    wire.port.pump()
+    assert enabled.reading is before
+    assert enabled.counters.wrong_length == 4
+
+
+def test_missing_and_unexpected_statuswords_are_counted(wire, drive, drive_end):
+    drive_end.answering = False
+    for _ in range(3):
+        tick(wire, drive)
+    assert drive.counters.missing == 2  # the third may still come
+    drive_end.report()
+    drive_end.report()
+    wire.port.pump()
+    assert drive.counters.unexpected == 1
+
+
+def test_a_statusword_that_means_nothing_stops_the_drive(wire, enabled):
+    wire.emit(0x181, "05 00 00 00 00 00 00 00")
+    wire.port.pump()
+    assert enabled.write(0.3, wire.now_ns) == 0.0
+    assert enabled.counters.bad_statusword == 1
+    assert "unknown" in enabled.fault
+
+
+def test_jumps_between_states_are_counted(wire, drive, drive_end):
+    drive_end.state = "switch on disabled"
+    tick(wire, drive)
+    drive_end.command = lambda word: None
+    drive_end.state = "operation enabled"
+    tick(wire, drive)
+    assert drive.counters.illegal_transitions == 1

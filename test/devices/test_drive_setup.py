@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration, guards and exit of a drive, object by object."""
+
+from __future__ import annotations
+
+import pytest
+from scripted import Wire, unsigned
+from scripted_devices import ScriptedDrive
+
+from screw_module_ros.devices import drive_exit
+from screw_module_ros.devices.drive import Drive
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.drive_setup import rated_torque
+from screw_module_ros.devices.errors import (
+    NotAnswering,
+    NotConfigured,
+    NotEnabled,
+    Occupied,
+    WrongDevice,
+)
+from screw_module_ros.devices.heartbeat import Heartbeat
+
+SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02)
+
+
+def configured(wire, settings=SETTINGS):
+    drive = Drive(wire.port, settings, "vertical drive")
+    drive.configure()
+    return drive
+
+
+def tick(wire, drive):
+    now_ns = wire.advance()
+    drive.sync(now_ns)
+    wire.port.pump()
+    drive.heartbeat(now_ns)
+    drive.write(0.0, now_ns)
+
+
+def test_every_write_in_order(wire, drive_end):
+    configured(wire)
+    assert drive_end.writes == [
+        (0x6071, 0, 0), (0x6040, 0, 0),  # off, whoever left it on
+        (0x6060, 0, 10),
+        (0x1401, 1, 0x80000301), (0x1802, 1, 0xC0000381),  # unused PDOs
+        (0x1800, 1, 0xC0000181), (0x1A00, 0, 0),
+        (0x1A00, 1, 0x60410010), (0x1A00, 2, 0x60640020), (0x1A00, 3, 0x60770010), (0x1A00, 0, 3),
+        (0x1800, 2, 1), (0x1800, 1, 0x40000181),
+        (0x1A01, 0, 0),  # TPDO2 came disabled
+        (0x1A01, 1, 0x603F0010), (0x1A01, 2, 0x60610008), (0x1A01, 3, 0x60FD0020), (0x1A01, 0, 3),
+        (0x1801, 2, 255), (0x1801, 5, 100), (0x1801, 1, 0x40000281),
+        (0x1400, 1, 0x80000201), (0x1600, 0, 0),
+        (0x1600, 1, 0x60400010), (0x1600, 2, 0x60710010), (0x1600, 0, 2),
+        (0x1400, 2, 255), (0x1400, 5, 20), (0x1400, 1, 0x00000201),
+        (0x1017, 0, 50), (0x1016, 1, 0x00700064),
+        (0x6007, 0, 1), (0x605A, 0, 0), (0x605E, 0, 0),
+        (0x605C, 0, 0),
+    ]  # fmt: skip
+
+
+def test_sync_divider_is_the_transmission_type(wire, drive_end):
+    configured(wire, SETTINGS._replace(sync_divider=2, rate=500.0))
+    assert drive_end.objects[0x1800, 2] == b"\x02"
+
+
+def test_brake_is_written_as_ramps(wire, drive_end):
+    configured(wire, SETTINGS._replace(stop_reaction="brake"))
+    objects = drive_end.objects
+    assert objects[0x605A, 0] == objects[0x605E, 0] == b"\x02\x00"
+    assert objects[0x605C, 0] == b"\x01\x00"
+    assert objects[0x6007, 0] == b"\x01\x00"
+
+
+# -- mode ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("supported", "mode"), [(0x0208, 10), (0x0200, 10), (0x0008, 4)])
+def test_mode_is_cyclic_torque_else_profile_torque(wire, drive_end, supported, mode):
+    drive_end.objects[0x6502, 0] = unsigned(supported, 4)
+    drive_end.objects[0x6087, 0] = bytes(4)
+    assert configured(wire).mode == mode
+    assert drive_end.objects[0x6060, 0] == bytes([mode])
+    steep = drive_end.objects[0x6087, 0] == bytes.fromhex("FF FF FF 7F")
+    assert steep == (mode == 4)
+
+
+def test_drive_without_torque_modes_is_refused(wire, drive_end):
+    drive_end.objects[0x6502, 0] = unsigned(0x0107, 4)
+    with pytest.raises(WrongDevice, match="torque mode"):
+        configured(wire)
+
+
+def test_mode_that_is_not_shown_is_refused(wire, drive_end, monkeypatch):
+    monkeypatch.setattr("screw_module_ros.devices.drive_setup._MODE_PAUSE_S", 0.0)
+    drive_end.written = lambda key, data: None
+    with pytest.raises(NotConfigured, match="6061 shows 0"):
+        configured(wire)
+
+
+# -- rated torque --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("raw", "expected"), [(420, 0.42), (420_000, 0.42), (423, 0.42), (12_000, 12.0), (5, 0.005)]
+)
+def test_rated_torque_in_either_unit(raw, expected):
+    assert rated_torque(raw, expected, "drive") == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("raw", [0, 42, 4200, 42_000, 430, 0xFFFFFFFF])
+def test_another_rated_torque_is_refused(raw):
+    with pytest.raises(WrongDevice, match=r"rated_torque is 0\.42 Nm"):
+        rated_torque(raw, 0.42, "drive")
+
+
+def test_rating_in_micro_newton_metres_scales_the_command(wire, drive_end):
+    drive_end.objects[0x6076, 0] = unsigned(420_000, 4)
+    drive = configured(wire)
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    drive.write(0.42, wire.now_ns)
+    assert wire.sent(0x201)[-1] == bytes.fromhex("0F 00 E8 03")
+
+
+# -- who is there --------------------------------------------------------------------------------
+
+
+def test_silent_drive_is_named_within_its_time_limit(wire):
+    with pytest.raises(NotAnswering, match=r"vertical drive \(node id 1\).*Virtual bus"):
+        configured(wire)
+    assert len(wire.sent(0x601)) == 4  # two tries and their aborts
+
+
+def test_encoder_in_the_drives_place_is_refused(wire, drive_end):
+    drive_end.objects[0x1000, 0] = bytes.fromhex("96 01 02 00")
+    with pytest.raises(WrongDevice, match="CiA 406"):
+        configured(wire)
+
+
+def test_second_copy_is_refused_before_anything_is_sent(wire, drive_end):
+    wire.emit(0x770, "05")
+    with pytest.raises(Occupied, match="master 112"):
+        configured(wire, SETTINGS._replace(listen=0.05))
+    assert wire.frames == []
+
+
+# -- guards --------------------------------------------------------------------------------------
+
+
+GUARDS = [(0x1016, 1), (0x1017, 0), (0x1400, 5), (0x6007, 0), (0x605A, 0), (0x605E, 0)]
+
+
+@pytest.mark.parametrize("key", GUARDS)
+@pytest.mark.parametrize("how", ["refused", "deaf", "absent"])
+def test_drive_without_a_guard_is_not_enabled(wire, drive_end, key, how):
+    if how == "refused":
+        drive_end.refused[key] = 0x06090030
+    elif how == "deaf":
+        drive_end.deaf.add(key)
+        drive_end.objects[key] = b"\x07" * len(drive_end.objects[key])
+    else:
+        del drive_end.objects[key]
+    drive = configured(wire)
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    assert f"{key[0]:04X}" in drive.warnings[0]
+    assert drive.warnings[0].startswith("UNGUARDED")
+    with pytest.raises(NotEnabled, match=f"{key[0]:04X}"):
+        drive.request_enable()
+
+
+def test_allow_unguarded_enables_and_says_so(wire, drive_end):
+    drive_end.refused[0x1016, 1] = 0x06090030
+    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive.request_enable()
+    assert drive.warnings[0].startswith("UNGUARDED")
+
+
+def test_drive_without_a_heartbeat_is_not_missed_when_that_is_allowed(wire, drive_end):
+    del drive_end.objects[0x1017, 0]
+    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    drive.start()
+    for _ in range(300):
+        tick(wire, drive)
+    assert drive.fault == ""
+
+
+def test_optional_ramps_that_are_refused_are_only_a_warning(wire, drive_end):
+    drive_end.refused[0x605C, 0] = 0x06090030
+    drive = configured(wire)
+    assert drive.unguarded == ()
+    assert "disable reaction" in drive.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("heartbeat_period", 0.2),
+        ("command_timeout", 0.001),
+        ("master_id", 1),
+        ("stop_reaction", "hope"),
+        ("direction", 0),
+        ("rated_torque", 0.0),
+        ("max_torque", float("nan")),
+    ],
+)
+def test_settings_that_cannot_work_name_the_field(wire, field, value):
+    with pytest.raises(ValueError, match=field):
+        Drive(wire.port, SETTINGS._replace(**{field: value}))
+
+
+def test_enabling_before_the_loop_runs_is_refused(wire, drive_end):
+    drive = configured(wire)
+    with pytest.raises(NotEnabled, match="not being commanded"):
+        drive.request_enable()
+
+
+# -- clean exit ----------------------------------------------------------------------------------
+
+
+def test_clean_exit_order(wire, drive_end):
+    drive = configured(wire)
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    drive_end.writes.clear()
+    wire.frames.clear()
+    assert drive.shutdown() == ""
+    assert drive_end.writes == [(0x1400, 5, 0), (0x1016, 1, 0)]
+    assert drive_end.state == "switched on"
+    disabled = wire.frames.index((0x201, b"\x07\x00\x00\x00"))
+    disarmed = wire.frames.index((0x601, bytes.fromhex("2B 00 14 05 00 00 00 00")))
+    silent = wire.frames.index((0x601, bytes.fromhex("23 16 10 01 00 00 00 00")))
+    assert disabled < disarmed < silent < wire.frames.index((0x000, bytes([0x80, 0x01])))
+    after = len(wire.frames)
+    drive.heartbeat(wire.advance(100))
+    drive.write(0.1, wire.now_ns)
+    assert len(wire.frames) == after
+
+
+def test_exit_from_a_dead_drive_ends_and_says_so(wire, drive_end):
+    drive = configured(wire)
+    drive.start()
+    for _ in range(3):
+        tick(wire, drive)
+    drive_end.mute = True
+    drive_end.answering = False
+    assert "not disarmed" in drive.shutdown()
+    assert not drive.running
+
+
+def test_two_drives_share_a_heartbeat_and_leave_together(wire):
+    ends = [wire.attach(ScriptedDrive(wire, node)) for node in (3, 4)]
+    beat = Heartbeat(wire.port, 113, 0.025)
+    drives = [
+        Drive(wire.port, SETTINGS._replace(node_id=node, master_id=113), f"drive {node}", beat)
+        for node in (3, 4)
+    ]
+    for drive in drives:
+        drive.configure()
+        drive.start()
+    for _ in range(100):
+        now_ns = wire.advance()
+        drives[0].sync(now_ns)
+        wire.port.pump()
+        for drive in drives:
+            drive.heartbeat(now_ns)
+            drive.write(0.0, now_ns)
+    assert [end.state for end in ends] == ["switched on"] * 2
+    assert len(wire.sent(0x771)) < 8
+    assert drive_exit.leave(drives, wire.port) == ""
+    assert [end.objects[0x1016, 1] for end in ends] == [bytes(4)] * 2
+
+
+def test_exit_of_what_never_ran_does_nothing():
+    wire = Wire("never ran")
+    try:
+        assert Drive(wire.port, SETTINGS).shutdown() == ""
+        assert wire.frames == []
+    finally:
+        wire.close()
