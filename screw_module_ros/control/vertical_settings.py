@@ -83,6 +83,7 @@ class VerticalSettings(NamedTuple):
         if self.travel_high - self.travel_low <= 2.0 * self.soft_stop_zone:
             raise ValueError(
                 f"VerticalSettings: travel_high = {self.travel_high!r} m: must lie above "
-                f"travel_low {self.travel_low:g} m by more than two soft stops of {self.soft_stop_zone:g} m"
+                f"travel_low = {self.travel_low:g} m by more than two soft stops of "
+                f"{self.soft_stop_zone:g} m"
             )
         return self

@@ -5,17 +5,19 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force, load_friction_model
 from screw_module_ros.control.vertical import (
+    LONGEST_STEP,
     VerticalInput,
     VerticalSettings,
     initial_state,
     vertical_step,
 )
+from screw_module_ros.settings import declared
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
 SETTINGS = VerticalSettings().validated()
@@ -38,6 +40,12 @@ wild_inputs = st.builds(
     VerticalInput, any_mode, any_float, any_float, any_float, any_float, any_float, st.booleans()
 )
 any_impedance = st.tuples(st.floats(0.0, 5e3), st.floats(-50.0, 500.0), st.floats(0.0, 50.0))
+any_law = st.tuples(
+    *(
+        st.floats(field.setting.low, field.setting.high)
+        for field in declared(VerticalSettings).values()
+    )
+).map(lambda values: VerticalSettings(*values))
 
 
 def run(inp, seconds=3.0, law=SETTINGS, state=None):
@@ -139,34 +147,32 @@ def test_a_time_step_that_cannot_be_gives_zero(dt):
     assert vertical_step(SETTINGS, MODEL, state, REST, dt)[0].force == 0.0
 
 
-def check(output, previous, inp, dt):
-    """What holds for every step of every sequence."""
-    assert all(math.isfinite(value) for value in output)
-    assert -45.0 <= output.force <= 65.0
-    assert abs(output.friction) <= 25.0
-    assert abs(output.feedback) <= 60.0
-    assert 0.0 <= output.desired_position <= 0.36
-    if not inp.active:
-        assert output.force == 0.0
-    if output.force != 0.0:
-        assert abs(output.force - previous) <= SETTINGS.force_rate * min(dt, 0.02) + 1e-9
-
-
 @settings(max_examples=100)
 @given(
+    any_law,
     st.lists(
         st.tuples(st.one_of(real_inputs, wild_inputs), st.integers(1, 15), any_impedance),
         max_size=6,
     ),
     st.sampled_from([0.0005, 0.001, 0.01, 1.0]),
 )
-def test_finite_within_limits_and_rate_limited_whatever_happens(sequence, dt):
-    state, previous = initial_state(SETTINGS), 0.0
+def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, dt):
+    assume(law.travel_high > law.travel_low + 2 * law.soft_stop_zone)
+    state, previous = initial_state(law), 0.0
     for inp, repeats, (stiffness, damping, gain) in sequence:
-        law = SETTINGS._replace(stiffness=stiffness, damping=damping, force_gain=gain)
+        law = law._replace(stiffness=stiffness, damping=damping, force_gain=gain)
         for _ in range(repeats):
             output, state = vertical_step(law, MODEL, state, inp, dt)
-            check(output, previous, inp, dt)
+            assert all(math.isfinite(value) for value in output)
+            assert -law.force_down <= output.force <= law.force_up
+            assert abs(output.friction) <= law.friction_limit
+            assert abs(output.feedback) <= law.feedback_limit
+            assert law.travel_low <= output.desired_position <= law.travel_high
+            if not inp.active:
+                assert output.force == 0.0
+            if output.force != 0.0:
+                largest = law.force_rate * min(dt, LONGEST_STEP)
+                assert abs(output.force - previous) <= largest * (1.0 + 1e-9) + 1e-9
             previous = output.force
 
 

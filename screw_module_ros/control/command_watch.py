@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plausibility of force commands where they are turned into torque (design section 6).
+
+The amplifier trusts no controller: a command is acted upon only when it is new, finite and not
+beyond what any controller of this robot may ask. Its age is the business of `gate`.
+"""
+
+from __future__ import annotations
+
+from .stream import Stream
+
+
+class CommandWatch:
+    """Order, stamp and size of the force commands; all times are passed in."""
+
+    def __init__(self, period_ns: int, largest_force: float):
+        """Start with nothing seen: period of the commands [ns], largest force believed [N]."""
+        self._stream = Stream("force command", period_ns)
+        self._largest = largest_force
+        self._fault = ""
+
+    @property
+    def fault(self) -> str:
+        """Return the latched reason, empty when nothing is latched."""
+        return self._fault
+
+    @property
+    def newest_ns(self) -> int:
+        """Return the acquisition [ns] of the sample the newest command answers; 0 = none yet."""
+        return self._stream.monotonic_ns if self._stream.seen else 0
+
+    def accept(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
+        """Return whether the command seen at now_ns [ns], force [N], may be acted upon."""
+        if not self._stream.accept(sequence, monotonic_ns, now_ns):
+            self._fault = self._fault or self._stream.fault
+            return False
+        if not abs(force) <= self._largest:
+            self._fault = self._fault or (
+                f"force command: {force:g} N, beyond anything a controller may ask"
+            )
+            return False
+        return True
+
+    def reset(self) -> None:
+        """Forget the latched fault."""
+        self._fault = ""
+        self._stream.reset()

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Order and age of one stream of numbered samples, as its receiver sees them."""
+
+from __future__ import annotations
+
+from ..samples import sequence_gap
+
+# Leaky count of samples that are not newer: one sender repeats one now and then, two senders on one
+# topic make it rise towards ten.
+_REPEATS_KEPT = 0.9
+_REPEATS_OF_TWO_SENDERS = 5.0
+
+
+class Stream:
+    """Tells newer samples from repeated, older and impossible ones.
+
+    seen: a sample was accepted; monotonic_ns: acquisition of the newest one [ns]; fault: why the
+    stream cannot be trusted, empty while it can.
+    """
+
+    def __init__(self, name: str, period_ns: int):
+        """Start with nothing seen; name begins every reason; period_ns: of the samples [ns]."""
+        self.name = name
+        self.seen = False
+        self.monotonic_ns = 0
+        self.fault = ""
+        self._period_ns = period_ns
+        self._sequence = 0
+        self._repeats = 0.0
+
+    def accept(self, sequence: int, monotonic_ns: int, now_ns: int) -> bool:
+        """Return whether the sample seen at now_ns [ns] is newer than all before, and note it."""
+        if monotonic_ns > now_ns + self._period_ns:
+            # It would look fresh for ever.
+            self.fault = self.fault or f"{self.name}: a sample is stamped in the future"
+            return False
+        if self.seen and (
+            sequence_gap(self._sequence, sequence) < 0 or monotonic_ns <= self.monotonic_ns
+        ):
+            self._repeats += 1.0
+            if self._repeats >= _REPEATS_OF_TWO_SENDERS:
+                self.fault = self.fault or (
+                    f"{self.name}: samples repeat or go back; is a second node sending?"
+                )
+            return False
+        self._repeats *= _REPEATS_KEPT
+        self.seen, self._sequence, self.monotonic_ns = True, sequence, monotonic_ns
+        return True
+
+    def check_age(self, now_ns: int, largest_ns: int) -> None:
+        """Note a fault when the newest sample is older than largest_ns at now_ns [ns]."""
+        age_ns = now_ns - self.monotonic_ns
+        if age_ns > largest_ns:
+            self.fault = self.fault or f"{self.name}: no sample for {age_ns / 1e6:.1f} ms"
+
+    def reset(self) -> None:
+        """Forget the fault; the newest sample stays the newest."""
+        self.fault = ""
+        self._repeats = 0.0

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counts of the timing contract (design section 5): one cheap call per tick, all times passed in.
+
+The deadline of a command is one period after its sample was acquired. A command is late when it
+comes after it, lost when there is none for a tick number; both are missed.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from collections import deque
+
+from ..samples import sequence_gap
+
+SUCCESS_WINDOW = 1000  # ticks
+_SECOND_NS = 1_000_000_000
+
+
+class DeadlineMeter:
+    """Counts for one stream of ticks.
+
+    samples: ticks acted upon; late: of these, done after the deadline; lost: tick numbers missing;
+    consecutive_missed: deadlines missed in a row up to the last tick.
+    """
+
+    def __init__(self, period_ns: int):
+        """Start at zero; period_ns is the tick period and the deadline [ns]."""
+        self.samples = 0
+        self.late = 0
+        self.lost = 0
+        self.consecutive_missed = 0
+        self._period_ns = period_ns
+        self._sequence: int | None = None
+        self._acquired_ns = 0
+        self._missed = deque([False] * SUCCESS_WINDOW, SUCCESS_WINDOW)
+        self._missed_count = 0
+        self._recent: deque[tuple[int, int]] = deque()  # (done [ns], latency [ns]) of one second
+        self._sorted: list[int] = []  # the same latencies, in order
+
+    def tick(self, sequence: int, acquired_ns: int, done_ns: int) -> None:
+        """Count one tick: its number, when it was acquired and when its command was out [ns].
+
+        A number that was counted before, or an older one, is ignored.
+        """
+        if self._sequence is not None:
+            gap = sequence_gap(self._sequence, sequence)
+            if gap < 0:
+                return
+            if gap:
+                self.lost += gap
+                self.consecutive_missed += gap
+                for _ in range(min(gap, SUCCESS_WINDOW)):
+                    self._note(True)
+        self._sequence = sequence
+        self._acquired_ns = acquired_ns
+        self.samples += 1
+        latency_ns = done_ns - acquired_ns
+        missed = latency_ns > self._period_ns
+        if missed:
+            self.late += 1
+            self.consecutive_missed += 1
+        else:
+            self.consecutive_missed = 0
+        self._note(missed)
+        self._recent.append((done_ns, latency_ns))
+        insort(self._sorted, latency_ns)
+        self._forget(done_ns)
+
+    def missed_in_a_row(self, now_ns: int) -> int:
+        """Return the deadlines missed in a row by now_ns [ns], a silent sender's included."""
+        if self._sequence is None:
+            return 0
+        overdue = (now_ns - self._acquired_ns) // self._period_ns - 1
+        return self.consecutive_missed + max(0, overdue)
+
+    def rate(self, now_ns: int) -> float:
+        """Return the ticks acted upon within the second before now_ns [1/s]."""
+        self._forget(now_ns)
+        return float(len(self._recent))
+
+    def latency(self, share: float) -> float:
+        """Return the latency [s] that this share of the last second's ticks stayed within.
+
+        0.5 gives the median; 0 when there were no ticks.
+        """
+        if not self._sorted:
+            return 0.0
+        return self._sorted[min(len(self._sorted) - 1, int(share * len(self._sorted)))] * 1e-9
+
+    @property
+    def success_rate(self) -> float:
+        """Return the share of the last 1000 ticks done in time; none was missed before."""
+        return 1.0 - self._missed_count / SUCCESS_WINDOW
+
+    def _note(self, missed: bool) -> None:
+        self._missed_count += missed - self._missed[0]
+        self._missed.append(missed)
+
+    def _forget(self, now_ns: int) -> None:
+        """Drop what is older than a second."""
+        recent, in_order = self._recent, self._sorted
+        while recent and now_ns - recent[0][0] >= _SECOND_NS:
+            _, latency_ns = recent.popleft()
+            del in_order[bisect_left(in_order, latency_ns)]
