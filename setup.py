@@ -19,6 +19,8 @@ NODES = (
     "bringup",
     "demo",
 )
+EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
+EXECUTABLES.append(f"session = {NAME}.recording.cli:main")
 
 setup(
     name=NAME,
@@ -36,5 +38,5 @@ setup(
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
     ],
     zip_safe=False,
-    entry_points={"console_scripts": [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]},
+    entry_points={"console_scripts": EXECUTABLES},
 )
