@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole planar law: an impedance at the handle through the Jacobian (MIT-MANUS, thesis 3.3).
+
+::
+
+    set point -> spring and damper in x and y -> speed limit -> workspace -> force limit
+              -> torque = J^T force -> joint limits -> torque limits -> rate limit -> torques
+
+F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law only ever
+multiplies with the Jacobian, so a stretched arm is no special case. As in the vertical law nothing
+jumps: force fades in after enabling, impedance and set point move at limited rates, and each torque
+moves at most `torque_rate` dt per step (2 Nm at 500 Hz by default). Only to zero may it jump.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..geometry import MANUS, PlanarArm, forward, jacobian
+from .impedance import spring_damper
+from .limits import clamp, limit_speed, slew, soft_stop
+from .planar_settings import PlanarSettings
+from .setpoint import Range, SetPoint, follow
+
+LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
+# Beyond these no sample can be real: zero output.
+LARGEST_ANGLE = 10.0  # [rad]
+FASTEST_JOINT = 100.0  # [rad/s]
+
+
+class PlanarInput(NamedTuple):
+    """What one step sees.
+
+    shoulder, elbow: absolute joint angles [rad]; shoulder_velocity, elbow_velocity [rad/s];
+    setpoint_x, setpoint_y [m] from the workspace centre, NaN = leave that axis alone;
+    setpoint_vx, setpoint_vy [m/s]; active: False holds the torques at zero and the set point at the
+    measured position.
+    """
+
+    shoulder: float
+    elbow: float
+    shoulder_velocity: float
+    elbow_velocity: float
+    setpoint_x: float
+    setpoint_y: float
+    setpoint_vx: float
+    setpoint_vy: float
+    active: bool
+
+
+class PlanarOutput(NamedTuple):
+    """Torques and how they came about.
+
+    shoulder_torque, elbow_torque [Nm]; force_x, force_y: asked of the handle before the limits of
+    the joints [N]; x, y [m] and vx, vy [m/s]: handle; desired_x, desired_y [m]: set point in use;
+    saturated: a limit acted.
+    """
+
+    shoulder_torque: float
+    elbow_torque: float
+    force_x: float
+    force_y: float
+    x: float
+    y: float
+    vx: float
+    vy: float
+    desired_x: float
+    desired_y: float
+    saturated: bool
+
+
+class PlanarState(NamedTuple):
+    """Memory of the law.
+
+    x, y: set point in use; stiffness [N/m] and damping [Ns/m] in use; weight of the force, 0 to 1;
+    shoulder_torque, elbow_torque: last command [Nm].
+    """
+
+    x: SetPoint
+    y: SetPoint
+    stiffness: float
+    damping: float
+    weight: float
+    shoulder_torque: float
+    elbow_torque: float
+
+
+def initial_state(settings: PlanarSettings) -> PlanarState:
+    """Return the state before the first step: everything at zero."""
+    return _idle(settings, 0.0, 0.0)
+
+
+def planar_step(
+    settings: PlanarSettings,
+    state: PlanarState,
+    inp: PlanarInput,
+    dt: float,
+    arm: PlanarArm = MANUS,
+) -> tuple[PlanarOutput, PlanarState]:
+    """Return torques and next state, dt [s] after the last step.
+
+    An input that is not finite or beyond anything real gives zero output; the caller latches.
+    """
+    if not _usable(inp, dt):
+        idle = _idle(settings, state.x.position, state.y.position)
+        return _nothing(state.x.position, state.y.position, 0.0, 0.0, idle), idle
+    dt = min(dt, LONGEST_STEP)
+    x, y = forward(inp.shoulder, inp.elbow, arm)
+    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, arm)
+    vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
+    vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
+    if not inp.active:
+        idle = _idle(settings, x, y)
+        return _nothing(x, y, vx, vy, idle), idle
+
+    start = _idle(settings, x, y) if state.weight == 0.0 else state
+    to_x = _followed(settings, settings.half_width, start.x, inp.setpoint_x, inp.setpoint_vx, dt)
+    to_y = _followed(settings, settings.half_depth, start.y, inp.setpoint_y, inp.setpoint_vy, dt)
+    stiffness = slew(state.stiffness, settings.stiffness, settings.stiffness_rate * dt)
+    damping = slew(state.damping, settings.damping, settings.damping_rate * dt)
+    weight = min(1.0, state.weight + dt / settings.fade_time)
+
+    asked_x = spring_damper(stiffness, damping, to_x.position - x, to_x.velocity - vx)
+    asked_y = spring_damper(stiffness, damping, to_y.position - y, to_y.velocity - vy)
+    kept = _within(settings.force_limit, asked_x, asked_y)
+    force_x = _bounded(settings, asked_x * kept, x, vx, settings.half_width)
+    force_y = _bounded(settings, asked_y * kept, y, vy, settings.half_depth)
+    again = weight * _within(settings.force_limit, force_x, force_y)
+    force_x, force_y = force_x * again, force_y * again
+
+    wanted_s, wanted_e = x_s * force_x + y_s * force_y, x_e * force_x + y_e * force_y
+    allowed_s, allowed_e = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
+    step = settings.torque_rate * dt
+    shoulder = slew(state.shoulder_torque, allowed_s, step)
+    elbow = slew(state.elbow_torque, allowed_e, step)
+    limited = kept < 1.0 or again < weight or shoulder != wanted_s or elbow != wanted_e
+    output = PlanarOutput(
+        shoulder, elbow, force_x, force_y, x, y, vx, vy, to_x.position, to_y.position, limited
+    )
+    return output, PlanarState(to_x, to_y, stiffness, damping, weight, shoulder, elbow)
+
+
+def _usable(inp: PlanarInput, dt: float) -> bool:
+    """Return whether the measurements can be real; comparisons with NaN are false."""
+    return (
+        abs(inp.shoulder) <= LARGEST_ANGLE
+        and abs(inp.elbow) <= LARGEST_ANGLE
+        and abs(inp.shoulder_velocity) <= FASTEST_JOINT
+        and abs(inp.elbow_velocity) <= FASTEST_JOINT
+        and dt > 0.0
+    )
+
+
+def _idle(settings: PlanarSettings, x: float, y: float) -> PlanarState:
+    """Return the state in which nothing is commanded, set point at x, y [m]."""
+    return PlanarState(
+        SetPoint(clamp(x, -settings.half_width, settings.half_width), 0.0),
+        SetPoint(clamp(y, -settings.half_depth, settings.half_depth), 0.0),
+        settings.stiffness,
+        settings.damping,
+        0.0,
+        0.0,
+        0.0,
+    )
+
+
+def _nothing(x: float, y: float, vx: float, vy: float, idle: PlanarState) -> PlanarOutput:
+    return PlanarOutput(0.0, 0.0, 0.0, 0.0, x, y, vx, vy, idle.x.position, idle.y.position, False)
+
+
+def _followed(
+    settings: PlanarSettings,
+    half: float,
+    setpoint: SetPoint,
+    position: float,
+    velocity: float,
+    dt: float,
+) -> SetPoint:
+    """Return the set point of one axis moved on within +-half [m]."""
+    allowed = Range(-half, half, settings.setpoint_speed, settings.setpoint_acceleration)
+    return follow(allowed, setpoint, position, velocity, dt)
+
+
+def _within(largest: float, x: float, y: float) -> float:
+    """Return the factor that brings a vector down to the largest size; its direction stays."""
+    size = math.hypot(x, y)
+    return largest / size if size > largest else 1.0
+
+
+def _bounded(
+    settings: PlanarSettings, force: float, position: float, velocity: float, half: float
+) -> float:
+    """Return the force along one axis [N] after speed limit and edge of the workspace."""
+    force = limit_speed(
+        force, velocity, settings.speed_limit, settings.speed_band, settings.speed_damping
+    )
+    return soft_stop(force, position, -half, half, settings.box_zone, settings.box_stiffness)
+
+
+def _limited_torques(
+    settings: PlanarSettings, weight: float, inp: PlanarInput, shoulder: float, elbow: float
+) -> tuple[float, float]:
+    """Return both torques [Nm] after joint limits and torque limits, in one proportion."""
+    zone, stiffness = settings.joint_zone, settings.joint_stiffness * weight
+    shoulder = soft_stop(
+        shoulder, inp.shoulder, settings.shoulder_low, settings.shoulder_high, zone, stiffness
+    )
+    elbow = soft_stop(elbow, inp.elbow, settings.elbow_low, settings.elbow_high, zone, stiffness)
+    # The angle between the links keeps the arm from stretching and folding: opposite torques.
+    apart = soft_stop(
+        0.0,
+        inp.elbow - inp.shoulder,
+        settings.between_low,
+        settings.between_high,
+        zone,
+        stiffness,
+    )
+    shoulder, elbow = shoulder - apart, elbow + apart
+    factor = 1.0
+    if abs(shoulder) > settings.shoulder_torque:
+        factor = settings.shoulder_torque / abs(shoulder)
+    if abs(elbow) * factor > settings.elbow_torque:
+        factor = settings.elbow_torque / abs(elbow)
+    # Rounding may leave the product one step of a float above the limit.
+    return (
+        clamp(shoulder * factor, -settings.shoulder_torque, settings.shoulder_torque),
+        clamp(elbow * factor, -settings.elbow_torque, settings.elbow_torque),
+    )

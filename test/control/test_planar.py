@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planar law: an isotropic spring at the handle, within its limits under anything at all."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from screw_module_ros.control.planar import (
+    LONGEST_STEP,
+    PlanarInput,
+    PlanarSettings,
+    initial_state,
+    planar_step,
+)
+from screw_module_ros.geometry import forward, inverse, jacobian
+from screw_module_ros.settings import declared
+
+SETTINGS = PlanarSettings().validated()
+DT = 0.002
+NO_SETPOINT = (math.nan,) * 4
+
+wild = st.floats(allow_nan=True, allow_infinity=True)
+real_inputs = st.builds(
+    PlanarInput,
+    st.floats(-0.5, 2.0),
+    st.floats(1.0, 3.3),
+    st.floats(-5.0, 5.0),
+    st.floats(-5.0, 5.0),
+    *[st.one_of(st.just(math.nan), st.floats(-1.0, 1.0))] * 4,
+    st.booleans(),
+)
+wild_inputs = st.builds(PlanarInput, *[wild] * 8, st.booleans())
+any_law = (
+    st.tuples(
+        *(
+            st.floats(field.setting.low, field.setting.high)
+            for field in declared(PlanarSettings).values()
+        )
+    )
+    .map(lambda values: PlanarSettings(*values))
+)  # fmt: skip
+
+
+def at(x, y, setpoint=NO_SETPOINT, velocity=(0.0, 0.0), active=True):
+    """Input with the handle at x, y [m], moving with a velocity [m/s]."""
+    shoulder, elbow = inverse(x, y)
+    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow)
+    determinant = x_s * y_e - x_e * y_s
+    vx, vy = velocity
+    return PlanarInput(
+        shoulder,
+        elbow,
+        (y_e * vx - x_e * vy) / determinant,
+        (x_s * vy - y_s * vx) / determinant,
+        *setpoint,
+        active,
+    )
+
+
+def run(inp, seconds=3.0, law=SETTINGS, state=None):
+    """Output and state after an input has stood still for some time."""
+    state, output = state or initial_state(law), None
+    for _ in range(round(seconds / DT)):
+        output, state = planar_step(law, state, inp, DT)
+    return output, state
+
+
+def handle_force(output, inp):
+    """Force at the handle [N] the torques make: the Jacobian transpose, inverted."""
+    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow)
+    determinant = x_s * y_e - x_e * y_s
+    return (
+        (y_e * output.shoulder_torque - y_s * output.elbow_torque) / determinant,
+        (x_s * output.elbow_torque - x_e * output.shoulder_torque) / determinant,
+    )
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.1, -0.1), (-0.12, 0.15)])
+def test_the_spring_is_the_same_in_all_directions(x, y):
+    for dx, dy in [(0.05, 0.0), (0.0, 0.05), (-0.03, 0.04)]:
+        inp = at(x, y, (x + dx, y + dy, 0.0, 0.0))
+        output, _ = run(inp)
+        assert handle_force(output, inp) == pytest.approx((100 * dx, 100 * dy), abs=1e-6)
+        assert not output.saturated
+
+
+def test_the_damper_acts_against_the_velocity():
+    inp = at(0.0, 0.0, (0.0, 0.0, 0.0, 0.0), velocity=(0.2, -0.1))
+    output, _ = run(inp)
+    assert (output.vx, output.vy) == pytest.approx((0.2, -0.1))
+    assert handle_force(output, inp) == pytest.approx((-2.0, 1.0))
+
+
+def test_the_spring_starts_at_the_measured_position():
+    inp = at(0.05, 0.08)
+    output, _ = run(inp)
+    assert (output.desired_x, output.desired_y) == pytest.approx((0.05, 0.08))
+    assert (output.shoulder_torque, output.elbow_torque) == pytest.approx((0.0, 0.0))
+
+
+def test_an_axis_without_a_set_point_is_left_alone():
+    output, _ = run(at(0.05, 0.08, (-0.05, math.nan, 0.0, 0.0)))
+    assert (output.desired_x, output.desired_y) == pytest.approx((-0.05, 0.08))
+
+
+def test_force_limit_keeps_the_direction():
+    law = SETTINGS._replace(stiffness=2000.0)
+    inp = at(0.0, 0.0, (0.12, 0.16, 0.0, 0.0))
+    output, _ = run(inp, 6.0, law)
+    assert output.saturated
+    assert (output.force_x, output.force_y) == pytest.approx((27.0, 36.0))
+
+
+def test_outside_the_workspace_the_force_points_inward():
+    for x, y in [(0.20, 0.0), (-0.20, 0.0), (0.0, 0.24), (0.0, -0.24)]:
+        output, _ = run(at(x, y, (2 * x, 2 * y, 0.0, 0.0)))
+        assert output.force_x * x <= 0.0
+        assert output.force_y * y <= 0.0
+        assert math.hypot(output.force_x, output.force_y) >= 1000 * 0.015
+
+
+@pytest.mark.parametrize(
+    ("shoulder", "elbow"), [(0.7, 0.71), (0.7, 0.7), (0.7, 0.7 + math.pi), (-1.5, 1.5), (3.0, 3.3)]
+)
+def test_stretched_folded_and_turned_away_the_law_stays_finite_and_pushes_back(shoulder, elbow):
+    inp = PlanarInput(shoulder, elbow, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, True)
+    output, _ = run(inp)
+    assert all(math.isfinite(value) for value in output)
+    assert (output.shoulder_torque, output.elbow_torque) != (0.0, 0.0)
+
+
+def test_inactive_is_zero_at_once_and_enabling_begins_anew():
+    inp = at(0.1, 0.0, (0.0, 0.0, 0.0, 0.0))
+    output, state = run(inp)
+    assert output.shoulder_torque != 0.0
+    output, state = planar_step(SETTINGS, state, inp._replace(active=False), DT)
+    assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
+    output, state = planar_step(SETTINGS, state, inp, DT)
+    assert abs(output.shoulder_torque) + abs(output.elbow_torque) < 0.05
+
+
+@pytest.mark.parametrize("field", PlanarInput._fields[:4])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e300])
+def test_a_measurement_that_cannot_be_gives_zero(field, value):
+    inp = at(0.1, 0.0, (0.0, 0.0, 0.0, 0.0))
+    _, state = run(inp)
+    output, _ = planar_step(SETTINGS, state, inp._replace(**{field: value}), DT)
+    assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
+    assert all(math.isfinite(value) for value in output)
+
+
+@settings(max_examples=100)
+@given(
+    any_law,
+    st.lists(st.tuples(st.one_of(real_inputs, wild_inputs), st.integers(1, 15)), max_size=6),
+    st.sampled_from([0.0005, 0.002, 0.005, 1.0]),
+)
+def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, dt):
+    state, previous = initial_state(law), (0.0, 0.0)
+    for inp, repeats in sequence:
+        for _ in range(repeats):
+            output, state = planar_step(law, state, inp, dt)
+            torques = output.shoulder_torque, output.elbow_torque
+            assert all(math.isfinite(value) for value in output)
+            assert abs(torques[0]) <= law.shoulder_torque
+            assert abs(torques[1]) <= law.elbow_torque
+            assert math.hypot(output.force_x, output.force_y) <= law.force_limit * (1 + 1e-9)
+            assert abs(output.desired_x) <= law.half_width
+            assert abs(output.desired_y) <= law.half_depth
+            if not inp.active:
+                assert torques == (0.0, 0.0)
+            for torque, before in zip(torques, previous, strict=True):
+                if torque != 0.0:
+                    largest = law.torque_rate * min(dt, LONGEST_STEP)
+                    assert abs(torque - before) <= largest * (1 + 1e-9) + 1e-9
+            previous = torques
+
+
+def test_workspace_lies_within_the_joint_limits():
+    for ix in range(-10, 11):
+        for iy in range(-10, 11):
+            x = ix / 10 * (SETTINGS.half_width - SETTINGS.box_zone)
+            y = iy / 10 * (SETTINGS.half_depth - SETTINGS.box_zone)
+            output, _ = planar_step(SETTINGS, initial_state(SETTINGS), at(x, y), DT)
+            torques = output.shoulder_torque, output.elbow_torque
+            assert torques == pytest.approx((0.0, 0.0), abs=1e-9)
+            assert forward(*inverse(x, y)) == pytest.approx((x, y))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"stiffness": math.nan}, "stiffness"),
+        ({"force_limit": -1.0}, "force_limit"),
+        ({"elbow_high": 1.4}, "elbow_high"),
+        ({"half_width": 0.02, "box_zone": 0.02}, "half_width"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(change, named):
+    with pytest.raises(ValueError, match=named):
+        SETTINGS._replace(**change).validated()
