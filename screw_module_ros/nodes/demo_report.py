@@ -123,13 +123,13 @@ class Results(NamedTuple):
         holes = {name: count for name, count in self.counts.items() if not count.complete}
         if not holes:
             return [f"{line}, nothing missing."]
-        table = Table(title=f"{line}; of these topics something is missing")
+        table = Table(title="Of these topics something is missing")
         for name in ("topic", "messages", "ticks lost", "not received", "not written"):
             table.add_column(name, justify=None if name == "topic" else "right")
         for name, count in sorted(holes.items()):
             numbers = (count.messages, count.lost, max(0, count.missed), count.dropped)
             table.add_row(name, *map(str, numbers))
-        return [table]
+        return [f"{line}.", table]
 
 
 def evaluated(

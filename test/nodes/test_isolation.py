@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+import os
+import socket
+
+import pytest
+
+from screw_module_ros.nodes.support import isolation
+from screw_module_ros.nodes.support.single import AlreadyRunning
+
+
+@pytest.fixture
+def ports(can_port_base, monkeypatch):
+    """Let places begin at this test's own ports, with two to choose from."""
+    monkeypatch.setattr(isolation, "FIRST_PORT", can_port_base)
+    monkeypatch.setattr(isolation, "_SHIFTS", (0, 4))
+    return can_port_base
+
+
+@pytest.fixture
+def places():
+    """Collect places, to release them at the end."""
+    taken = []
+    yield taken
+    for place in taken:
+        place.release()
+
+
+def test_a_domain_that_is_set_is_kept(ports, places, ros_domain_id):
+    places.append(isolation.own_place())
+    assert places[0].domain == ros_domain_id
+
+
+def test_without_one_a_free_domain_is_taken_and_set(ports, places, monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID")
+    places.append(isolation.own_place())
+    assert 1 <= places[0].domain <= 100
+    assert os.environ["ROS_DOMAIN_ID"] == str(places[0].domain)
+
+
+def test_discovery_stays_on_this_machine(ports, places, monkeypatch):
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    places.append(isolation.own_place())
+    assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_two_runs_do_not_share_ports_and_a_third_is_told(ports, places):
+    places += [isolation.own_place(), isolation.own_place()]
+    assert [place.first_port for place in places] == [ports, ports + 4]
+    with pytest.raises(AlreadyRunning, match="CAN port"):
+        isolation.own_place()
+
+
+def test_released_ports_are_free_again(ports, places):
+    isolation.own_place().release()
+    places.append(isolation.own_place())
+    assert places[0].first_port == ports
+
+
+def test_ports_somebody_listens_on_are_left_alone(ports, places):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("", ports + 2))
+        places.append(isolation.own_place())
+    assert places[0].first_port == ports + 4
+
+
+def test_every_driver_and_the_rig_are_told_the_same_port(ports, places):
+    places.append(isolation.own_place())
+    told = [text.split(":=") for text in places[0].arguments() if ":=" in text]
+    by_port = {}
+    for name, port in told:
+        by_port.setdefault(int(port), set()).add(name)
+    assert by_port == {
+        ports: {"encoder:can.port", "sim_rig:encoder.can.port"},
+        ports + 1: {"amplifier:can.port", "sim_rig:drive.can.port"},
+        ports + 2: {"force_sensor:can.port", "sim_rig:force_sensor.can.port"},
+        ports + 3: {"manus:can.port", "sim_rig:planar.can.port"},
+    }
