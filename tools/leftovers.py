@@ -19,7 +19,7 @@ SHARED_MEMORY = Path("/dev/shm")
 MARK = "SCREW_MODULE_RUN"
 SECONDS_BETWEEN_LOOKS = 0.2
 _MAPPED = re.compile(r" (\d+) +/dev/shm/(fastrtps_\w+)$", re.MULTILINE)
-_PORT = re.compile(r"fastrtps_port(\d+)")
+_PORT = re.compile(r"fastrtps_port(\d+)$")
 
 
 class Mapped(NamedTuple):
@@ -57,16 +57,19 @@ class Watch:
         return found
 
     def files(self) -> list[Path]:
-        """Return the run's files that are still in shared memory."""
-        found = set()
-        for name, inode in self.mapped:
-            if _inode(SHARED_MEMORY / name) == inode:
-                found.update(family(name))
-        for file in SHARED_MEMORY.glob("*fastrtps_port*"):
-            port = _PORT.search(file.name)
-            if port and int(port[1]) in self._ports:
-                found.add(file)
-        return sorted(found)
+        """Return the run's files that are still in shared memory and in nobody's use.
+
+        A process that looks for a free port maps the ports of others for a moment, so what is in
+        use by now is theirs.
+        """
+        ours = {f.name for f in SHARED_MEMORY.glob("fastrtps_port*") if self._has_our_port(f)}
+        ours |= {name for name, inode in self.mapped if _inode(SHARED_MEMORY / name) == inode}
+        in_use = {file.name for pid in _process_ids() for file in mapped_files(pid)}
+        return sorted(file for name in ours - in_use for file in family(name))
+
+    def _has_our_port(self, file: Path) -> bool:
+        port = _PORT.match(file.name)
+        return port is not None and int(port[1]) in self._ports
 
     def _look_on(self) -> None:
         while not self._stop.wait(SECONDS_BETWEEN_LOOKS):

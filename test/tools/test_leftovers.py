@@ -109,8 +109,19 @@ def test_what_another_process_uses_stays(segment: Path) -> None:
     assert not segment.exists()
 
 
-@pytest.mark.parametrize("name", ["fastrtps_port7661", "sem.fastrtps_port7661_mutex"])
-def test_a_port_file_is_ours_by_its_number(shared_memory: Path, name: str) -> None:
-    (shared_memory / name).touch()
-    assert leftovers.Watch("mark", range(7650, 7900)).files() == [shared_memory / name]
+def test_what_others_use_is_not_ours(segment: Path, wait_until: Callable[..., None]) -> None:
+    mark = uuid.uuid4().hex
+    with start(uuid.uuid4().hex, str(segment)):
+        with leftovers.Watch(mark, NO_PORTS) as watch, start(mark, str(segment)):
+            wait_until(lambda: watch.mapped, what="the watch's look at the process")
+        assert watch.files() == []
+    assert watch.files() == [segment]
+
+
+def test_a_port_file_is_ours_by_its_number(shared_memory: Path) -> None:
+    names = ("fastrtps_port7661", "fastrtps_port7661_el", "sem.fastrtps_port7661_mutex")
+    for name in names:
+        (shared_memory / name).touch()
+    ours = [shared_memory / name for name in names]
+    assert leftovers.Watch("mark", range(7650, 7900)).files() == ours
     assert leftovers.Watch("mark", range(7900, 8150)).files() == []
