@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import queue
 import threading
 from typing import NamedTuple
 
@@ -52,20 +51,20 @@ class Dialogue:
 
         Raises NotAnswering after two tries, BusError.
         """
-        answers: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
+        found: dict[int, bytes] = {}
         listeners = [
-            (self._base | code, _collector(answers, code, length))
+            (self._base | code, _collector(found, code, length))
             for code, length in replies.items()
         ]
-        with self._lock, self._port.pumping():
+        with self._lock:
             for can_id, listener in listeners:
                 self._port.subscribe(can_id, listener)
             try:
                 for _ in range(2):
+                    found.clear()
                     self._port.send(self._base | opcode, payload)
-                    found = self._gather(answers, replies)
-                    if found is not None:
-                        return found
+                    if self._port.wait_for(lambda: len(found) == len(replies), self._timeout_s):
+                        return [found[code] for code in replies]
             finally:
                 for can_id, listener in listeners:
                     self._port.unsubscribe(can_id, listener)
@@ -74,16 +73,6 @@ class Dialogue:
             f"when asked with opcode 0x{opcode:X}; check its power, cable, base id and bit rate, "
             "or start the simulated rig"
         )
-
-    def _gather(self, answers: queue.SimpleQueue, replies: dict[int, int]) -> list[bytes] | None:
-        found: dict[int, bytes] = {}
-        while len(found) < len(replies):
-            try:
-                code, data = answers.get(timeout=self._timeout_s)
-            except queue.Empty:
-                return None
-            found[code] = data
-        return [found[code] for code in replies]
 
     def serial(self) -> str:
         """Return the serial number; raises as `ask`."""
@@ -114,9 +103,8 @@ class Dialogue:
 
     def reset(self) -> None:
         """Restart the board and wait until it answers again; raises NotAnswering, BusError."""
-        with self._port.pumping():
-            self._port.send(self._base | ati.RESET, b"")
-            self.serial()
+        self._port.send(self._base | ati.RESET, b"")
+        self.serial()
 
     def identify(self) -> SensorIdentity:
         """Return who the sensor is and how it counts.
@@ -154,9 +142,9 @@ class Dialogue:
         return tuple(x for part in parts for x in ati.MATRIX_PART.unpack(part))
 
 
-def _collector(answers: queue.SimpleQueue, code: int, length: int):
+def _collector(found: dict[int, bytes], code: int, length: int):
     def collect(data: bytes, _arrival_ns: int) -> None:
         if len(data) == length:
-            answers.put((code, bytes(data)))
+            found[code] = bytes(data)
 
     return collect

@@ -53,7 +53,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     validated(settings)
     try:
         bus = can.Bus(ignore_config=True, **_arguments(settings))
-    except (can.CanError, OSError, ValueError, OverflowError, ImportError, TypeError) as error:
+    except Exception as error:  # each backend raises what its vendor's library does
         raise BusError(_cannot_open(settings, error)) from error
     if settings.interface == "udp_multicast":
         _tune_multicast(bus)

@@ -118,8 +118,7 @@ class Drive:
                 f"somebody already commands the {self.label} on {self._port.name} (heartbeat of "
                 f"master {settings.master_id}): is a second copy of this node running?"
             )
-        with self._port.pumping():
-            self._setup = found = setup.configure(self.node, settings)
+        self._setup = found = setup.configure(self.node, settings)
         self._per_mille_of = settings.direction * _PER_MILLE / found.rated_torque
         self._torque_of = settings.direction * found.rated_torque / _PER_MILLE
         self.reports.configured(found.mode, self._torque_of)

@@ -8,7 +8,6 @@ read back; what a drive refuses is returned, and such a drive is not enabled.
 
 from __future__ import annotations
 
-import threading
 from typing import NamedTuple
 
 from . import pdo
@@ -28,8 +27,8 @@ PROFILE = 402
 CYCLIC_TORQUE_MODE, PROFILE_TORQUE_MODE = 10, 4
 #: Bit of object 6502 that says the mode is there, best first.
 _TORQUE_MODES = ((9, CYCLIC_TORQUE_MODE), (3, PROFILE_TORQUE_MODE))
-_MODE_READS = 25
-_MODE_PAUSE_S = 0.01
+#: A drive may take a moment to show the mode it was told.
+_MODE_WITHIN_S = 0.25
 
 _MILLI, _MICRO = 1e-3, 1e-6
 #: How far object 6076 may be from the parameter and still be the same motor.
@@ -106,13 +105,8 @@ def _select_mode(node: CanopenNode) -> tuple[int, list[str]]:
             f"(6502 = 0x{supported:X})"
         )
     sdo.write(0x6060, 0, mode, 1)
-    pause = threading.Event()
-    for _ in range(_MODE_READS):
+    if not node.port.wait_for(lambda: sdo.signed(0x6061) == mode, _MODE_WITHIN_S):
         shown = sdo.signed(0x6061)
-        if shown == mode:
-            break
-        pause.wait(_MODE_PAUSE_S)
-    else:
         raise NotConfigured(f"{node.label}: mode {mode} was asked for (6060), 6061 shows {shown}")
     if mode == CYCLIC_TORQUE_MODE:
         return mode, []

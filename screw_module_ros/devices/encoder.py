@@ -112,8 +112,7 @@ class Encoder:
                 f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
                 "or can.sync_producer should be false here"
             )
-        with self._port.pumping():
-            wrap = setup.configure(self._node, self.settings)
+        wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
         self._filter = lowpass_settled(0.0)
         self._last = self._fresh = None
@@ -257,10 +256,9 @@ class Encoder:
     def poll_slow(self) -> None:
         """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
         try:
-            with self._port.pumping():
-                status = self._optional(0x6500)
-                alarms = self._optional(0x6503)
-                warnings = self._optional(0x6505)
+            status = self._optional(0x6500)
+            alarms = self._optional(0x6503)
+            warnings = self._optional(0x6505)
         except (NotAnswering, BusError):
             self.counters.slow_polls_failed += 1
             return

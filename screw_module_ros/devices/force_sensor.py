@@ -106,17 +106,16 @@ class ForceSensor:
                 f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
                 f"{self._port.name}: is a second copy of this node running?"
             )
-        with self._port.pumping():
-            serial = dialogue.serial()
-            if settings.serial and serial != settings.serial:
-                raise WrongDevice(
-                    f"{self._label} on {self._port.name} has serial {serial!r}; "
-                    f"{settings.serial!r} is wanted"
-                )
-            if settings.calibration != ANY_CALIBRATION:
-                dialogue.set_calibration(settings.calibration)
-            self.sensor = sensor = dialogue.identify()
-            matrix = dialogue.matrix()
+        serial = dialogue.serial()
+        if settings.serial and serial != settings.serial:
+            raise WrongDevice(
+                f"{self._label} on {self._port.name} has serial {serial!r}; "
+                f"{settings.serial!r} is wanted"
+            )
+        if settings.calibration != ANY_CALIBRATION:
+            dialogue.set_calibration(settings.calibration)
+        self.sensor = sensor = dialogue.identify()
+        matrix = dialogue.matrix()
         self._rows = ati.counts_to_wrench(
             matrix,
             sensor.force_unit / sensor.counts_per_force,
@@ -263,8 +262,7 @@ class ForceSensor:
     def poll_slow(self) -> None:
         """Read the diagnostic voltages into `diagnostics` [ADC counts]; not for the loop."""
         try:
-            with self._port.pumping():
-                self.diagnostics = {i: self._dialogue.diagnostic(i) for i in ati.DIAGNOSTICS}
+            self.diagnostics = {i: self._dialogue.diagnostic(i) for i in ati.DIAGNOSTICS}
         except (NotAnswering, BusError):
             self.counters.slow_polls_failed += 1
 

@@ -2,15 +2,14 @@
 """One CAN bus with one reader: frames in by identifier, frames out, own echoes left out.
 
 A realtime loop owns the reading through `pump`. Blocking conversations (SDO) run in other threads
-and get their answers through that same loop; where no loop pumps, `pumping` does it meanwhile.
+and get their answers through that same loop; where no loop pumps, `wait_for` does it meanwhile.
 """
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import can
@@ -20,7 +19,6 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.virtual import VirtualBus
 
 from .errors import BusError
-from .pump_helper import PumpHelper
 
 Callback = Callable[[bytes, int], None]
 
@@ -31,6 +29,7 @@ _BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
 _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
 _SENDS_FROM_ANY_THREAD = (UdpMulticastBus, SocketcanBus, VirtualBus)
 _LOOP_IS_ALIVE_NS = 5_000_000
+_SLICE_S = 0.001
 _SEND_TAG = "screw_module_ros"
 
 
@@ -81,7 +80,7 @@ class Port:
         self._tag = f"{_SEND_TAG} {id(self):x}" if isinstance(bus, UdpMulticastBus) else None
         self._echoes_due: dict[int, int] = {}
         self._pumped_ns = 0
-        self._helper = PumpHelper(self._pump_if_idle)
+        self._pause = threading.Event()
 
     # -- sending ---------------------------------------------------------------------------------
 
@@ -145,14 +144,6 @@ class Port:
             handled = self._pump(timeout_s)
         self._pumped_ns = time.monotonic_ns()
         return handled
-
-    def _pump_if_idle(self, timeout_s: float) -> bool:
-        """Pump for a helper thread, unless a loop has done so in the last few milliseconds."""
-        if time.monotonic_ns() - self._pumped_ns < _LOOP_IS_ALIVE_NS:
-            return False
-        with self._reading:
-            self._pump(timeout_s)
-        return True
 
     def _pump(self, timeout_s: float) -> int:
         receive, dispatch, clock = self.bus.recv, self._dispatch, self.clock
@@ -223,40 +214,43 @@ class Port:
         cause = error.__cause__ or error
         raise BusError(f"cannot receive on {self.name}: {cause}; check cable and driver") from error
 
-    @contextlib.contextmanager
-    def pumping(self) -> Iterator[None]:
-        """Keep frames coming in while the caller blocks; steps back when a loop pumps anyway.
+    # -- waiting: not for the realtime loop ------------------------------------------------------
 
-        A bus that fails meanwhile raises BusError on exit.
+    def wait_for(self, ready: Callable[[], object], timeout_s: float) -> bool:
+        """Block until `ready()` or for `timeout_s` [s]; return whether it came to that.
+
+        Frames come in through the loop that pumps this port; where none does, this pumps. Raises
+        BusError when the bus fails meanwhile.
         """
-        self._helper.enter()
-        try:
-            yield
-        finally:
-            failed = self._helper.leave()
-            if failed is not None:
-                raise failed  # outranks the timeout that it caused
+        deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        while not ready():
+            now_ns = time.monotonic_ns()
+            if now_ns >= deadline_ns:
+                return False
+            if now_ns - self._pumped_ns < _LOOP_IS_ALIVE_NS:
+                self._pause.wait(_SLICE_S)
+            elif self._reading.acquire(timeout=_SLICE_S):
+                try:
+                    self._pump(min(_SLICE_S, (deadline_ns - now_ns) * 1e-9))
+                finally:
+                    self._reading.release()
+        return True
 
     def heard(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
-        """Listen for `listen_s` [s]; return the first identifier whose test a frame passes."""
+        """Listen for `listen_s` [s]; return the first identifier whose test a frame passes.
+
+        Where this process produces SYNC, any SYNC heard counts too.
+        """
         found: list[int] = []
-        event = threading.Event()
 
         def watcher(can_id: int, test: Callable[[bytes], bool]) -> Callback:
-            def watch(data: bytes, _arrival: int) -> None:
-                if test(data):
-                    found.append(can_id)
-                    event.set()
-
-            return watch
+            return lambda data, _arrival: found.append(can_id) if test(data) else None
 
         watchers = [(can_id, watcher(can_id, test)) for can_id, test in can_ids.items()]
-        before = self.counters.foreign_sync
         for can_id, watch in watchers:
             self.subscribe(can_id, watch)
-        if listen_s > 0.0:
-            with self.pumping():
-                event.wait(listen_s)
+        before = self.counters.foreign_sync
+        self.wait_for(lambda: found or self.counters.foreign_sync > before, listen_s)
         for can_id, watch in watchers:
             self.unsubscribe(can_id, watch)
         if self.counters.foreign_sync > before:

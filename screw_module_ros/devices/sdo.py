@@ -18,6 +18,9 @@ from .errors import NotAnswering, NotConfigured, Refused
 from .port import Port
 
 _FRAME_BYTES = 8
+_ABORT = struct.Struct("<BHBL")
+_ABORT_COMMAND = 0x80
+_GENERAL_ERROR = 0x08000000
 _REQUEST_BASE = 0x600
 _RESPONSE_BASE = 0x580
 
@@ -33,12 +36,7 @@ class Sdo:
         self._port = port
         self._node_id = node_id
         self._lock = threading.Lock()
-        self._client = SdoClient(
-            _REQUEST_BASE + node_id, _RESPONSE_BASE + node_id, ObjectDictionary()
-        )
-        self._client.network = port.network
-        self._client.RESPONSE_TIMEOUT = timeout_s
-        self._client.MAX_RETRIES = 1
+        self._client = _Client(port, node_id, timeout_s)
         port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
 
     def _on_response(self, data: bytes, _arrival_ns: int) -> None:
@@ -109,6 +107,27 @@ class Sdo:
             f"asked for {_name(index, subindex)} ({error}); check its power, cable, node id and "
             "bit rate, or start the simulated rig"
         )
+
+
+class _Client(SdoClient):
+    """canopen's client, its answers coming in through the port."""
+
+    MAX_RETRIES = 1
+
+    def __init__(self, port: Port, node_id: int, timeout_s: float):
+        super().__init__(_REQUEST_BASE + node_id, _RESPONSE_BASE + node_id, ObjectDictionary())
+        self.network = port.network
+        self.RESPONSE_TIMEOUT = timeout_s
+        self._port = port
+
+    def read_response(self) -> bytes:
+        if not self._port.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
+            raise SdoCommunicationError("no response")
+        return super().read_response()
+
+    def abort(self, abort_code: int = _GENERAL_ERROR) -> None:
+        """Tell the server; the caller hears it as an exception, so nothing is logged."""
+        self.send_request(_ABORT.pack(_ABORT_COMMAND, 0, 0, abort_code))
 
 
 def _name(index: int, subindex: int) -> str:

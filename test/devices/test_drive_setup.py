@@ -91,7 +91,7 @@ def test_drive_without_torque_modes_is_refused(wire, drive_end):
 
 
 def test_mode_that_is_not_shown_is_refused(wire, drive_end, monkeypatch):
-    monkeypatch.setattr("screw_module_ros.devices.drive_setup._MODE_PAUSE_S", 0.0)
+    monkeypatch.setattr("screw_module_ros.devices.drive_setup._MODE_WITHIN_S", 0.0)
     drive_end.written = lambda key, data: None
     with pytest.raises(NotConfigured, match="6061 shows 0"):
         configured(wire)
