@@ -37,10 +37,12 @@ class RealtimeSettings(NamedTuple):
     ] = (-1,)
 
 
-def prepare(settings: RealtimeSettings, spare: set[int]) -> list[str]:
-    """Give every thread of the process but `spare` (native ids) its scheduling.
+def prepare(settings: RealtimeSettings) -> list[str]:
+    """Give every thread of the process its scheduling.
 
-    Call from the loop's thread after start-up. Returns what could not be had, as sentences.
+    The executor's thread too: while it holds the interpreter's lock the loop waits for it, so it
+    must not be held up by anything that may not hold up the loop. Call from the loop's thread
+    after start-up. Returns what could not be had, as sentences.
     """
     refused: list[str] = []
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
@@ -53,10 +55,8 @@ def prepare(settings: RealtimeSettings, spare: set[int]) -> list[str]:
         try:
             if wanted and not missing:
                 os.sched_setaffinity(thread, wanted)
-            if settings.priority and thread not in spare:
-                os.sched_setscheduler(
-                    thread, os.SCHED_FIFO, os.sched_param(settings.priority)
-                )
+            if settings.priority:
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(settings.priority))
         except PermissionError:
             refused.append(
                 f"no permission for SCHED_FIFO {settings.priority}: running with the normal "

@@ -259,7 +259,7 @@ def _live(node: ModuleNode) -> None:
     try:
         executor.create_task(node.start_by_itself)
         scheduling = node.parameters.read(RealtimeSettings, "realtime")
-        for refused in prepare(scheduling, {serving.native_id}):
+        for refused in prepare(scheduling):
             node.get_logger().warning(refused)
         node.run()
     except Exception as error:
