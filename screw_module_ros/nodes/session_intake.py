@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import fnmatch
 import importlib
+import threading
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
@@ -75,35 +76,36 @@ class Intake:
         self._group = HotGroup()
         self._taps: dict[str, _Tap] = {}
         self._taking: list[_Tap] = []
+        self._left: list[Message] = []  # taken from a subscription that was replaced
+        self._lock = threading.Lock()  # a subscription is taken from, or replaced
         self.refused: dict[str, str] = {}
 
     def discover(self) -> None:
         """Subscribe to selected topics that appeared; follow changes of their publishers."""
         for name, types in self._node.get_topic_names_and_types():
-            if not self._selection.takes(name):
+            if name in self.refused or not self._selection.takes(name):
                 continue
             offers = self._node.get_publishers_info_by_topic(name)
             if not offers:
                 continue
-            tap = self._taps.get(name) or self._new_tap(name, types, offers)
-            if tap is not None:
+            try:
+                tap = self._taps.get(name) or self._new_tap(name, types, offers)
                 self._follow(tap, offers)
+            except Exception as error:  # one odd topic must not end the recording of the others
+                self._refuse(name, str(error) or type(error).__name__)
         self._taking = list(self._taps.values())
 
-    def _new_tap(self, name: str, types: list[str], offers: list[TopicEndpointInfo]) -> _Tap | None:
-        if name in self.refused:
-            return None
-        try:
-            if len(types) != 1:
-                raise BagError(f"it has several types ({', '.join(types)})")
-            kind = message_class(types[0])
-            channel = self._session.add_topic(self._topic(name, types[0], offers))
-        except BagError as error:
-            self.refused[name] = str(error)
-            self._node.get_logger().error(f"{name} is not recorded: {error}")
-            return None
-        self._taps[name] = _Tap(name, kind, channel)
-        return self._taps[name]
+    def _refuse(self, name: str, why: str) -> None:
+        self.refused[name] = why
+        self._node.get_logger().error(f"{name} is not recorded: {why}")
+
+    def _new_tap(self, name: str, types: list[str], offers: list[TopicEndpointInfo]) -> _Tap:
+        if len(types) != 1:
+            raise BagError(f"it has several types ({', '.join(types)})")
+        kind = message_class(types[0])
+        channel = self._session.add_topic(self._topic(name, types[0], offers))
+        tap = self._taps[name] = _Tap(name, kind, channel)
+        return tap
 
     def _topic(self, name: str, type_name: str, offers: list[TopicEndpointInfo]) -> Topic:
         hashes = {str(offer.topic_type_hash) for offer in offers}
@@ -134,8 +136,11 @@ class Intake:
             self._node.get_logger().warning(
                 f"{tap.name} has a new publisher with weaker quality of service: following it"
             )
-            self._node.destroy_subscription(tap.subscription)
-            self._subscribe(tap, request)
+            with self._lock:
+                self._left += self._take(tap)
+                self._node.destroy_subscription(tap.subscription)
+                tap.subscription = None
+                self._subscribe(tap, request)
 
     def _subscribe(self, tap: _Tap, request: QoSProfile) -> None:
         tap.request = request
@@ -145,20 +150,25 @@ class Intake:
 
     def drain(self) -> list[Message]:
         """Take everything that waits."""
+        with self._lock:
+            taken, self._left = self._left, []
+            for tap in self._taking:
+                if tap.subscription is not None:
+                    taken += self._take(tap)
+        return taken
+
+    def _take(self, tap: _Tap) -> list[Any]:
+        """Take what waits for one topic, as plain tuples in the order of `Message`."""
+        take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
+        numbered = tap.numbered
         taken: list[Any] = []
-        for tap in self._taking:
-            take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
-            numbered = tap.numbered
-            before = len(taken)
-            while (got := take(kind, True)) is not None:
-                data, info = got
-                number = (info["publication_sequence_number"] or 0) if numbered else 0
-                received, sent = info["received_timestamp"], info["source_timestamp"]
-                taken.append((channel, received, sent, number, data))
-                if len(taken) - before >= _AT_ONCE:
-                    break
-            if tap.has_calibration and len(taken) > before:
-                tap.newest = taken[-1][4]
+        while len(taken) < _AT_ONCE and (got := take(kind, True)) is not None:
+            data, info = got
+            number = (info["publication_sequence_number"] or 0) if numbered else 0
+            received, sent = info["received_timestamp"], info["source_timestamp"]
+            taken.append((channel, received, sent, number, data))
+        if taken and tap.has_calibration:
+            tap.newest = taken[-1][4]
         return taken
 
     def calibrations(self) -> dict[str, str]:
@@ -171,10 +181,10 @@ class Intake:
 
     def close(self) -> None:
         """Unsubscribe from everything."""
-        self._taking = []
         for tap in self._taps.values():
-            self._node.destroy_subscription(tap.subscription)
-        self._taps = {}
+            if tap.subscription is not None:
+                self._node.destroy_subscription(tap.subscription)
+        self._taps, self._taking = {}, []
 
 
 def message_class(type_name: str) -> type:

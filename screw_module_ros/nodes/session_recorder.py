@@ -8,7 +8,6 @@ node, and stands in `~/status` and diagnostics until the next `~/start`.
 
 from __future__ import annotations
 
-import hashlib
 import threading
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +18,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.recording import BagError, BagWriter, Session, Status, StorageSettings
 from screw_module_ros.recording.recovery import recover_all
+from screw_module_ros.recording.session import file_hashes
 from screw_module_ros.settings import Setting
 
 from .session_intake import Intake, Selection
@@ -51,7 +51,7 @@ class RecorderSettings(NamedTuple):
     ] = ("",)
     period: Annotated[
         float, Setting("the queues of all topics are emptied once in this time", "s", 0.001, 0.1)
-    ] = 0.01
+    ] = 0.02
 
 
 class SessionRecorder(ModuleNode):
@@ -112,7 +112,7 @@ class SessionRecorder(ModuleNode):
         except BagError as error:
             self.get_logger().error(str(error))
             return str(error)
-        session.add_metadata("configuration", _hashes(settings.configuration))
+        session.add_metadata("configuration", file_hashes(settings.configuration))
         session.start()
         topics = tuple(t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics)
         intake = Intake(self, Selection(topics, settings.exclude, settings.include_hidden), session)
@@ -131,7 +131,7 @@ class SessionRecorder(ModuleNode):
             session.put(intake.drain())
             intake.close()
         self._last = session.close()
-        self.get_logger().info(_summary(self._last))
+        self.get_logger().info(self._last.summary())
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:
@@ -151,7 +151,7 @@ class SessionRecorder(ModuleNode):
             return response
         self._stop()
         response.success = not self._last.error
-        response.message = f"{self._folder}: {_summary(self._last)}"
+        response.message = f"{self._folder}: {self._last.summary()}"
         return response
 
     def _each_second(self) -> None:
@@ -189,30 +189,7 @@ class SessionRecorder(ModuleNode):
         if self._refusal or status.error:
             return Health(ERROR, self._refusal or status.error, values)
         level = WARN if status.dropped or refused else OK
-        return Health(level, _summary(status), values)
-
-
-def _summary(status: Status) -> str:
-    lost = sum(counts.lost for counts in status.audit.values())
-    missed = sum(max(0, counts.missed) for counts in status.audit.values())
-    text = (
-        f"{status.messages} messages of {len(status.audit)} topics, "
-        f"{lost} ticks lost, {missed} not received, {status.dropped} not written"
-    )
-    return f"{status.error}; {text}" if status.error else text
-
-
-def _hashes(files: tuple[str, ...]) -> dict[str, str]:
-    """Return the SHA-256 of each file; one that cannot be read says so in its place."""
-    found = {}
-    for name in filter(None, files):
-        try:
-            found[name] = (
-                "sha256:" + hashlib.sha256(Path(name).expanduser().read_bytes()).hexdigest()
-            )
-        except OSError as error:
-            found[name] = f"unreadable: {error.strerror}"
-    return found
+        return Health(level, status.summary(), values)
 
 
 def main() -> int:

@@ -66,10 +66,20 @@ class BagWriter:
         _make_folder(self.folder)
         try:
             self._file = self._next_file()
+        except OSError as error:
+            raise self._impossible(error.strerror) from None
+        try:
             self.flush()
-        except (OSError, BagWriteError) as error:
-            _remove_empty(self.folder)
-            raise BagFolderError(f"cannot write a bag to {self.folder}: {error}") from None
+        except BagWriteError as error:
+            self._file.close()
+            raise self._impossible(str(error)) from None
+
+    def _impossible(self, why: str) -> BagFolderError:
+        """Take away what a bag that never held anything left behind."""
+        for path in self.folder.glob("*"):
+            path.unlink()
+        self.folder.rmdir()
+        return BagFolderError(f"cannot write a bag to {self.folder}: {why}")
 
     def _next_file(self) -> McapFile:
         name = f"{self.folder.name}_{len(self._done)}.mcap"
@@ -144,10 +154,11 @@ class BagWriter:
     def _failure(self, error: OSError) -> BagWriteError:
         self._broken = True
         lost = sum(audit.messages for audit in self._audits) - self.message_count
-        return BagWriteError(
-            f"cannot write to {error.filename or self._file.path}: {error.strerror}; "
-            f"{lost} messages of the last moment are not in the bag, everything before is"
-        )
+        where = error.filename or self._file.path
+        text = f"{where}: {error.strerror}"
+        if lost:
+            text += f"; {lost} messages of the last moment are not in the bag, all before them are"
+        return BagWriteError(text)
 
     def _split_when_long(self) -> None:
         limit = int(self._settings.max_file_duration * 1e9)
@@ -223,13 +234,6 @@ def _make_folder(folder: Path) -> None:
         ) from None
     except OSError as error:
         raise BagFolderError(f"cannot make the bag folder {folder}: {error.strerror}") from None
-
-
-def _remove_empty(folder: Path) -> None:
-    """Take away what a bag that never held anything left behind."""
-    for path in folder.glob("*"):
-        path.unlink()
-    folder.rmdir()
 
 
 def write_atomically(path: Path, text: str) -> None:

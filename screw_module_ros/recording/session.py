@@ -9,11 +9,13 @@ Nothing raises into the receiving thread: an error ends the recording, is kept a
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from .audit import Counts
@@ -40,6 +42,16 @@ class Status(NamedTuple):
     dropped: int
     size: int
     audit: dict[str, Counts]
+
+    def summary(self) -> str:
+        """Return it in one sentence, an error first."""
+        lost = sum(counts.lost for counts in self.audit.values())
+        missed = sum(max(0, counts.missed) for counts in self.audit.values())
+        text = (
+            f"{self.messages} messages of {len(self.audit)} topics, "
+            f"{lost} ticks lost, {missed} not received, {self.dropped} not written"
+        )
+        return f"{self.error}; {text}" if self.error else text
 
 
 class Session:
@@ -184,3 +196,15 @@ def _size(messages: Sequence[Message]) -> int:
 
 def _log_time(message: Message) -> int:
     return message[1]
+
+
+def file_hashes(names: Sequence[str]) -> dict[str, str]:
+    """Return the SHA-256 of each file; one that cannot be read says so in its place."""
+    found = {}
+    for name in filter(None, names):
+        try:
+            content = Path(name).expanduser().read_bytes()
+            found[name] = f"sha256:{hashlib.sha256(content).hexdigest()}"
+        except OSError as error:
+            found[name] = f"unreadable: {error.strerror}"
+    return found

@@ -11,7 +11,13 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from screw_module_ros.recording import BagWriteError, BagWriter, Session, StorageSettings
+from screw_module_ros.recording import (
+    BagFolderError,
+    BagWriteError,
+    BagWriter,
+    Session,
+    StorageSettings,
+)
 from screw_module_ros.recording import mcap_file as mcap_file_module
 
 SECOND = 1_000_000_000
@@ -90,6 +96,13 @@ def test_session_stops_in_good_order_before_the_disk_is_full(writer, samples):
     assert "closed" in (writer.folder / "metadata.yaml").read_text()
 
 
+def test_disk_already_full_at_the_start(tmp_path, monkeypatch):
+    SmallDisk(monkeypatch, 100)
+    with pytest.raises(BagFolderError, match="cannot write a bag to .*No space left"):
+        BagWriter(tmp_path / "bag")
+    assert list(tmp_path.iterdir()) == []
+
+
 LIMITED = """
 import signal, sys
 from screw_module_ros.recording import BagWriteError, BagWriter, Definition, Topic
@@ -120,7 +133,7 @@ def test_limit_of_the_operating_system(tmp_path):
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000)),
     )
     *flushed, sentence = done.stdout.splitlines()
-    assert "cannot write to" in sentence
+    assert "are not in the bag" in sentence
     with (tmp_path / "bag" / "bag_0.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert sum(1 for _ in reader.iter_messages()) == int(flushed[-1]) > 100

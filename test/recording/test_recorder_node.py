@@ -8,18 +8,16 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+import rclpy
+import screw_module_msgs.msg as messages
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
-rclpy = pytest.importorskip("rclpy")
-messages = pytest.importorskip("screw_module_msgs.msg")
-
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
-from std_msgs.msg import String  # noqa: E402
-from std_srvs.srv import Trigger  # noqa: E402
-
-from screw_module_ros.recording.reader import columns, metadata, topics  # noqa: E402
-from screw_module_ros.recording.verify import verify  # noqa: E402
+from screw_module_ros.recording.reader import columns, metadata, topics
+from screw_module_ros.recording.verify import verify
 
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -186,6 +184,22 @@ def test_stopped_by_sigint_the_bag_is_closed(graph, recorder, tmp_path):
     assert process.wait(20) == 0
     assert sequences(tmp_path / "bag") == list(range(5))
     assert metadata(tmp_path / "bag")["state"] == "closed"
+
+
+def test_publisher_with_weaker_quality_is_recorded_too(graph, recorder, tmp_path):
+    recorder(record_on_start=True)
+    graph.connected()
+    graph.state.publish(messages.AmplifierState(state=1))
+    weak = graph.node.create_publisher(
+        messages.AmplifierState, "/screw/amplifier_state", BEST_EFFORT
+    )
+    graph.until(weak.get_subscription_count, "the weaker subscription")
+    weak.publish(messages.AmplifierState(state=2))
+    graph.until(
+        lambda: '"messages": 2' in graph.values().get("/screw/amplifier_state", ""), "both messages"
+    )
+    assert graph.call("stop").success
+    assert list(columns(tmp_path / "bag", "/screw/amplifier_state")["state"]) == [1, 2]
 
 
 @pytest.mark.parametrize(

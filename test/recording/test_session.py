@@ -7,6 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from screw_module_ros.recording import BagWriter, Session, StorageSettings
+from screw_module_ros.recording.session import file_hashes
 
 SECOND = 1_000_000_000
 
@@ -109,3 +110,11 @@ def test_notes_and_publishers_reach_the_bag(session, samples):
     assert status.audit["/screw/encoder"].missed == -1
     text = (session.folder / "metadata.yaml").read_text()
     assert '"screw_module_ros/calibration": "{\\"/screw/state\\": \\"thesis\\"}"' in text
+
+
+def test_hashes_of_configuration_files(tmp_path):
+    (tmp_path / "a.yaml").write_bytes(b"abc")
+    found = file_hashes([str(tmp_path / "a.yaml"), "", str(tmp_path / "none")])
+    # FIPS 180-2, appendix B.1.
+    wanted = "sha256:ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert list(found.values()) == [wanted, "unreadable: No such file or directory"]

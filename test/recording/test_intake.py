@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which topics the recorder takes, and with which quality of service."""
+
+import pytest
+from rclpy.duration import Infinite
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from screw_module_ros.nodes.session_intake import (
+    Selection,
+    matching,
+    message_class,
+    offered,
+)
+from screw_module_ros.recording import BagError, Qos
+
+RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+
+
+def offer(reliability, durability):
+    profile = QoSProfile(depth=1, reliability=reliability, durability=durability)
+    return TopicEndpointInfo(qos_profile=profile)
+
+
+@pytest.mark.parametrize(
+    ("offers", "reliability", "durability"),
+    [
+        ([(RELIABLE, VOLATILE)], RELIABLE, VOLATILE),
+        ([(RELIABLE, LATCHED), (RELIABLE, LATCHED)], RELIABLE, LATCHED),
+        ([(RELIABLE, LATCHED), (RELIABLE, VOLATILE)], RELIABLE, VOLATILE),
+        ([(RELIABLE, VOLATILE), (BEST_EFFORT, VOLATILE)], BEST_EFFORT, VOLATILE),
+    ],
+)
+def test_request_is_as_strict_as_all_offers_allow(offers, reliability, durability):
+    request = matching([offer(*each) for each in offers])
+    assert (request.reliability, request.durability) == (reliability, durability)
+    assert request.depth >= 1000
+
+
+def test_offer_in_rosbag2s_words():
+    told = offer(BEST_EFFORT, LATCHED)
+    told.qos_profile.deadline = told.qos_profile.lifespan = Infinite
+    told.qos_profile.liveliness_lease_duration = Infinite
+    found = offered(told)
+    assert (found.reliability, found.durability) == ("best_effort", "transient_local")
+    assert found.deadline == found.lifespan == found.lease == Qos().deadline
+
+
+@pytest.mark.parametrize(
+    ("selection", "name", "taken"),
+    [
+        (Selection(), "/anything/at/all", True),
+        (Selection(), "/node/_action/feedback", False),
+        (Selection(hidden=True), "/node/_action/feedback", True),
+        (Selection(("/screw/*",)), "/screw/encoder", True),
+        (Selection(("/screw/*",)), "/handle/force", False),
+        (Selection(("*",), ("/rosout", "")), "/rosout", False),
+        (Selection(("*",), ("",)), "/rosout", True),
+    ],
+)
+def test_selection(selection, name, taken):
+    assert selection.takes(name) is taken
+
+
+def test_class_of_a_type():
+    assert message_class("std_msgs/msg/String").__name__ == "String"
+    feedback = message_class("screw_module_msgs/action/RunExperiment_FeedbackMessage")
+    assert "feedback" in feedback.get_fields_and_field_types()
+
+
+@pytest.mark.parametrize("name", ["nowhere_msgs/msg/X", "std_msgs/msg/Nothing"])
+def test_unknown_type_is_named(name):
+    with pytest.raises(BagError, match=f"{name} is not installed"):
+        message_class(name)
