@@ -18,6 +18,7 @@ from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.virtual import VirtualBus
 
+from .echo import EchoFilter
 from .errors import BusError
 
 Callback = Callable[[bytes, int], None]
@@ -30,7 +31,6 @@ _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
 _SENDS_FROM_ANY_THREAD = (UdpMulticastBus, SocketcanBus, VirtualBus)
 _LOOP_IS_ALIVE_NS = 5_000_000
 _SLICE_S = 0.001
-_SEND_TAG = "screw_module_ros"
 
 
 @dataclass
@@ -75,10 +75,9 @@ class Port:
         self._reading = threading.Lock()
         self._sending = threading.Lock()
         self._locked_send = not isinstance(bus, _SENDS_FROM_ANY_THREAD)
-        # udp_multicast hands a sender its own frames back. The tag tells them from a stranger's,
-        # the count tells them from a device that returns our frame, tag and all, as its reply.
-        self._tag = f"{_SEND_TAG} {id(self):x}" if isinstance(bus, UdpMulticastBus) else None
-        self._echoes_due: dict[int, int] = {}
+        self._echo = EchoFilter(bus)
+        self._marks = self._echo.marks
+        self._may_echo = self._marks and not self._echo.in_kernel
         self._pumped_ns = 0
         self._pause = threading.Event()
 
@@ -90,9 +89,8 @@ class Port:
         Raises BusError when the bus does not take it (bus off, cable, full buffer).
         """
         message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
-        if self._tag is not None:
-            message.channel = self._tag
-            self._echoes_due[can_id] = self._echoes_due.get(can_id, 0) + 1
+        if self._marks:
+            self._echo.mark(message)
         try:
             if self._locked_send:
                 with self._sending:
@@ -114,8 +112,8 @@ class Port:
 
     def _send_failed(self, can_id: int, error: Exception) -> None:
         self.counters.send_errors += 1
-        if self._tag is not None:
-            self._echoes_due[can_id] -= 1
+        if self._marks:
+            self._echo.unmark(can_id)
         cause = error.__cause__ or error
         raise BusError(
             f"cannot send on {self.name}: {cause}; check cable, termination and bit rate"
@@ -164,7 +162,7 @@ class Port:
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
             self._note_odd(message)
             return 1
-        if (message.channel == self._tag and self._is_echo(can_id)) or not message.is_rx:
+        if not message.is_rx or (self._may_echo and self._echo.is_echo(message)):
             self.counters.echoes += 1
             return 0
         self.counters.received += 1
@@ -177,14 +175,6 @@ class Port:
         else:
             self._offer_to_network(message)
         return 1
-
-    def _is_echo(self, can_id: int) -> bool:
-        if self._tag is None:
-            return False
-        due = self._echoes_due.get(can_id, 0)
-        if due:
-            self._echoes_due[can_id] = due - 1
-        return due > 0
 
     def _note_odd(self, message: can.Message) -> None:
         if not message.is_error_frame:

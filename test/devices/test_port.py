@@ -11,6 +11,7 @@ import pytest
 from can.interfaces.udp_multicast.utils import pack_message
 from scripted_devices import ScriptedEncoder
 
+from screw_module_ros.devices import echo
 from screw_module_ros.devices.bus import BusSettings, open_bus, open_port
 from screw_module_ros.devices.encoder import Encoder, EncoderSettings
 from screw_module_ros.devices.errors import BusError
@@ -211,11 +212,16 @@ def test_virtual_bus_opens():
 # -- udp_multicast -------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def udp(can_port_base):
+@pytest.fixture(params=["kernel drops echoes", "port drops echoes"])
+def udp(can_port_base, request, monkeypatch):
     """Our port and a stranger's bus on one multicast group."""
+    in_kernel = request.param.startswith("kernel")
+    if not in_kernel:
+        monkeypatch.setattr(echo, "_works", lambda stamp: False)
     settings = BusSettings(port=can_port_base)
     port, far = open_port(settings), open_bus(settings)
+    if port._echo.in_kernel != in_kernel:
+        pytest.skip("this kernel has no socket filters")
     yield port, far
     port.close()
     far.shutdown()
@@ -233,9 +239,11 @@ def test_own_echoes_do_not_count(udp, wait_until):
     seen = []
     port.subscribe(0x120, lambda data, arrival: seen.append(bytes(data)))
     port.send(0x120, b"")
-    wait_until(lambda: port.pump(0.01) or port.counters.echoes, what="the echo")
-    assert (port.counters.echoes, seen) == (1, [])
     assert far.recv(1.0).arbitration_id == 0x120
+    far.send(can.Message(arbitration_id=0x120, data=b"reply", is_extended_id=False))
+    wait_until(lambda: port.pump(0.01) and seen, what="the reply")
+    assert seen == [b"reply"]
+    assert port.counters.echoes == (not port._echo.in_kernel)
 
 
 def test_reply_that_equals_its_request_is_no_echo(udp, wait_until):
@@ -247,7 +255,6 @@ def test_reply_that_equals_its_request_is_no_echo(udp, wait_until):
     far.send(far.recv(1.0))
     wait_until(lambda: port.pump(0.01) and seen, what="the reply")
     assert seen == [b"\x03"]
-    assert port.counters.echoes == 1
 
 
 def test_strangers_sync_is_told_from_our_own(udp, wait_until):
@@ -255,7 +262,7 @@ def test_strangers_sync_is_told_from_our_own(udp, wait_until):
     port.send_sync(0)
     far.send(can.Message(arbitration_id=0x080, is_extended_id=False))
     wait_until(lambda: port.pump(0.01) and port.counters.foreign_sync, what="the foreign SYNC")
-    assert (port.counters.foreign_sync, port.counters.echoes) == (1, 1)
+    assert port.counters.foreign_sync == 1
 
 
 def test_datagrams_that_are_no_frames_are_counted(udp, can_port_base, wait_until):
@@ -268,7 +275,7 @@ def test_datagrams_that_are_no_frames_are_counted(udp, can_port_base, wait_until
             stranger.sendto(datagram, (GROUP, can_port_base))
         wait_until(lambda: port.pump(0.01) and seen, what="the good frame")
     assert seen == [b"ok"]
-    assert port.counters.malformed >= 3
+    assert port.counters.malformed >= 1  # the filter keeps the short ones out
 
 
 def test_groups_on_one_udp_port_are_kept_apart(udp, can_port_base, wait_until):

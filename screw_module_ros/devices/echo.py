@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Own frames that python-can's `udp_multicast` hands back to their sender.
+
+Each costs as much to read as a device's answer and wakes the loop, and there are as many. The
+receiver replaces the time stamp in a datagram by the kernel's, so our own stamp in it is free to
+mark it, at a fixed place: a socket filter drops what bears the mark. Where that does not work the
+frames are marked in their channel field and counted: an echo is the first frame to come back for
+each one sent, so a device that returns our frame, mark and all, as its reply is still heard.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import struct
+
+import can
+from can.interfaces.udp_multicast import UdpMulticastBus
+from can.interfaces.udp_multicast.utils import pack_message
+
+_SO_ATTACH_FILTER = 26
+# Classic BPF: operation, jump if true, jump if false, operand.
+_INSTRUCTION = struct.Struct("=HBBI")
+_LOAD_WORD, _JUMP_IF_EQUAL, _RETURN = 0x20, 0x15, 0x06
+_UDP_HEADER_BYTES = 8
+
+
+class EchoFilter:
+    """Marks what one bus sends and recognises it when it comes back.
+
+    in_kernel: own frames never arrive, so that `is_echo` need not be asked.
+    """
+
+    def __init__(self, bus: can.BusABC):
+        self.marks = isinstance(bus, UdpMulticastBus)
+        self._stamp = _own_stamp()
+        self._tag = f"own {self._stamp!r}"
+        self._due: dict[int, int] = {}
+        self.in_kernel = self.marks and _works(self._stamp) and _attach(bus.fileno(), self._stamp)
+
+    def mark(self, message: can.Message) -> None:
+        """Mark a frame that is about to be sent."""
+        message.timestamp = self._stamp
+        if not self.in_kernel:
+            message.channel = self._tag
+            can_id = message.arbitration_id
+            self._due[can_id] = self._due.get(can_id, 0) + 1
+
+    def unmark(self, can_id: int) -> None:
+        """Take one mark back: the frame was not sent."""
+        if not self.in_kernel:
+            self._due[can_id] -= 1
+
+    def is_echo(self, message: can.Message) -> bool:
+        """Return whether a frame received is one of our own, come back."""
+        if message.channel != self._tag:
+            return False
+        due = self._due.get(message.arbitration_id, 0)
+        if due:
+            self._due[message.arbitration_id] = due - 1
+        return due > 0
+
+
+def _own_stamp() -> float:
+    """Return a finite number that no clock shows and nobody else uses."""
+    return struct.unpack(">d", b"\x7d" + os.urandom(7))[0]
+
+
+def _works(stamp: float) -> bool:
+    """Try the filter on a pair of sockets of our own: some kernels take it and ignore it."""
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
+    ):
+        try:
+            receiver.bind(("127.0.0.1", 0))
+            receiver.settimeout(0.1)
+            if not _attach(receiver.fileno(), stamp):
+                return False
+            for mark, name in ((stamp, 1), (0.0, 2)):
+                datagram = pack_message(can.Message(mark, name, is_extended_id=False))
+                sender.sendto(datagram, receiver.getsockname())
+            heard = receiver.recv(4096)
+        except OSError:
+            return False
+    return heard == datagram
+
+
+def _attach(descriptor: int, stamp: float) -> bool:
+    """Let the kernel drop datagrams with `stamp` in them; return whether it takes the filter."""
+    wanted = struct.pack(">d", stamp)
+    marked = pack_message(can.Message(stamp, 0, is_extended_id=False))
+    at = _UDP_HEADER_BYTES + marked.find(wanted)
+    high, low = struct.unpack(">II", wanted)
+    program = b"".join(
+        _INSTRUCTION.pack(*instruction)
+        for instruction in (
+            (_LOAD_WORD, 0, 0, at),
+            (_JUMP_IF_EQUAL, 0, 3, high),
+            (_LOAD_WORD, 0, 0, at + 4),
+            (_JUMP_IF_EQUAL, 0, 1, low),
+            (_RETURN, 0, 0, 0),
+            (_RETURN, 0, 0, 0xFFFFFFFF),
+        )
+    )
+    buffer = ctypes.create_string_buffer(program, len(program))
+    argument = struct.pack("@HP", len(program) // _INSTRUCTION.size, ctypes.addressof(buffer))
+    try:
+        # A duplicate descriptor reaches the socket without touching python-can's private fields.
+        with socket.socket(fileno=os.dup(descriptor)) as duplicate:
+            duplicate.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, argument)
+    except OSError:
+        return False
+    return True
