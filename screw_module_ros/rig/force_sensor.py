@@ -2,8 +2,8 @@
 """Simulated six-axis force/torque sensor (ATI NETCANOEM, manual 9610-05-1030).
 
 Frame id = base << 4 | opcode, payloads big-endian. A request and its replies share ids: a request
-is told from a reply, our own echo included, by its length. Two replies are as long as the request
-they answer (0x6, 0xC); where the interface echoes, those are awaited and dropped.
+is told from a reply by its length. Two replies are as long as the request they answer (0x6, 0xC):
+a sensor that heard itself would answer itself for ever, which the port prevents.
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ _EVEN = struct.Struct(">Hhhh")
 _ODD = struct.Struct(">hhh")
 _PAIR = struct.Struct(">ff")
 _COUNTS = struct.Struct(">II")
-_ECHO_WITHIN_NS = 50_000_000
 _BOOT_NS = 50_000_000
 _GAUGES = 6
 _LARGEST_WRENCH = 1000.0
@@ -50,14 +49,13 @@ class ForceSensor:
         self.link = link
         self.faults = FaultBook(self.name, link)
         self.now_ns = 0
-        self.unknown_requests = self.own_echoes = 0
+        self.unknown_requests = 0
         self.status = 0
         self.only_first_frame = False
         self._base = base_id << 4
         self._physics = physics
         self._calibration = CALIBRATIONS[0]
         self._silent_until_ns = 0
-        self._echoes: dict[int, int] = {}
         self._random = random.Random(base_id)
         self._force_bias = self._drift = self._noise = 0.0
         self._drift_from_ns = 0
@@ -138,9 +136,7 @@ class ForceSensor:
         return bytes((self._calibration.force_unit, self._calibration.torque_unit))
 
     def _set_calibration(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or self._is_echo(SET_CALIBRATION, now_ns):
-            return
-        if now_ns < self._silent_until_ns:
+        if len(data) != 1 or now_ns < self._silent_until_ns:
             return
         calibration = CALIBRATIONS.get(data[0])
         if calibration is None:
@@ -148,7 +144,7 @@ class ForceSensor:
         else:
             self.status &= ~BAD_CALIBRATION
             self._calibration = calibration
-        self._send_lookalike(SET_CALIBRATION, data, now_ns)
+        self.link.send(self._base | SET_CALIBRATION, data)
 
     def _read_diagnostics(self, data: bytes, now_ns: int) -> None:
         if len(data) != 1 or now_ns < self._silent_until_ns:
@@ -160,9 +156,9 @@ class ForceSensor:
         self.link.send(self._base | READ_DIAGNOSTICS, value.to_bytes(2, "big"))
 
     def _reset(self, data: bytes, now_ns: int) -> None:
-        if data or self._is_echo(RESET, now_ns) or now_ns < self._silent_until_ns:
+        if data or now_ns < self._silent_until_ns:
             return
-        self._send_lookalike(RESET, b"", now_ns)
+        self.link.send(self._base | RESET, b"")
         self.restart(now_ns)
 
     def restart(self, now_ns: int, cause: int = 0) -> None:
@@ -170,18 +166,6 @@ class ForceSensor:
         self._calibration = CALIBRATIONS[0]
         self.status = cause
         self._silent_until_ns = now_ns + _BOOT_NS
-
-    def _send_lookalike(self, opcode: int, data: bytes, now_ns: int) -> None:
-        if self.link.port.echoes:
-            self._echoes[opcode] = now_ns + _ECHO_WITHIN_NS
-        self.link.send(self._base | opcode, data)
-
-    def _is_echo(self, opcode: int, now_ns: int) -> bool:
-        until_ns = self._echoes.pop(opcode, None)
-        if until_ns is None or now_ns > until_ns:
-            return False
-        self.own_echoes += 1
-        return True
 
     # Faults.
 

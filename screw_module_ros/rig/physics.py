@@ -71,19 +71,20 @@ class Physics:
         self._wall = clock == WALL
         self._period_ns = period_ns
         self._latency_ns = min(latency_ns, period_ns)
-        self._reached_ns: int | None = None
+        #: how far the wall clock's world has come [ns]
+        self.reached_ns = 0
         self._begun = False
 
     def advance(self, now_ns: int) -> None:
         """Bring the world to `now_ns`; nothing to do with the clock "sync"."""
         if not self._wall:
             return
-        if self._reached_ns is None:
-            self._reached_ns = now_ns
-        elapsed = now_ns - self._reached_ns
+        if not self.reached_ns:
+            self.reached_ns = now_ns
+        elapsed = now_ns - self.reached_ns
         if elapsed < _SHORTEST_NS:
             return
-        self._reached_ns = now_ns
+        self.reached_ns = now_ns
         longest = _LONGEST_PERIODS * self._period_ns
         if elapsed > longest:
             self.slipped += -((longest - elapsed) // self._period_ns)

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import can
+from can.interfaces.udp_multicast import UdpMulticastBus
+
+from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
 
 Handler = Callable[[bytes, int], None]
 """Takes the payload of a frame and the time it is handled at [ns]."""
-
-_ECHOING_INTERFACE = "can.interfaces.udp_multicast"
 
 
 class Mangler(Protocol):
@@ -75,10 +76,12 @@ class Port:
         self.links: list[Link] = []
         self.around: dict[int, tuple[Handler | None, Handler | None]] = {}
         self.now_ns = 0
-        self.frames_in = self.frames_out = self.ignored = self.receive_errors = 0
-        self.send_errors = 0
-        #: True where the interface hands us our own frames back
-        self.echoes = type(bus).__module__.startswith(_ECHOING_INTERFACE)
+        self.frames_in = self.frames_out = self.ignored = self.own_echoes = 0
+        self.receive_errors = self.send_errors = 0
+        self._stamp = own_stamp()
+        self._tag: str | None = None
+        if isinstance(bus, UdpMulticastBus) and not drop_own_frames(bus, self._stamp):
+            self._tag = f"rig {self._stamp!r}"
         self._table: dict[int, tuple[Handler, ...]] = {}
         self._messages: dict[int, can.Message] = {}
 
@@ -114,6 +117,9 @@ class Port:
             return False
         if message is None:
             return False
+        if self._tag is not None and message.channel == self._tag:
+            self.own_echoes += 1
+            return True
         self.frames_in += 1
         handlers = self._table.get(message.arbitration_id)
         if handlers is None or _unsupported(message):
@@ -128,7 +134,7 @@ class Port:
         """Send one frame now; a bus that refuses it is counted, as on a real device."""
         message = self._messages.get(can_id)
         if message is None:
-            message = can.Message(arbitration_id=can_id, is_extended_id=False)
+            message = can.Message(self._stamp, can_id, is_extended_id=False, channel=self._tag)
             self._messages[can_id] = message
         message.data = bytearray(data)
         message.dlc = len(data)

@@ -2,8 +2,8 @@
 """The whole far end: five devices on up to four buses, one world, one thread.
 
 `process` is one pass for tests; `run` is the loop of the simulator. The answer to SYNC comes first:
-frames are taken one from each bus in turn, and physics is brought up to date shortly before the
-next tick is due, so that little is left to do when it comes.
+frames are taken one from each bus in turn, and housekeeping waits for the quiet part of a period.
+Physics is brought up to date when something looks at it or acts on it.
 """
 
 from __future__ import annotations
@@ -33,8 +33,10 @@ _MOST_FRAMES = 256
 _BACKLOG = 64
 """Handled by the loop before the timers get their turn, however many wait."""
 _HOUSEKEEPING_NS = 1_000_000
-_LEAD_NS = 150_000
-"""How long before a tick the world is brought up to date."""
+_AFTER_TICK_NS = 600_000
+"""When housekeeping is due: the nodes tick at whole periods and have written by then."""
+_LONGEST_UNSEEN_NS = 2_000_000
+"""The world is brought up to date at least so often, though nobody looks."""
 _PAUSE_S = 0.0002
 """Between two passes on interfaces that cannot be waited for."""
 
@@ -42,13 +44,15 @@ _PAUSE_S = 0.0002
 class RigCounters(NamedTuple):
     """What the rig has done so far, over all buses.
 
-    ignored: frames that nobody here answers, own echoes among them. slipped: periods of wall clock
-    given up because the machine was busy.
+    ignored: frames that nobody here answers. own_echoes: our own frames, handed back by an
+    interface that cannot be told not to. slipped: periods of wall clock given up because the
+    machine was busy.
     """
 
     frames_in: int
     frames_out: int
     ignored: int
+    own_echoes: int
     receive_errors: int
     send_errors: int
     slipped: int
@@ -77,6 +81,7 @@ class Rig:
         self.world = world
         self.physics = Physics(world, clock, period_ns, round(settings.sync_latency * 1e9))
         self._every_ns = min(period_ns, _HOUSEKEEPING_NS)
+        self._after_ns = _AFTER_TICK_NS * self._every_ns // _HOUSEKEEPING_NS
         self._requests: deque[Callable[[], object]] = deque()
         by_bus = {id(bus): Port(bus) for bus in buses.values()}
         self._ports = {name: by_bus[id(bus)] for name, bus in buses.items()}
@@ -199,7 +204,8 @@ class Rig:
             port.rebuild()
 
     def _housekeep(self, now_ns: int) -> None:
-        self.physics.advance(now_ns)
+        if now_ns - self.physics.reached_ns >= _LONGEST_UNSEEN_NS:
+            self.physics.advance(now_ns)
         for device in self.devices.values():
             device.poll(now_ns)
 
@@ -208,8 +214,8 @@ class Rig:
             self._requests.popleft()()
 
     def _next_wake(self, now_ns: int) -> int:
-        every = self._every_ns
-        return ((now_ns + _LEAD_NS) // every + 1) * every - _LEAD_NS
+        every, after = self._every_ns, self._after_ns
+        return ((now_ns - after) // every + 1) * every + after
 
     def _run_without_waiting(self, should_stop: Callable[[], bool]) -> None:
         while not should_stop():
