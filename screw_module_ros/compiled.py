@@ -197,15 +197,16 @@ def _cache_folder(fingerprint: str) -> Iterator[None]:
 
 
 def _folder(fingerprint: str) -> Path:
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / PACKAGE / "compiled"
-    folder = base / fingerprint
     try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        base = home / PACKAGE / "compiled"
+        folder = base / fingerprint
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         os.utime(folder)
         _prune(base)
         return folder
-    except OSError:  # no writable home: a private folder, lost with the process's machine
+    except (OSError, RuntimeError):  # no home, or one that cannot be written
         return _private_folder(fingerprint)
 
 

@@ -131,7 +131,7 @@ def stage_velocity(
     `acceleration` [m/s^2]. position [m], velocity: now [m/s], dt [s].
     """
     way = target - position
-    allowed = min(speed, math.sqrt(2.0 * acceleration * abs(way)), abs(way) / dt)
-    wanted = math.copysign(allowed, way)
     step = acceleration * dt
+    braking = math.sqrt(0.25 * step * step + 2.0 * acceleration * abs(way)) - 0.5 * step
+    wanted = math.copysign(min(speed, braking, abs(way) / dt), way)
     return min(max(wanted, velocity - step), velocity + step)

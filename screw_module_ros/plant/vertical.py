@@ -135,14 +135,14 @@ def _move(
         patient -= p.arm.mass * acceleration + u.upright * p.arm.weight
     else:
         patient = 0.0
-    bristle = settled_bristle(keep * s.bristle + slope * nut_velocity, s.bristle, level)
+    bent = keep * s.bristle + slope * nut_velocity
     return (
         s.nut + dt * nut_velocity,
         nut_velocity,
         s.handle + dt * handle_velocity,
         handle_velocity,
-        bristle,
-        bristle + micro * nut_velocity,
+        settled_bristle(bent, s.bristle, level),
+        bent + micro * nut_velocity,
         contact,
         patient,
     )

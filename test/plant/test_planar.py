@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planar arm: inertia with the module, energy, J^T F, friction, stops."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as run_settings
+from hypothesis import strategies as st
+
+from screw_module_ros.compiled import compiled
+from screw_module_ros.plant.arm import ArmForce, arm_force
+from screw_module_ros.plant.planar import (
+    PlanarInput,
+    planar_params,
+    planar_step,
+    resting_plane,
+    tip,
+)
+
+L1, L2 = 0.4064, 0.51435
+IDLE = PlanarInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0)
+
+quick_step = compiled(planar_step)
+
+
+@pytest.fixture(scope="session")
+def plane(settings):
+    """The default planar arm with the default patient."""
+    return planar_params(settings.planar, arm_force(settings.arm, 9.81), settings.substep)
+
+
+@pytest.fixture(scope="session")
+def slippery(settings):
+    """The same with next to no friction and an instant torque loop."""
+    robot = settings.planar._replace(
+        friction=0.001, viscous=0.0, bristle_damping=0.0, bandwidth=1e5
+    )
+    return planar_params(robot, arm_force(settings.arm, 9.81), settings.substep)
+
+
+def inertia(shoulder, elbow, mass):
+    """M(q) of design section 7 with a mass at the tip, written out again."""
+    c = math.cos(elbow - shoulder)
+    return (
+        0.391 + mass * L1 * L1,
+        (0.227 + mass * L1 * L2) * c,
+        0.228 + mass * L2 * L2,
+    )
+
+
+def kinetic(s, mass):
+    m11, m12, m22 = inertia(s.shoulder, s.elbow, mass)
+    w1, w2 = s.shoulder_velocity, s.elbow_velocity
+    return 0.5 * (m11 * w1 * w1 + 2.0 * m12 * w1 * w2 + m22 * w2 * w2)
+
+
+def jacobian(s):
+    return (
+        -L1 * math.sin(s.shoulder),
+        -L2 * math.sin(s.elbow),
+        L1 * math.cos(s.shoulder),
+        L2 * math.cos(s.elbow),
+    )
+
+
+def run(p, s, u, steps):
+    for _ in range(steps):
+        s = quick_step(p, s, u)
+    return s
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.15, 0.2), (-0.19, -0.22), (0.19, -0.1)])
+def test_start_reaches_the_point_with_the_elbow_to_the_right(settings, x, y):
+    s = resting_plane(settings.planar, x, y)
+    assert tip(settings.planar, s.shoulder, s.elbow) == pytest.approx((x, y), abs=1e-12)
+    assert 0.0 < s.elbow - s.shoulder < math.pi
+
+
+def test_workspace_lies_inside_the_stops(settings):
+    r = settings.planar
+    for i in range(21):
+        for j in range(21):
+            s = resting_plane(r, 0.381 * (i / 20 - 0.5), 0.457 * (j / 20 - 0.5))
+            assert r.shoulder_low < s.shoulder < r.shoulder_high
+            assert r.between_low < s.elbow - s.shoulder < r.between_high
+
+
+def test_point_out_of_reach_is_refused(settings):
+    with pytest.raises(ValueError, match="reach"):
+        resting_plane(settings.planar, 0.0, 0.9)
+
+
+def test_torque_meets_the_inertia_of_arm_and_module(slippery):
+    s = resting_plane(slippery.robot, 0.05, 0.1)
+    m11, m12, m22 = inertia(s.shoulder, s.elbow, 5.5)
+    after = run(slippery, s, IDLE._replace(shoulder_torque=3.0, elbow_torque=-2.0), 100)
+    determinant = m11 * m22 - m12 * m12
+    time = 100 * slippery.dt
+    assert after.shoulder_velocity / time == pytest.approx(
+        (m22 * 3.0 + m12 * 2.0) / determinant, rel=3e-3
+    )
+    assert after.elbow_velocity / time == pytest.approx(
+        (-m12 * 3.0 - m11 * 2.0) / determinant, rel=3e-3
+    )
+
+
+def test_centrifugal_torques_do_no_work(slippery):
+    s = resting_plane(slippery.robot, 0.0, 0.0)._replace(shoulder_velocity=1.5, elbow_velocity=-1.0)
+    before = kinetic(s, 5.5)
+    after = run(slippery, s, IDLE, 3000)
+    assert kinetic(after, 5.5) == pytest.approx(before, rel=2e-3)
+    assert abs(after.shoulder_velocity - 1.5) > 0.1  # there was something to exchange
+
+
+@run_settings(max_examples=20, deadline=None)
+@given(st.floats(-0.19, 0.19), st.floats(-0.22, 0.22), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+def test_passive_arm_never_gains_energy(plane, x, y, w1, w2):
+    s = resting_plane(plane.robot, x, y)._replace(shoulder_velocity=w1, elbow_velocity=w2)
+    r = plane.robot
+
+    def energy(s):
+        stretch = max(r.shoulder_low - s.shoulder, s.shoulder - r.shoulder_high, 0.0)
+        between = s.elbow - s.shoulder
+        fold = max(r.between_low - between, between - r.between_high, 0.0)
+        stops = 0.5 * r.stop_stiffness * (stretch * stretch + fold * fold)
+        bent = (s.shoulder_bristle**2 + s.elbow_bristle**2) / (2.0 * r.bristle_stiffness)
+        return kinetic(s, r.module_mass) + stops + bent
+
+    now = start = energy(s)
+    for _ in range(2500):
+        s = quick_step(plane, s, IDLE)
+        after = energy(s)
+        assert after <= now + 1e-5 * start + 1e-12
+        now = after
+    assert now <= 0.995 * start + 1e-9
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.15, -0.2), (-0.1, 0.2)])
+def test_transposed_jacobian_balances_the_hand(settings, x, y):
+    """With tau = -J^T F against a hand that pushes F, nothing moves and F is measured."""
+    robot = settings.planar._replace(friction=0.001)
+    p = planar_params(robot, ArmForce(3.0, 0.0, 0.0, math.inf, 0.0), settings.substep)
+    p = p._replace(arm=p.arm._replace(stiffness=1.0))
+    s = resting_plane(robot, x, y)
+    j11, j12, j21, j22 = jacobian(s)
+    fx, fy = 12.0, -7.0
+    u = IDLE._replace(
+        shoulder_torque=-(j11 * fx + j21 * fy),
+        elbow_torque=-(j12 * fx + j22 * fy),
+        attached=True,
+        hand_x=x + fx,
+        hand_y=y + fy,
+    )
+    s = s._replace(shoulder_torque=u.shoulder_torque, elbow_torque=u.elbow_torque)
+    s = run(p, s, u, 20_000)
+    assert tip(robot, s.shoulder, s.elbow) == pytest.approx((x, y), abs=1e-4)
+    assert (s.force_x, s.force_y) == pytest.approx((fx, fy), abs=1e-3)
+
+
+def test_measured_force_holds_the_reaction_of_the_arm_s_mass(slippery):
+    p = slippery._replace(arm=ArmForce(3.0, 0.0, 0.0, math.inf, 0.0))
+    u = IDLE._replace(shoulder_torque=4.0, elbow_torque=1.0, attached=True)
+    places = []
+    s = resting_plane(p.robot, 0.0, 0.0)
+    for _ in range(1000):
+        s = quick_step(p, s, u)
+        places.append((*tip(p.robot, s.shoulder, s.elbow), s.force_x, s.force_y))
+    for before, here, after in zip(places[500:], places[501:], places[502:], strict=False):
+        for axis in (0, 1):
+            acceleration = (after[axis] - 2.0 * here[axis] + before[axis]) / p.dt**2
+            assert after[2 + axis] == pytest.approx(-3.0 * acceleration, abs=0.05)
+
+
+def test_friction_holds_small_torques_and_lets_large_ones_pass(plane):
+    s = resting_plane(plane.robot, 0.0, 0.0)
+    stuck = run(plane, s, IDLE._replace(shoulder_torque=0.15), 40_000)
+    assert abs(stuck.shoulder - s.shoulder) < 2e-3
+    assert abs(stuck.shoulder_velocity) < 1e-5
+    assert run(plane, s, IDLE._replace(shoulder_torque=0.6), 20_000).shoulder - s.shoulder > 0.02
+
+
+def test_stops_hold_the_full_motor(plane):
+    r = plane.robot
+    for torque in (28.0, -28.0):
+        u = IDLE._replace(shoulder_torque=torque, elbow_torque=torque)
+        s = resting_plane(r, 0.0, 0.0)
+        for _ in range(20_000):
+            s = quick_step(plane, s, u)
+            assert r.shoulder_low - 0.15 < s.shoulder < r.shoulder_high + 0.15
+            assert r.between_low - 0.15 < s.elbow - s.shoulder < r.between_high + 0.15
+
+
+def test_no_power_no_torque_and_a_short_brakes(plane):
+    s = resting_plane(plane.robot, 0.0, 0.0)._replace(shoulder_velocity=1.0, elbow_velocity=1.0)
+    off = IDLE._replace(
+        shoulder_torque=9.0, elbow_torque=9.0, shoulder_powered=False, elbow_powered=False
+    )
+    coasting = run(plane, s, off, 4000)
+    assert coasting.shoulder_torque == 0.0
+    braked = run(plane, s, off._replace(shoulder_braked=True, elbow_braked=True), 4000)
+    assert kinetic(braked, 5.5) < 0.8 * kinetic(coasting, 5.5)
+
+
+def test_torque_saturates(plane):
+    s = run(plane, resting_plane(plane.robot, 0.0, 0.0), IDLE._replace(elbow_torque=1e3), 100)
+    assert s.elbow_torque == pytest.approx(plane.robot.torque_limit, rel=1e-6)

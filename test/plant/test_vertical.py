@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical module: energy, play, stops, lock pin, brake, and the force that is measured."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as run_settings
+from hypothesis import strategies as st
+
+from screw_module_ros.compiled import compiled
+from screw_module_ros.plant.arm import ArmForce
+from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state
+from screw_module_ros.plant.vertical import vertical_step
+
+
+def many_steps(p, state, inputs, steps):
+    for _ in range(steps):
+        state = vertical_step(p, state, inputs)
+    return state
+
+
+run = compiled(many_steps)
+quick_step = compiled(vertical_step)
+
+
+def energy(p, s, upright=1.0):
+    """Kinetic, gravity, contact, end stops and bristles [J]."""
+    m = p.module
+    gap = s.handle - s.nut
+    depth = max(abs(gap) - m.play / 2.0, 0.0)
+    stop = max(-s.handle, s.handle - m.travel, 0.0)
+    return (
+        0.5 * m.turning_mass * s.nut_velocity**2
+        + 0.5 * m.moving_mass * s.handle_velocity**2
+        + upright * m.moving_mass * m.gravity * s.handle
+        + 0.5 * m.contact_stiffness * depth**2
+        + 0.5 * m.stop_stiffness * stop**2
+        + 0.5 * s.bristle**2 / p.friction.stiffness
+    )
+
+
+@run_settings(max_examples=25, deadline=None)
+@given(
+    height=st.floats(0.0, 0.36),
+    nut_velocity=st.floats(-0.5, 0.5),
+    handle_velocity=st.floats(-0.5, 0.5),
+    gap=st.floats(-6e-5, 6e-5),
+    upright=st.sampled_from([1.0, -1.0]),
+    braked=st.booleans(),
+    side_force=st.floats(0.0, 50.0),
+)
+def test_passive_module_never_gains_energy(
+    vertical, still, height, nut_velocity, handle_velocity, gap, upright, braked, side_force
+):
+    s = resting_state(vertical.module, height, upright)._replace(
+        nut_velocity=nut_velocity, handle_velocity=handle_velocity, handle=height + gap
+    )
+    u = still._replace(upright=upright, braked=braked, side_force=side_force)
+    now = energy(vertical, s, upright)
+    for _ in range(3000):
+        s = quick_step(vertical, s, u)
+        after = energy(vertical, s, upright)
+        assert after <= now + 1e-7
+        now = after
+
+
+def test_friction_carries_the_handle_in_the_upper_half(vertical, still):
+    s = run(vertical, resting_state(vertical.module, 0.25, 1.0), still, 40_000)
+    assert s.nut == pytest.approx(0.25, abs=1e-5)
+    assert s.friction == pytest.approx(-10.04, abs=0.01)
+
+
+def test_handle_sinks_where_friction_is_less_than_its_weight(vertical, still):
+    start = resting_state(vertical.module, 0.1, 1.0)._replace(nut_velocity=-0.001)
+    assert run(vertical, start, still, 80_000).nut < 0.05
+
+
+def test_lock_pin_holds_against_the_full_motor(vertical, still):
+    u = still._replace(current=10.0, powered=True, locked=True)
+    s = run(vertical, resting_state(vertical.module, 0.18, 1.0), u, 20_000)
+    assert s.nut == 0.18
+    assert s.nut_velocity == 0.0
+    assert abs(s.handle - 0.18) <= 0.5 * vertical.module.play + 1e-6
+    assert s.torque == pytest.approx(1.6)
+
+
+@pytest.mark.parametrize(("end", "way"), [(0.0, -1.0), (0.36, 1.0)])
+def test_end_stop_throws_back_less_than_came(vertical, still, end, way):
+    s = resting_state(vertical.module, end - way * 0.02, 1.0)._replace(
+        nut_velocity=way * 0.4, handle_velocity=way * 0.4
+    )
+    back = deepest = 0.0
+    for _ in range(4000):
+        s = quick_step(vertical, s, still)
+        back = max(back, -way * s.nut_velocity)
+        deepest = max(deepest, way * (s.handle - end))
+    assert 0.0 < deepest < 5e-3
+    assert back < 0.4
+
+
+def test_full_motor_does_not_push_through_the_end_stop(vertical, still):
+    u = still._replace(current=10.0, powered=True)
+    s = run(vertical, resting_state(vertical.module, 0.3, 1.0), u, 40_000)
+    assert s.handle == pytest.approx(0.36, abs=4e-3)
+
+
+def test_play_of_a_tenth_of_a_millimetre_between_encoder_and_handle(vertical, still):
+    gaps = []
+    s = resting_state(vertical.module, 0.2, 1.0)
+    for target in (0.21, 0.2, 0.21):
+        u = still._replace(fixture=STAGE, stage_speed=0.01, stage_target=target)
+        s = run(vertical, s, u, 15_000)  # still on its way
+        gaps.append(s.handle - s.nut)
+        s = run(vertical, s, u, 15_000)
+    assert gaps[0] - gaps[1] == pytest.approx(1e-4, abs=3e-6)
+    assert gaps[2] == pytest.approx(gaps[0], abs=1e-6)
+
+
+def test_patient_force_holds_the_reaction_of_the_arm_s_mass(vertical, still):
+    p = vertical._replace(arm=ArmForce(3.0, 0.0, 0.0, math.inf, 0.0))
+    u = still._replace(fixture=HUMAN_ARM, current=4.0, powered=True)
+    s = resting_state(p.module, 0.2, 1.0)
+    for _ in range(2000):
+        before = s
+        s = quick_step(p, s, u)
+        acceleration = (s.handle_velocity - before.handle_velocity) / p.dt
+        assert s.patient_force == pytest.approx(-3.0 * acceleration, abs=1e-9)
+    assert s.handle_velocity > 0.1
+
+
+def test_both_masses_obey_newton(vertical, still):
+    u = still._replace(fixture=HUMAN_ARM, hand=0.3, current=2.0, powered=True)
+    p = vertical
+    s = resting_state(p.module, 0.2, 1.0)
+    for _ in range(3000):
+        before = s
+        s = quick_step(p, s, u)
+        nut = (s.nut_velocity - before.nut_velocity) / p.dt * p.module.turning_mass
+        handle = (s.handle_velocity - before.handle_velocity) / p.dt * p.module.moving_mass
+        assert nut == pytest.approx(s.torque * p.turn_rate - s.friction + s.contact_force, abs=1e-6)
+        assert handle == pytest.approx(
+            s.patient_force - s.contact_force - p.module.moving_mass * 9.81, abs=1e-6
+        )
+
+
+def test_carried_arm_weighs_on_the_handle(vertical, still):
+    p = vertical._replace(arm=ArmForce(3.0, 0.0, 0.0, math.inf, 10.0))
+    u = still._replace(fixture=HUMAN_ARM, locked=True)
+    s = run(p, resting_state(p.module, 0.2, 1.0), u, 4000)
+    assert s.patient_force == pytest.approx(-10.0, abs=0.01)
+    s = run(p, resting_state(p.module, 0.2, -1.0), u._replace(upright=-1.0), 4000)
+    assert s.patient_force == pytest.approx(10.0, abs=0.01)
+
+
+def test_shorted_motor_brakes(vertical, still):
+    moving = resting_state(vertical.module, 0.1, 1.0)._replace(
+        nut_velocity=0.3, handle_velocity=0.3
+    )
+    coasting = run(vertical, moving, still, 200)
+    braked = run(vertical, moving, still._replace(braked=True), 200)
+    assert braked.nut_velocity < 0.5 * coasting.nut_velocity
+    assert coasting.torque == 0.0
+    assert braked.torque < 0.0
+
+
+def test_current_dies_without_power(vertical, still):
+    on = still._replace(current=5.0, powered=True)
+    s = run(vertical, resting_state(vertical.module, 0.2, 1.0), on, 100)
+    assert s.current == pytest.approx(5.0, abs=1e-6)
+    s = run(vertical, s, still._replace(current=5.0), 40)
+    assert s.current == pytest.approx(0.0, abs=1e-4)
+
+
+def test_locked_rotor_twists_the_transducer_and_leaves_the_handle(vertical, still):
+    u = still._replace(fixture=LOCKED_ROTOR, current=2.0, powered=True)
+    start = resting_state(vertical.module, 0.2, 1.0)
+    s = run(vertical, start, u, 4000)
+    assert 1e4 * s.rotor_angle == pytest.approx(0.32, rel=1e-6)
+    assert (s.nut, s.handle) == (start.nut, start.handle)
+
+
+def test_side_force_raises_friction(vertical, still):
+    def torque_to_move(side_force):
+        u = still._replace(fixture=STAGE, stage_speed=0.02, stage_target=0.3, side_force=side_force)
+        return run(vertical, resting_state(vertical.module, 0.2, 1.0), u, 10_000).friction
+
+    gained = torque_to_move(30.0) - torque_to_move(0.0)
+    f = vertical.friction
+    expected = f.load_gain * vertical.module.grip_height * 30.0
+    expected /= 1.0 - f.load_gain * vertical.module.handle_offset  # the stage pushes harder too
+    assert gained == pytest.approx(expected, rel=0.01)
+
+
+def test_plain_and_compiled_agree(vertical, still):
+    u = still._replace(fixture=HUMAN_ARM, hand=0.25, powered=True)
+    plain = quick = resting_state(vertical.module, 0.2, 1.0)
+    for i in range(1500):
+        now = u._replace(current=3.0 * math.sin(i / 50.0))
+        plain, quick = vertical_step(vertical, plain, now), quick_step(vertical, quick, now)
+    for name, one, other in zip(plain._fields, plain, quick, strict=True):
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-9), name

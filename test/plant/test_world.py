@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rig as devices meet it: counts, time, power, fixtures, truth."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as run_settings
+from hypothesis import strategies as st
+
+from screw_module_ros.plant.world import ArmSettings, Truth, World
+
+SINE = ArmSettings(
+    target=(0.1, 0.05, 0.2), duration=0.2, amplitude=(0.0, 0.0, 0.1), omega=(0.0, 0.0, 2.0)
+)
+
+
+def numbers(value):
+    for part in value:
+        if isinstance(part, tuple):
+            yield from numbers(part)
+        elif isinstance(part, float):
+            yield part
+
+
+def test_truth_mirrors_the_message():
+    message = Path(__file__).parents[2] / "msg_defs" / "msg" / "SimTruth.msg"
+    names = re.findall(r"^[\w/\[\]]+ +(\w+)", message.read_text(), re.M)
+    assert [name for name in names if name not in ("header", "slipped")] == list(Truth._fields)
+
+
+def test_counts_are_quantised_and_offset(settings):
+    start = settings.start._replace(encoder_offset=1000, shoulder_offset=-5, elbow_offset=7)
+    plain, moved = World(settings), World(settings._replace(start=start))
+    truth = plain.truth()
+    assert plain.encoder_count == math.floor(truth.nut_position / 9.525e-7)
+    assert plain.planar_counts == tuple(math.floor(q / 9.587e-5) for q in truth.joint_position)
+    assert moved.encoder_count - plain.encoder_count == 1000
+    assert [b - a for a, b in zip(plain.planar_counts, moved.planar_counts, strict=True)] == [-5, 7]
+
+
+def test_encoder_follows_the_nut_by_single_counts(settings):
+    world = World(settings)
+    world.set_fixture("stage", speed=0.002)
+    world.advance(0.1)  # through the play
+    last, seen = world.encoder_count, set()
+    for _ in range(3000):
+        world.advance(1e-4)
+        seen.add(world.encoder_count - last)
+        last = world.encoder_count
+    assert seen == {0, 1}
+
+
+def test_time_left_over_is_carried(settings):
+    world = World(settings)
+    for _ in range(100):
+        world.advance(16.7e-6)
+    assert world.simulated_time == pytest.approx(1.65e-3)
+    world.advance(0.0)
+    assert world.simulated_time == pytest.approx(1.65e-3)
+
+
+def test_chunks_of_time_do_not_matter(settings):
+    def after(chunk, count):
+        world = World(settings, seed=4)
+        world.set_arm(SINE)
+        world.vertical_powered, world.vertical_command = True, 2.0
+        for _ in range(count):
+            world.advance(chunk)
+        return world.truth()
+
+    assert after(1e-3, 300) == after(0.3, 1) == after(1e-4, 3000)
+
+
+def test_same_seed_same_run(settings):
+    def run(seed):
+        world = World(settings, seed)
+        world.set_arm(SINE)
+        wrenches = []
+        for _ in range(50):
+            world.advance(1e-3)
+            wrenches.append(world.wrench())
+        return wrenches, world.truth()
+
+    assert run(3) == run(3)
+    assert run(3)[0] != run(4)[0]
+    assert run(3)[1] == run(4)[1]  # the seed is that of the transducer
+
+
+def test_plain_and_compiled_worlds_agree(settings):
+    worlds = [World(settings, 2, compile=how) for how in (True, False)]
+    for world in worlds:
+        world.set_arm(SINE)
+        world.vertical_powered, world.planar_powered = True, (True, True)
+        for i in range(40):
+            world.vertical_command = 4.0 * math.sin(i)
+            world.planar_command = (2.0, -1.0)
+            world.advance(1e-3)
+            world.wrench()
+    one, other = (list(numbers((*w.truth(), *w.wrench()))) for w in worlds)
+    assert one == pytest.approx(other, rel=1e-6, abs=1e-9)
+
+
+def test_wrench_asked_twice_is_one_sample(settings):
+    world = World(settings)
+    world.advance(1e-3)
+    first = world.wrench()
+    assert world.wrench() == first
+    world.advance(1e-3)
+    assert world.wrench() != first
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_impossible_inputs_are_refused(settings, bad):
+    world = World(settings)
+    world.vertical_command = bad
+    with pytest.raises(ValueError, match="vertical_command"):
+        world.advance(1e-3)
+    world.vertical_command = 0.0
+    world.planar_command = (0.0, bad)
+    with pytest.raises(ValueError, match="planar_command"):
+        world.advance(1e-3)
+    world.planar_command = (0.0, 0.0)
+    for dt in (bad, -1e-3):
+        with pytest.raises(ValueError, match="dt"):
+            world.advance(dt)
+
+
+def test_drives_without_power_coast_and_shorted_ones_brake(settings):
+    world = World(settings)
+    world.vertical_command, world.planar_command = 5.0, (5.0, 5.0)
+    world.advance(0.05)
+    assert world.vertical_torque == 0.0
+    assert world.planar_torque == (0.0, 0.0)
+    world.vertical_powered, world.planar_powered = True, (True, False)
+    world.advance(0.05)
+    assert world.vertical_torque > 0.7
+    assert world.motor_current == pytest.approx(world.vertical_torque / 0.16, rel=1e-3)
+    assert world.planar_torque[0] == pytest.approx(5.0, rel=1e-6)
+    assert world.planar_torque[1] == 0.0
+    world.vertical_powered, world.planar_powered = False, (False, False)
+    world.vertical_braked, world.planar_braked = True, (True, True)
+    world.advance(0.002)
+    truth = world.truth()
+    assert world.vertical_torque * truth.nut_velocity < 0.0
+    for torque, velocity in zip(world.planar_torque, truth.joint_velocity, strict=True):
+        assert torque * velocity < 0.0
+
+
+def test_handle_is_carried_to_where_the_fixture_starts(settings):
+    world = World(settings)
+    world.set_fixture("free", position=0.3)
+    fastest, last = 0.0, world.truth().handle_position
+    for _ in range(2000):
+        world.advance(1e-3)
+        here = world.truth().handle_position
+        fastest, last = max(fastest, abs(here - last) / 1e-3), here
+        if world.truth().fixture == "free":
+            break
+    assert world.truth().fixture == "free"
+    assert here == pytest.approx(0.3, abs=1e-5)
+    assert fastest <= 0.1 + 1e-9
+
+
+def test_placed_patient_holds_still(settings):
+    world = World(settings)
+    world.set_fixture("human_arm", position=0.31)
+    world.advance(3.0)
+    assert world.truth().fixture == "human_arm"
+    assert world.truth().handle_position == pytest.approx(0.31, abs=1e-3)
+    assert world.truth().hand_target == pytest.approx(0.31)
+
+
+def test_stage_runs_to_the_end_and_stays(settings):
+    world = World(settings)
+    world.set_fixture("stage", speed=0.15)
+    world.advance(0.3)
+    assert world.truth().handle_velocity == pytest.approx(0.15)
+    world.advance(3.0)
+    assert world.truth().handle_position == pytest.approx(0.36, abs=1e-6)
+    world.set_fixture("stage", speed=-0.15)
+    world.advance(4.0)
+    assert world.truth().handle_position == pytest.approx(0.0, abs=1e-6)
+    world.set_fixture("stage")
+    world.advance(0.1)
+    assert world.truth().handle_velocity == 0.0
+
+
+def test_place_is_immediate(settings):
+    world = World(settings)
+    world.place(0.05)
+    assert world.truth().nut_position == 0.05
+    with pytest.raises(ValueError, match="position"):
+        world.place(0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"name": "hand"}, "fixture"),
+        ({"name": "stage", "speed": 5.0}, "speed"),
+        ({"name": "stage", "speed": math.nan}, "speed"),
+        ({"name": "free", "position": 0.5}, "position"),
+        ({"name": "stage", "locked": True}, "unlock"),
+        ({"position": 0.2, "locked": True}, "unlock"),
+        ({"name": "locked_rotor", "position": 0.2}, "rotor"),
+    ],
+)
+def test_impossible_fixtures_are_refused_and_change_nothing(settings, change, named):
+    world = World(settings)
+    before = world.truth()
+    with pytest.raises(ValueError, match=named):
+        world.set_fixture(**change)
+    assert world.truth() == before
+
+
+def test_disturbances_of_the_transducer(settings):
+    quiet, loud = World(settings, 1), World(settings, 1)
+    quiet.set_disturbance("noise_gain", 0.0)
+    loud.set_disturbance("noise_gain", 0.0)
+    loud.set_disturbance("force_bias", 5.0)
+    for world in (quiet, loud):
+        world.advance(1e-3)
+    shift = [b - a for a, b in zip(quiet.wrench(), loud.wrench(), strict=True)]
+    assert shift == pytest.approx([5.0, 5.0, 5.0, 0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="gremlin"):
+        quiet.set_disturbance("gremlin", 1.0)
+
+
+ACTIONS = st.one_of(
+    st.tuples(st.just("command"), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3)),
+    st.tuples(st.just("power"), st.booleans(), st.booleans()),
+    st.tuples(
+        st.just("fixture"),
+        st.sampled_from(["human_arm", "free", "stage", "locked_rotor"]),
+        st.floats(-1.0, 1.0),
+    ),
+    st.tuples(st.just("pin"), st.booleans(), st.booleans()),
+    st.tuples(
+        st.just("arm"), st.sampled_from(["active", "relaxed", "tremor", "weak"]),
+        st.floats(-0.5, 0.5),
+    ),
+)  # fmt: skip
+
+
+def act(world, kind, one, other):
+    if kind == "command":
+        world.vertical_command, world.planar_command = one, (other, one)
+    elif kind == "power":
+        world.vertical_powered, world.planar_powered = one, (one, other)
+        world.vertical_braked, world.planar_braked = other, (other, not other)
+    elif kind == "fixture":
+        world.set_fixture(one, speed=other)
+    elif kind == "pin":
+        stage = world.truth().fixture == "stage"
+        world.set_fixture("free" if stage else "", locked=one, upside_down=other)
+    else:
+        world.set_arm(ArmSettings(kind=one, target=(other, -other, other), duration=0.1))
+
+
+@run_settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(ACTIONS, st.floats(0.0, 0.4)), min_size=1, max_size=12))
+def test_state_stays_finite_and_in_its_room(settings, steps):
+    world = World(settings)
+    for action, time in steps:
+        act(world, *action)
+        world.advance(time)
+        truth = world.truth()
+        assert all(map(math.isfinite, numbers((*truth, *world.wrench()))))
+        assert -0.05 < truth.handle_position < 0.41
+        assert abs(truth.handle_position - truth.nut_position) < 1e-3
+        assert abs(truth.nut_velocity) < 50.0
+        assert math.hypot(truth.planar_position[0], truth.planar_position[1] + 0.65) < 0.93

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled twins: same answers, a cache that notices changes, clear refusals."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy
+import pytest
+
+from screw_module_ros import compiled as module
+from screw_module_ros.compiled import CompileError, compiled, packed
+
+FACTOR = 3.0
+
+
+class Inner(NamedTuple):
+    weights: tuple
+    count: int
+
+
+class Outer(NamedTuple):
+    inner: Inner
+    gain: float
+
+
+def weighed(p: Inner, x: float) -> float:
+    return (p.weights[0] * x + p.weights[1]) * p.count
+
+
+def law(p: Outer, x: float, on: bool) -> tuple[float, float]:
+    if not on:
+        return 0.0, 0.0
+    return p.gain * weighed(p.inner, x), FACTOR * x
+
+
+def packed_law(p, x: float, on: bool) -> tuple[float, float]:
+    return law(p[0], x, on)
+
+
+def endless(x: float) -> float:
+    return endless(x - 1.0)
+
+
+P = Outer(Inner((2.0, 1.0), 3), 0.5)
+
+
+def test_twin_gives_the_same_and_the_function_stays_plain():
+    twin = compiled(law)
+    for x in (-1.5, 0.0, 2.0):
+        assert twin(P, x, True) == law(P, x, True)
+    assert twin(P, 1.0, False) == (0.0, 0.0)
+    assert compiled(law) is twin
+    assert not hasattr(weighed, "py_func")
+
+
+def test_packed_parameters_give_the_same():
+    array = packed(P)
+    assert isinstance(array, numpy.ndarray)
+    assert array[0]["inner"]["count"] == 3
+    assert compiled(packed_law)(array, 2.0, True) == law(P, 2.0, True)
+
+
+def test_closures_and_recursion_are_refused():
+    def closure(x):
+        return x * len(str(P.gain)) + here
+
+    here = 1.0
+    with pytest.raises(CompileError, match="closure"):
+        compiled(closure)
+    with pytest.raises(CompileError, match="calls itself"):
+        compiled(endless)
+
+
+def test_missing_numba_is_said(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    monkeypatch.setattr(module, "_twins", {})
+    with pytest.raises(CompileError, match=r"requirements/runtime\.txt"):
+        compiled(law)
+
+
+PROGRAM = """
+import sys
+sys.path[:0] = {path!r}
+from outer import call
+from screw_module_ros.compiled import compiled
+twin = compiled(call)
+print(twin(2.0), sum(twin.stats.cache_hits.values()))
+"""
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a process that compiles `outer.call`, which calls `inner.double`."""
+    (tmp_path / "inner.py").write_text("def double(x):\n    return 2.0 * x\n")
+    (tmp_path / "outer.py").write_text(
+        "from inner import double\n\ndef call(x):\n    return double(x) + 1.0\n"
+    )
+    root = Path(module.__file__).parents[1]
+    program = PROGRAM.format(path=[str(tmp_path), str(root)])
+
+    def starter(**environment):
+        return subprocess.Popen(
+            [sys.executable, "-B", "-c", program],
+            env={**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache"), **environment},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    return starter
+
+
+def answer(process):
+    output, _ = process.communicate(timeout=100)
+    assert process.returncode == 0
+    return output.split()
+
+
+def test_cache_is_shared_between_processes_and_notices_a_changed_callee(start, tmp_path):
+    processes = [start(), start()]
+    for process in processes:
+        assert answer(process)[0] == "5.0"
+    assert answer(start()) == ["5.0", "1"]
+    (tmp_path / "inner.py").write_text("def double(x):\n    return 20. * x\n")
+    assert answer(start()) == ["41.0", "0"]
+    assert answer(start()) == ["41.0", "1"]
+
+
+def test_home_that_cannot_be_written_is_no_obstacle(start, tmp_path):
+    (tmp_path / "blocked").write_text("a file where a folder should be")
+    process = start(XDG_CACHE_HOME=str(tmp_path / "blocked"), TMPDIR=str(tmp_path))
+    assert answer(process)[0] == "5.0"
+    private = tmp_path / f"screw_module_ros-{os.getuid()}"
+    assert private.stat().st_mode & 0o077 == 0
+    assert list(private.glob("*/*/*.nbi"))
+
+
+def test_old_generations_are_removed(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(module, "KEPT_FOLDERS", 2)
+    for number, name in enumerate(("a", "b", "c")):
+        folder = module._folder(name)
+        os.utime(folder, (number, number))
+    module._folder("d")
+    assert {folder.name for folder in folder.parent.iterdir()} == {"d", "c"}
