@@ -9,7 +9,7 @@
 F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law only ever
 multiplies with the Jacobian, so a stretched arm is no special case. As in the vertical law nothing
 jumps: force fades in after enabling, impedance and set point move at limited rates, and each torque
-moves at most `torque_rate` dt per step (2 Nm at 500 Hz by default). Only to zero may it jump.
+moves at most `torque_rate` dt per step (0.6 Nm at 500 Hz by default). Only to zero may it jump.
 """
 
 from __future__ import annotations

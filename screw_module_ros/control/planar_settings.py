@@ -27,7 +27,7 @@ class PlanarSettings(NamedTuple):
         float, Setting("largest torque of the shoulder", "Nm", 0.0, 100.0)
     ] = 20.0
     elbow_torque: Annotated[float, Setting("largest torque of the elbow", "Nm", 0.0, 100.0)] = 25.0
-    torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 1000.0
+    torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 300.0
     fade_time: Annotated[
         float, Setting("time in which the force comes after enabling", "s", 0.05, 10.0)
     ] = 0.5

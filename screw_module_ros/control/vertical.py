@@ -13,7 +13,7 @@ Near standstill the model says nothing (6.3.1) and the feedback does the work.
 
 Nothing jumps. Every part fades in and out with a weight of its own over `fade_time`; stiffness,
 damping, force gain and set point move at limited rates; and the command moves at most
-`force_rate` dt per step whatever is switched: 5 N at 1 kHz by default. Enabling is such a switch,
+`force_rate` dt per step whatever is switched: 2 N at 1 kHz by default. Enabling is such a switch,
 from OFF, with the set point at the measured position. Only to zero may the command jump.
 
 The limits of 65 N up and 45 N down (thesis 2.1.1) hold for the spring and damper by themselves, so

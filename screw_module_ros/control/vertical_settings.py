@@ -48,7 +48,7 @@ class VerticalSettings(NamedTuple):
     force_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 65.0
     force_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 45.0
     force_rate: Annotated[float, Setting("fastest change of the command", "N/s", 10.0, 1e5)] = (
-        5000.0
+        2000.0
     )
     travel_low: Annotated[float, Setting("bottom of travel", "m", -1.0, 1.0)] = 0.0
     travel_high: Annotated[float, Setting("top of travel", "m", -1.0, 1.0)] = 0.36
