@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finds what a run leaves behind: processes, and Fast DDS's files in shared memory.
 
-Processes are known by a variable that children inherit, so also those that were orphaned. A file
-belongs to the run when one of its processes had it mapped, or when its name holds a port of the
-run's ROS domain; others on the machine may be making such files at the same time.
+Processes are known by a variable that children inherit, so also those that were orphaned. Others
+on the machine may be making such files at the same time, so a file belongs to the run when one of
+its processes owned it, or when it is named after a port of the run's ROS domain. Fast DDS's ports
+from 7000 on are shared by all domains and used again by whoever comes next: nobody's.
+
+The owner of a segment or port holds its lock file open; others only map it.
 """
 
 from __future__ import annotations
@@ -17,12 +20,12 @@ from typing import NamedTuple
 
 SHARED_MEMORY = Path("/dev/shm")
 MARK = "SCREW_MODULE_RUN"
+LOCK_SUFFIX = "_el"
 SECONDS_BETWEEN_LOOKS = 0.2
-_MAPPED = re.compile(r" (\d+) +/dev/shm/(fastrtps_\w+)$", re.MULTILINE)
 _PORT = re.compile(r"fastrtps_port(\d+)$")
 
 
-class Mapped(NamedTuple):
+class Owned(NamedTuple):
     """A file of Fast DDS in shared memory: names are used again, so the inode tells."""
 
     name: str
@@ -30,14 +33,14 @@ class Mapped(NamedTuple):
 
 
 class Watch:
-    """Notes, from entering to leaving, which shared memory files the marked processes map."""
+    """Notes, from entering to leaving, which shared memory files the marked processes own."""
 
     def __init__(self, mark: str, ports: range) -> None:
         self._entry = f"{MARK}={mark}".encode()
         self._ports = ports
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._look_on, daemon=True)
-        self.mapped: set[Mapped] = set()
+        self.owned: set[Owned] = set()
 
     def __enter__(self) -> Watch:
         self._thread.start()
@@ -57,43 +60,57 @@ class Watch:
         return found
 
     def files(self) -> list[Path]:
-        """Return the run's files that are still in shared memory and in nobody's use.
+        """Return the run's files that a process left in shared memory, and that nobody owns now.
 
-        A process that looks for a free port maps the ports of others for a moment, so what is in
-        use by now is theirs.
+        A port whose lock file is gone was closed by its owner, and is none of them: it only
+        stayed because a process that wrote to it was killed, as tests do.
         """
-        ours = {f.name for f in SHARED_MEMORY.glob("fastrtps_port*") if self._has_our_port(f)}
-        ours |= {name for name, inode in self.mapped if _inode(SHARED_MEMORY / name) == inode}
-        in_use = {file.name for pid in _process_ids() for file in mapped_files(pid)}
-        return sorted(file for name in ours - in_use for file in family(name))
+        ours = {name for name, inode in self.owned if _inode(SHARED_MEMORY / name) == inode}
+        ours = {name for name in ours if not _PORT.match(name)} | self._ports_there()
+        ours = {name for name in ours if (SHARED_MEMORY / (name + LOCK_SUFFIX)).exists()}
+        owned_now = {file.name for pid in _process_ids() for file in owned_files(pid)}
+        return sorted(file for name in ours - owned_now for file in family(name))
 
-    def _has_our_port(self, file: Path) -> bool:
-        port = _PORT.match(file.name)
-        return port is not None and int(port[1]) in self._ports
+    def remove_closed_ports(self) -> None:
+        """Remove the ports of the run that their owners closed; to be called after it."""
+        for name in self._ports_there():
+            for file in family(name):
+                file.unlink(missing_ok=True)
+
+    def _ports_there(self) -> set[str]:
+        found = (_PORT.match(file.name) for file in SHARED_MEMORY.glob("fastrtps_port*"))
+        return {port[0] for port in found if port and int(port[1]) in self._ports}
 
     def _look_on(self) -> None:
         while not self._stop.wait(SECONDS_BETWEEN_LOOKS):
-            self.mapped.update(*map(mapped_files, self.processes()))
+            self.owned.update(*map(owned_files, self.processes()))
 
 
-def mapped_files(pid: int) -> set[Mapped]:
-    """Return the Fast DDS files that a process has mapped."""
-    maps = _read(pid, "maps").decode(errors="replace")
-    return {Mapped(name, int(inode)) for inode, name in _MAPPED.findall(maps)}
+def owned_files(pid: int) -> set[Owned]:
+    """Return the Fast DDS segments and ports that a process owns."""
+    found = set()
+    for link in Path(f"/proc/{pid}/fd").glob("*"):
+        try:
+            file = link.readlink()
+        except OSError:  # closed meanwhile, or the process is another user's
+            continue
+        name = file.name.removesuffix(LOCK_SUFFIX)
+        if file.parent == SHARED_MEMORY and name != file.name:
+            found.add(Owned(name, _inode(SHARED_MEMORY / name)))
+    return found
 
 
 def family(name: str) -> list[Path]:
     """Return what exists of a Fast DDS file, its lock file and its semaphore."""
-    names = (name, f"{name}_el", f"sem.{name}_mutex")
+    names = (name, name + LOCK_SUFFIX, f"sem.{name}_mutex")
     return [SHARED_MEMORY / n for n in names if (SHARED_MEMORY / n).exists()]
 
 
 def kill(pid: int) -> None:
-    """Kill a process and remove the shared memory that only it used."""
-    others = (other for other in _process_ids() if other != pid)
-    mine = mapped_files(pid).difference(*map(mapped_files, others))
+    """Kill a process and remove the shared memory that it owned."""
+    owned = owned_files(pid)
     os.kill(pid, signal.SIGKILL)
-    for name, _ in mine:
+    for name, _ in owned:
         for file in family(name):
             file.unlink(missing_ok=True)
 

@@ -51,6 +51,7 @@ def clean_up(watch: leftovers.Watch) -> bool:
     for file in files:
         print(f"left in shared memory, removed now: {file}", file=sys.stderr)
         file.unlink(missing_ok=True)
+    watch.remove_closed_ports()
     if processes or files:
         print("make test: failed, the tests left something behind (above)", file=sys.stderr)
     return not (processes or files)
