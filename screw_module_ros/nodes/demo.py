@@ -107,7 +107,7 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
     with GraphRun(options.params, extra) as graph:
         try:
             with Robot("demo", watch=graph.watch) as robot:
-                make_ready(robot, graph.names, console)
+                make_ready(robot, graph, console)
                 bag = robot.start_recording()
                 cycles = 1 if options.quick else 2
                 parts = [work(robot, name, cycles, console) for name in MODES]
@@ -122,12 +122,13 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
     return bag, parts
 
 
-def make_ready(robot: Robot, names: list[str], console: Console) -> None:
+def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
     """From started processes to a robot with the torque on and the patient's hand on the handle."""
-    with console.step(f"bring-up of {len(names)} nodes") as detail:
-        robot.wait_until_ready(names, told=lambda waiting: detail(", ".join(waiting)))
+    with console.step(f"bring-up of {len(graph.names)} nodes") as detail:
+        graph.wait_until_ready(robot, lambda waiting: detail(", ".join(waiting)))
     with console.step("homing and taring, nobody holds the handle"):
         robot.set_fixture("free")
+        robot.clear_faults()  # of a busy start: a drive that heard nothing for 20 ms has stopped
         robot.home()
         robot.tare()
     with console.step("patient takes hold, torque on"):

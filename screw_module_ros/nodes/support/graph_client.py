@@ -16,7 +16,7 @@ from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
@@ -27,6 +27,7 @@ from .freshness import Newest
 from .realtime import Inbox
 
 _POLL_S = 0.01
+_SERVE_S = 0.5
 ANSWER_S = 10.0
 _READY_S = 90.0
 _ASK_AGAIN_S = 1.0
@@ -62,6 +63,7 @@ class Client:
         self._clients: dict[str, Any] = {}
         self._told: dict[str, DiagnosticStatus] = {}
         self._never = threading.Event()
+        self._closing = threading.Event()
         self._inbox = Inbox(self.node)
         self._states = {
             kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
@@ -81,17 +83,18 @@ class Client:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._executor.shutdown(timeout_sec=2.0)
+        self._closing.set()
+        self._executor.wake()
         self._thread.join(timeout=2.0)
+        self._executor.shutdown(timeout_sec=2.0)
         self._inbox.close()
         self.node.destroy_node()
         self._context.try_shutdown()
 
     def _serve(self) -> None:
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            pass
+        # Not `spin`: shutting it down from another thread destroys what it is about to use.
+        while not self._closing.is_set():
+            self._executor.spin_once(timeout_sec=_SERVE_S)
 
     # Waiting -------------------------------------------------------------------------------
 
@@ -104,11 +107,17 @@ class Client:
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
+        if not self.met(condition, deadline_s):
+            raise RobotError(f"{what} (waited {deadline_s:g} s){self._complaints_text()}")
+
+    def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        """Wait for `condition`, watching; return whether it was met before the deadline."""
         end = time.monotonic() + deadline_s
         while not condition():
             if time.monotonic() > end:
-                raise RobotError(f"{what} (waited {deadline_s:g} s){self._complaints_text()}")
+                return False
             self.pause(_POLL_S)
+        return True
 
     def wait_until_ready(
         self,
@@ -125,11 +134,9 @@ class Client:
             told(waiting)
             return not waiting
 
-        try:
-            self.wait_until(ready, deadline_s, "")
-        except RobotError:
+        if not self.met(ready, deadline_s):
             said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
-            raise RobotError(f"not ready after {deadline_s:g} s: {said}") from None
+            raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, float]]) -> bool:
         """Whether the node has answered so; asks again where an answer does not come.

@@ -2,7 +2,7 @@
 """A run of the whole graph against the rig, apart from others, that always ends in good order.
 
     with GraphRun() as graph, Robot("demo", watch=graph.watch) as robot:
-        robot.wait_until_ready(graph.names)
+        graph.wait_until_ready(robot)
 
 Ctrl-C and SIGTERM only set a flag, which `watch` turns into Interrupted at the next wait; so no
 process is started or stopped by halves.
@@ -10,16 +10,20 @@ process is started or stopped by halves.
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from .. import bringup
 from .isolation import Place, own_place
 from .leftovers import remove_orphans
-from .robot import RobotError
+from .robot import Robot, RobotError
 
+_POLITE_S = 8.0
+_POLL_S = 0.02
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -44,6 +48,7 @@ class GraphRun:
         self._processes: list[bringup.Process] = []
         self._place: Place | None = None
         self._handlers: dict[signal.Signals, Any] = {}
+        self._was_ready = False
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
@@ -86,13 +91,29 @@ class GraphRun:
             if (code := process.exit_code()) is not None:
                 raise RobotError(f"{process.name} ended by itself with code {code}")
 
+    def wait_until_ready(self, robot: Robot, told: Callable[[list[str]], None]) -> None:
+        """Wait until every node is active; `told` hears of those that are not yet."""
+        robot.wait_until_ready(self.names, told=told)
+        self._was_ready = True
+
     def stop(self) -> dict[str, int]:
         """Stop all nodes in order, once; return their exit codes."""
         if not self.codes:
+            if not self._was_ready:
+                self._terminate()
             self.codes = bringup.stop(self._processes)
             if any(self.codes.values()):
                 remove_orphans()  # what a node that crashed left in shared memory
         return self.codes
+
+    def _terminate(self) -> None:
+        """End the nodes with SIGTERM, in order: one that still imports would tell of SIGINT."""
+        for process in reversed(self._processes):
+            if process.exit_code() is None:
+                os.kill(process.pid, signal.SIGTERM)
+            end = time.monotonic() + _POLITE_S
+            while process.exit_code() is None and time.monotonic() < end:
+                time.sleep(_POLL_S)
 
     def check_codes(self) -> None:
         """Raise Interrupted after Ctrl-C, RobotError naming the nodes that ended with an error."""

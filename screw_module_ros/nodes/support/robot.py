@@ -71,22 +71,31 @@ class Robot(Client):
         """Take the resting, unloaded handle as zero force."""
         return self.trigger("force_sensor/tare")
 
+    def clear_faults(self) -> None:
+        """Clear latched faults of the drives; each says so itself when its cause persists."""
+        for node, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
+            self.wait_until(lambda kind=kind: self.state(kind), ANSWER_S, f"{node} is silent")
+            if self.state(kind).faulted:
+                self.trigger(f"{node}/clear_fault")
+
     def permit(self) -> None:
         """Wait for the supervisor's permission; acknowledge what stopped the robot before."""
         state = None
 
-        def known() -> bool:
+        def decided(*levels: int) -> bool:
             nonlocal state
             state = self.state(SafetyState)
-            return state is not None and state.level != SafetyState.WAITING
+            return state is not None and state.level in levels
 
-        try:
-            self.wait_until(known, ANSWER_S, "the supervisor gives no permission to move")
-        except RobotError as error:
-            reasons = ", ".join(state.reasons) if state else "no safety_state"
-            raise RobotError(f"{error}: {reasons}") from None
+        def wait(*levels: int) -> None:
+            if not self.met(lambda: decided(*levels), ANSWER_S):
+                reasons = ", ".join(state.reasons) if state else self.said("supervisor")
+                raise RobotError(f"the supervisor gives no permission to move: {reasons}")
+
+        wait(SafetyState.OK, SafetyState.STOPPED)
         if state.level == SafetyState.STOPPED:
             self.trigger("supervisor/reset")
+            wait(SafetyState.OK)
 
     def enable(self, on: bool = True) -> None:
         """Switch the torque of the vertical axis on or off."""
@@ -105,10 +114,9 @@ class Robot(Client):
             state = self.state(kind)
             return state is not None and state.enabled == on
 
-        try:
-            self.wait_until(switched, ANSWER_S, f"{node} did not switch {'on' if on else 'off'}")
-        except RobotError as error:
-            raise RobotError(f"{error}: {state.reason if state else 'it is silent'}") from None
+        if not self.met(switched, ANSWER_S):
+            reason = state.reason if state else self.said(node)
+            raise RobotError(f"{node} did not switch {'on' if on else 'off'}: {reason}")
 
     def set_mode(self, mode: int) -> None:
         """Choose the vertical law, a constant of ForceCommand."""
