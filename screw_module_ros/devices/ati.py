@@ -75,6 +75,7 @@ STATUS_BITS = {
     14: "CAN bus error",
     15: "any error",
 }
+RESTARTED = 1 << 0
 #: Bits that make a sample unusable: 2 to 8, 11, 12, 14.
 FAULT_MASK = sum(1 << bit for bit in (2, 3, 4, 5, 6, 7, 8, 11, 12, 14))
 RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in STATUS_BITS)

@@ -25,7 +25,7 @@ from .drive_settings import (
     cross_checked,
     drive_traffic,
 )
-from .errors import BusError, NotEnabled, Occupied
+from .errors import BusError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
 from .port import Port
@@ -130,7 +130,12 @@ class Drive:
         self._configured = True
 
     def start(self) -> None:
-        """NMT start; from here on the loop must write every tick. Raises BusError."""
+        """NMT start; from here on the loop must write every tick.
+
+        Raises NotConfigured before `configure`, BusError.
+        """
+        if not self._configured:
+            raise NotConfigured(f"the {self.label} is not configured")
         self._armed = False
         self.reports.restart()
         self.node.start()
@@ -178,6 +183,9 @@ class Drive:
             self.counters.bad_torque += 1
             logic.latch(f"the torque command was {torque_nm}")
         state = self.reports.state(now_ns)
+        if state is State.UNKNOWN:
+            self._port.pump(0.0)  # it may be us who did not listen
+            state = self.reports.state(now_ns)
         heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns
         controlword = logic.step(
             state, self.reports.shown, heard_ns if self._hears else None, node.state, now_ns
@@ -281,6 +289,7 @@ class Drive:
         self.counters.boot_ups += 1
         if self._configured:
             self._configured = self._running = self._armed = False
+            self._logic.forget()  # it explains whatever was noticed before
             self._logic.latch(
                 f"the {self.label} restarted (boot-up): its configuration is gone; clear the "
                 "fault to configure it again"

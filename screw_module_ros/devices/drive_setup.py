@@ -59,12 +59,11 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
 
     Raises NotAnswering, WrongDevice, Refused, NotConfigured.
     """
-    sdo, boot_ups = node.sdo, node.boot_ups
+    sdo = node.sdo
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    # A predecessor may have left it enabled: no torque, then voltage off.
-    sdo.write(0x6071, 0, 0, 2)
-    sdo.write(0x6040, 0, 0, 2)
+    boot_ups = node.boot_ups  # what came before the first answer happened before it
+    _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)
     command = command_pdo(settings)
@@ -78,6 +77,15 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     warnings += _stop_ramps(node, settings)
     node.undisturbed(boot_ups)
     return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
+
+
+def _switch_off(node: CanopenNode) -> None:
+    """A predecessor may have left it enabled: no torque, then voltage off."""
+    for index in (0x6071, 0x6040):
+        try:
+            node.sdo.write(index, 0, 0, 2)
+        except Refused:
+            continue  # it takes these as PDO only; the first command says the same
 
 
 def rated_torque(raw: int, expected: float, label: str) -> float:

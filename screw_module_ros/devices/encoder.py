@@ -8,7 +8,7 @@ offset kept here: the nut stands at the reference mark and `home` says so.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..filters import back_difference, lowpass_coefficients, lowpass_settled, lowpass_step
 from ..samples import SEQUENCE_MASK, EncoderReading
@@ -16,8 +16,8 @@ from ..settings import validated
 from . import encoder_setup as setup
 from .bus_load import Traffic
 from .emcy import Emergency
-from .encoder_setup import EncoderSettings
-from .errors import BusError, NotAnswering, NotHomed, Occupied, Refused
+from .encoder_setup import EncoderCounters, EncoderSettings
+from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
 from .ledger import FRESH, LATE, Ledger
 from .node import CanopenNode
 from .port import SYNC_ID, Port
@@ -26,30 +26,6 @@ from .unwrap import Unwrapper
 _POSITION = struct.Struct("<I")
 #: Beyond so many lost samples the velocity starts anew instead of being filtered through the gap.
 _LONGEST_GAP = 10
-
-
-@dataclass
-class EncoderCounters:
-    """What happened since the driver was made.
-
-    requests: ticks. received: samples delivered. missing: ticks without one. late: answers that
-    came after the next request. unexpected: frames nobody asked for. silent: ticks kept silent to
-    tell late from lost. wrong_length, out_of_range: frames dropped. slow_polls_failed: of 6500 to
-    6505.
-    """
-
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
-    wrong_length: int = 0
-    out_of_range: int = 0
-    emcy: int = 0
-    boot_ups: int = 0
-    bus_errors: int = 0
-    slow_polls_failed: int = 0
 
 
 class Encoder:
@@ -78,7 +54,7 @@ class Encoder:
         self._ledger = Ledger()
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
         self._offset = 0.0
-        self._configured = self._running = self._waiting = False
+        self._configured = self._running = self._waiting = self._tick_is_over = False
         self._asked = (0, 0, 0)
         self._last: EncoderReading | None = None
         self._fresh: EncoderReading | None = None
@@ -120,7 +96,12 @@ class Encoder:
         self._configured = True
 
     def start(self) -> None:
-        """NMT start; samples flow from the next request on. Raises BusError."""
+        """NMT start; samples flow from the next request on.
+
+        Raises NotConfigured before `configure`, BusError.
+        """
+        if not self._configured:
+            raise NotConfigured("the encoder is not configured")
         self._ledger.reset()
         self._waiting = False
         self._foreign_sync = self._port.counters.foreign_sync
@@ -157,10 +138,11 @@ class Encoder:
             return
         if self._port.counters.foreign_sync != self._foreign_sync:
             self._latch(f"somebody else sends SYNC on {self._port.name}")
-        if not self._begin(sequence, monotonic_ns, stamp_ns):
-            return
         try:
-            self._port.send_sync(monotonic_ns)
+            if self._waiting:
+                self._drain()
+            if self._begin(sequence, monotonic_ns, stamp_ns):
+                self._port.send_sync(monotonic_ns)
         except BusError:
             self.counters.bus_errors += 1
             raise
@@ -170,11 +152,20 @@ class Encoder:
         reading, self._fresh = self._fresh, None
         return reading
 
+    def _drain(self) -> None:
+        """Take in what came after its tick was over, so that it is not laid to the next one."""
+        self._tick_is_over = True
+        try:
+            self._port.pump(0.0)
+        finally:
+            self._tick_is_over = False
+
     def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
         counters = self.counters
         counters.requests += 1
         if self._waiting:
             counters.missing += 1
+            counters.missing_in_a_row += 1
         self._asked = (sequence, monotonic_ns, stamp_ns)
         self._fresh = None
         self._waiting = True
@@ -194,8 +185,8 @@ class Encoder:
         if len(data) != _POSITION.size:
             counters.wrong_length += 1
             return
-        if verdict != FRESH or not self._running:
-            if verdict == LATE:
+        if verdict != FRESH or self._tick_is_over or not self._running:
+            if verdict == LATE or self._tick_is_over:
                 counters.late += 1
             else:
                 counters.unexpected += 1
@@ -209,6 +200,7 @@ class Encoder:
             return
         self._waiting = False
         counters.received += 1
+        counters.missing_in_a_row = 0
         self._fresh = sample
 
     def _sample(self, count: int) -> EncoderReading:
@@ -288,7 +280,7 @@ class Encoder:
             return
         self._configured = self._running = False
         self.homed = False
-        self._latch(
+        self.fault = (
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
             "clear the fault to configure it again, then home"
         )

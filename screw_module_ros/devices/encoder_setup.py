@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the encoder and its configuration over SDO (CiA 406, thesis 3.1.8)."""
+"""Settings and counters of the encoder, and its configuration over SDO (CiA 406, thesis 3.1.8)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting
@@ -70,6 +71,31 @@ class EncoderSettings(NamedTuple):
     ] = 0.1
 
 
+@dataclass
+class EncoderCounters:
+    """What happened since the driver was made.
+
+    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
+    to now. late: answers that came after the next request. unexpected: frames nobody asked for.
+    silent: ticks kept silent to tell late from lost. wrong_length, out_of_range: frames dropped.
+    slow_polls_failed: of 6500 to 6505.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    missing_in_a_row: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
+    wrong_length: int = 0
+    out_of_range: int = 0
+    emcy: int = 0
+    boot_ups: int = 0
+    bus_errors: int = 0
+    slow_polls_failed: int = 0
+
+
 def position_pdo(settings: EncoderSettings) -> pdo.Pdo:
     """Return TPDO1: object 6004 at every SYNC."""
     return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, (POSITION,))
@@ -87,9 +113,9 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
     Returns the range at which the position wraps [counts]. Raises NotAnswering, WrongDevice,
     Refused, NotConfigured.
     """
-    boot_ups = node.boot_ups
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
+    boot_ups = node.boot_ups  # what came before the first answer happened before it
     wrap = _scale(node, settings)
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))

@@ -16,7 +16,7 @@ from ..settings import validated
 from . import ati
 from .ati_dialogue import Dialogue, SensorIdentity
 from .bus_load import Traffic
-from .errors import BusError, NotAnswering, Occupied, WrongDevice
+from .errors import BusError, NotAnswering, NotConfigured, Occupied, WrongDevice
 from .force_sensor_settings import ANY_CALIBRATION, ForceSensorSettings, force_sensor_traffic
 from .ledger import FRESH, LATE, Ledger
 from .port import Port
@@ -30,17 +30,18 @@ _NO_WRENCH: Wrench = (0.0,) * ati.AXES
 class ForceSensorCounters:
     """What happened since the driver was made.
 
-    requests: ticks. received: samples delivered. missing: ticks without one. late: frames that
-    came after the next request. unexpected: frames nobody asked for. silent: ticks kept silent to
-    tell late from lost. out_of_order: second halves without their first. wrong_length: frames
-    dropped. saturated: samples with a gauge at its end. status_faults: samples whose status makes
-    them unusable. reserved_bits: samples with status bits that mean nothing. foreign_requests:
-    polls of somebody else.
+    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
+    to now. late: frames that came after the next request. unexpected: frames nobody asked for.
+    silent: ticks kept silent to tell late from lost. out_of_order: second halves without their
+    first. wrong_length: frames dropped. saturated: samples with a gauge at its end. status_faults:
+    samples whose status makes them unusable. reserved_bits: samples with status bits that mean
+    nothing. foreign_requests: polls of somebody else. restarts: of the board, in mid-run.
     """
 
     requests: int = 0
     received: int = 0
     missing: int = 0
+    missing_in_a_row: int = 0
     late: int = 0
     unexpected: int = 0
     silent: int = 0
@@ -50,6 +51,7 @@ class ForceSensorCounters:
     status_faults: int = 0
     reserved_bits: int = 0
     foreign_requests: int = 0
+    restarts: int = 0
     bus_errors: int = 0
     slow_polls_failed: int = 0
 
@@ -58,7 +60,8 @@ class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
     fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
-    word, so that whoever uses them sees it; saturated ones do not.
+    word, so that whoever uses them sees it; saturated ones do not, nor any after a restart that
+    lost the calibration we had chosen.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -75,7 +78,9 @@ class ForceSensor:
         self._rows: tuple[ati.Row, ...] = ()
         self._ledger = Ledger(parts=2)
         self._earlier_biases: list[Wrench] = []
-        self._running = self._waiting = False
+        self._running = self._waiting = self._tick_is_over = False
+        self._needs_reset = self._calibration_lost = False
+        self._last_status: int | None = None
         self._asked = (0, 0, 0)
         self._half: tuple[int, int, int, int] | None = None
         self._fresh: ForceReading | None = None
@@ -123,12 +128,14 @@ class ForceSensor:
             ati.rotation(settings.roll, settings.pitch, settings.yaw),
             settings.sign,
         )
+        self._needs_reset = self._calibration_lost = False
 
     def start(self) -> None:
-        """Let samples flow from the next request on. Raises WrongDevice before `configure`."""
+        """Let samples flow from the next request on. Raises NotConfigured before `configure`."""
         if not self._rows:
-            raise WrongDevice(f"{self._label} is not configured")
+            raise NotConfigured(f"{self._label} is not configured")
         self._ledger.reset()
+        self._last_status = None
         self._waiting = False
         self._running = True
 
@@ -143,7 +150,16 @@ class ForceSensor:
         self.configure()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault."""
+        """Forget a latched fault; one from the status word restarts the board, blocking.
+
+        Raises as `configure`; the fault stays latched then.
+        """
+        if self._calibration_lost or self._needs_reset:
+            if self._needs_reset:
+                self.reset()
+            else:
+                self.configure()
+            self.start()
         self.fault = ""
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
@@ -156,17 +172,19 @@ class ForceSensor:
         if not self._running:
             return
         counters = self.counters
-        counters.requests += 1
-        if self._waiting:
-            counters.missing += 1
-        self._asked = (sequence, monotonic_ns, stamp_ns)
-        self._fresh = self._half = None
-        self._waiting = True
-        if not self._ledger.ask():
-            counters.silent += 1
-            return
         try:
-            self._port.send(self._request_id, b"")
+            if self._waiting:
+                counters.missing += 1
+                counters.missing_in_a_row += 1
+                self._drain()
+            counters.requests += 1
+            self._asked = (sequence, monotonic_ns, stamp_ns)
+            self._fresh = self._half = None
+            self._waiting = True
+            if self._ledger.ask():
+                self._port.send(self._request_id, b"")
+            else:
+                counters.silent += 1
         except BusError:
             counters.bus_errors += 1
             raise
@@ -175,6 +193,14 @@ class ForceSensor:
         """Return the answer to the last request, once; None while there is none."""
         reading, self._fresh = self._fresh, None
         return reading
+
+    def _drain(self) -> None:
+        """Take in what came after its tick was over, so that it is not laid to the next one."""
+        self._tick_is_over = True
+        try:
+            self._port.pump(0.0)
+        finally:
+            self._tick_is_over = False
 
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
@@ -201,6 +227,8 @@ class ForceSensor:
         elif verdict != FRESH:
             self._half = half  # an older second half: the first one in hand still waits for its own
             self._note(verdict)
+        elif self._tick_is_over:
+            self._note(LATE)
         elif half is None:
             self.counters.out_of_order += 1
         else:
@@ -215,14 +243,17 @@ class ForceSensor:
     def _complete(self, first: tuple[int, int, int, int], second: tuple[int, int, int]) -> None:
         status, g0, g2, g4 = first
         g1, g3, g5 = second
-        if status:
+        if status or self._last_status != 0:
             self._note_status(status)
         end = ati.SATURATED
         if max(g0, g1, g2, g3, g4, g5) >= end or min(g0, g1, g2, g3, g4, g5) <= -end:
             self.counters.saturated += 1
             return
+        if self._calibration_lost:
+            return
         self._waiting = False
         self.counters.received += 1
+        self.counters.missing_in_a_row = 0
         self._fresh = ForceReading(
             *self._asked,
             *[
@@ -233,11 +264,18 @@ class ForceSensor:
         )
 
     def _note_status(self, status: int) -> None:
+        before, self._last_status = self._last_status, status
         if status & ati.RESERVED_MASK:
             self.counters.reserved_bits += 1
         if status & ati.FAULT_MASK:
             self.counters.status_faults += 1
+            self._needs_reset = True
             self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")
+        if before is not None and status & ~before & ati.RESTARTED:
+            self.counters.restarts += 1
+            if self.settings.calibration != ANY_CALIBRATION:
+                self._calibration_lost = True
+                self._latch(f"the {self._label} restarted, its calibration may be another now")
 
     def _latch(self, reason: str) -> None:
         self.fault = self.fault or reason

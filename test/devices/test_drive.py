@@ -219,6 +219,14 @@ def test_statusword_older_than_ten_periods_disables(wire, enabled, drive_end):
     assert tick(wire, enabled, 0.3) == 0.0
 
 
+def test_statuswords_that_wait_unread_are_not_stale(wire, enabled, drive_end):
+    for _ in range(20):  # we hang for 20 ms; the drive goes on
+        wire.advance()
+        drive_end.report()
+    assert enabled.write(0.21, wire.now_ns) == pytest.approx(0.21)
+    assert enabled.fault == ""
+
+
 def test_missing_heartbeat_of_the_drive_is_latched(wire, drive):
     for _ in range(145):
         tick(wire, drive)

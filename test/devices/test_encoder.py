@@ -267,6 +267,15 @@ def test_late_answer_is_never_taken_for_a_new_one(wire, encoder, encoder_end):
     assert (encoder.counters.missing, encoder.counters.late) == (1, 1)
 
 
+def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, encoder, encoder_end):
+    encoder_end.position = 10
+    encoder.request(1, wire.advance(), 0)  # answered at once, but nobody pumps
+    encoder_end.position = 20
+    sample = tick(wire, encoder, 2)
+    assert (sample.sequence, sample.count) == (2, 20)
+    assert (encoder.counters.missing, encoder.counters.late) == (1, 1)
+
+
 def test_answers_that_all_run_a_tick_late_are_never_delivered(wire, encoder, encoder_end):
     encoder_end.hold()
     for n in range(20):

@@ -205,8 +205,23 @@ def test_status_fault_is_latched_by_name(wire, sensor, sensor_end):
     assert sensor.fault == (
         "force sensor status: sensor temperature too high, CAN bus error, any error"
     )
+    wire.frames.clear()
     sensor.clear_fault()
     assert sensor.fault == ""
+    assert wire.frames[0] == (0x12C, b"")  # what the board latches, its restart clears
+    assert tick(wire, sensor) is not None
+
+
+def test_restart_loses_a_calibration_that_was_chosen(wire, sensor_end):
+    sensor = started(wire, SETTINGS._replace(calibration=3))
+    assert tick(wire, sensor) is not None
+    sensor_end.first = "80 01" + "00" * 6
+    assert tick(wire, sensor) is None
+    assert "restarted" in sensor.fault
+    assert sensor.counters.restarts == 1
+    sensor.clear_fault()
+    assert wire.sent(0x126) == [b"\x03", b"\x03"]
+    assert tick(wire, sensor) is not None
 
 
 @pytest.mark.parametrize("gauge", ["7F FF", "80 00", "80 01"])
@@ -269,6 +284,15 @@ def test_late_pair_before_the_new_one(wire, sensor, sensor_end):
     assert (sample.sequence, sample.fz) == (2, pytest.approx(1.0))
     assert sensor.counters.late == 2
     assert sensor.counters.missing == 1
+
+
+def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, sensor, sensor_end):
+    sensor_end.first = "00 00 00 00 00 64 00 00"
+    sensor.request(1, wire.advance(), 0)  # answered at once, but nobody pumps
+    sensor_end.first = "00 00 00 00 03 E8 00 00"
+    sample = tick(wire, sensor, 2)
+    assert (sample.sequence, sample.fz) == (2, pytest.approx(1.0))
+    assert (sensor.counters.missing, sensor.counters.late) == (1, 1)
 
 
 def test_halves_in_the_wrong_order_are_no_sample(wire, sensor, sensor_end):
