@@ -204,7 +204,8 @@ def _folder(fingerprint: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         os.utime(folder)
-        _prune(base)
+        with contextlib.suppress(OSError):  # another process may be at it
+            _prune(base)
         return folder
     except (OSError, RuntimeError):  # no home, or one that cannot be written
         return _private_folder(fingerprint)

@@ -213,7 +213,8 @@ class World:
 
     def truth(self) -> Truth:
         """Return what really happens now."""
-        v, plane = self._state.vertical, self._state.planar
+        state = self._state  # once: another thread may be advancing
+        v, plane = state.vertical, state.planar
         return Truth(
             handle_position=v.handle,
             handle_velocity=v.handle_velocity,
@@ -222,13 +223,13 @@ class World:
             friction=v.friction,
             patient_force=v.patient_force,
             motor_torque=v.torque,
-            hand_target=self._state.z,
+            hand_target=state.z,
             joint_position=(plane.shoulder, plane.elbow),
             joint_velocity=(plane.shoulder_velocity, plane.elbow_velocity),
             joint_torque=self.planar_torque,
             planar_position=tip(self.settings.planar, plane.shoulder, plane.elbow),
             planar_force=(plane.force_x, plane.force_y),
-            simulated_time=self.simulated_time,
+            simulated_time=state.ticks * self.settings.substep,
             fixture=NAMES[self._fixture.acting],
             locked=self._fixture.locked,
             upside_down=self._fixture.upright < 0.0,
@@ -263,7 +264,7 @@ class World:
         if self._fixture.placing and self._fixture.kind == HUMAN_ARM:
             self._patient = moved_patient(self._patient, float(position))
             self._params = self._built()
-        if self._fixture.kind != LOCKED_ROTOR:  # the twist is gone once the rotor is loose
+        if self._fixture.kind != LOCKED_ROTOR and v.rotor_angle != 0.0:  # loose, it untwists
             loose = v._replace(rotor_angle=0.0, rotor_velocity=0.0)
             self._state = self._state._replace(vertical=loose)
 
