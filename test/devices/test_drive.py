@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+import can
 import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
@@ -15,7 +16,7 @@ from scripted_devices import STATUSWORDS, ScriptedDrive
 from screw_module_ros.devices.cia402 import State
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.devices.errors import NotEnabled
+from screw_module_ros.devices.errors import BusError, NotEnabled
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 
@@ -371,6 +372,34 @@ def test_recovery_restarts_a_drive_that_fell_back(wire, enabled, drive_end):
     assert drive_end.operational
     assert drive_end.state == "switched on"
     assert enabled.fault == ""
+
+
+# -- the bus -------------------------------------------------------------------------------------
+
+
+def test_bus_that_fails_is_latched_and_raised(wire, enabled, monkeypatch):
+    def refuse(message, timeout=None):
+        raise can.CanOperationError("Transmit buffer full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(wire.bus, "send", refuse)
+        with pytest.raises(BusError, match="Transmit buffer full"):
+            enabled.write(0.3, wire.advance())
+    assert "Transmit buffer full" in enabled.fault
+    assert enabled.counters.bus_errors == 1
+    assert tick(wire, enabled, 0.3) == 0.0
+
+
+def test_on_a_shared_bus_somebody_elses_sync_counts(wire, drive, drive_end):
+    wire.port.sync_producer = False
+    wire.frames.clear()
+    drive.sync(wire.now_ns)
+    assert wire.frames == []
+    for _ in range(3):
+        wire.emit(0x080, "")
+    drive_end.report()
+    wire.port.pump()
+    assert (drive.counters.missing, drive.counters.unexpected) == (2, 0)
 
 
 # -- malformed frames ----------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import pytest
 
 from screw_module_ros.devices.encoder import Encoder, EncoderSettings
 from screw_module_ros.devices.errors import (
+    BusError,
     NotAnswering,
     NotConfigured,
     NotHomed,
@@ -357,6 +358,18 @@ def test_slow_poll_of_a_silent_device_is_counted(wire, encoder, encoder_end):
     encoder_end.mute = True
     encoder.poll_slow()
     assert encoder.counters.slow_polls_failed == 1
+
+
+def test_bus_that_fails_is_counted_and_raised(wire, encoder):
+    wire.bus.shutdown()
+    with pytest.raises(BusError):
+        encoder.request(1, wire.advance(), 0)
+    assert encoder.counters.bus_errors == 1
+
+
+def test_start_before_configuration_is_refused(wire):
+    with pytest.raises(NotConfigured, match="not configured"):
+        Encoder(wire.port, SETTINGS).start()
 
 
 # -- somebody else's SYNC ------------------------------------------------------------------------
