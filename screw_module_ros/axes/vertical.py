@@ -3,24 +3,32 @@
 
 ::
 
-    force command -> plausible? -> gate -> T = F L / 2 pi (eq 5.2) -> I2t limit (3.1.6)
-                  -> linearization (4.1.1) -> drive
+    force command -> plausible? -> 65 N up, 45 N down (2.1.1) -> gate -> T = F L / 2 pi (5.2)
+                  -> I2t limit (3.1.6) -> linearization (4.1.1) -> drive
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
-from ..control.limits import TorqueLimits, limit_torque
+from ..control.limits import TorqueLimits, clamp, limit_torque
 from ..control.linearization import Linearization, torque_command
 from ..devices.drive import Drive
 from ..geometry import SCREW, Screw, force_to_torque
+from ..settings import Setting
 from .gated_drives import GatedDrives
 
 LARGEST_FORCE = 150.0
 """No controller of this robot may ask for more [N]."""
+
+
+class ForceLimits(NamedTuple):
+    """Largest forces at the handle (thesis 2.1.1), whatever a controller asks for."""
+
+    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
+    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
 
 
 class Written(NamedTuple):
@@ -43,6 +51,7 @@ class VerticalAxis:
         period_ns: int,
         gate: GateSettings,
         limits: TorqueLimits,
+        forces: ForceLimits,
         linearization: Linearization | None = None,
         screw: Screw = SCREW,
     ):
@@ -51,6 +60,8 @@ class VerticalAxis:
         self.last = Written(0.0, 0.0, False)
         self._watch = CommandWatch(period_ns, LARGEST_FORCE)
         self._limits = limits
+        self._forces = forces
+        self._force = 0.0
         self._linearization = linearization
         self._screw = screw
         self._heat = 0.0
@@ -68,18 +79,25 @@ class VerticalAxis:
         return accepted
 
     def idle(self, now_ns: int) -> None:
-        """Keep gate and drive going without a new command: zero torque; once a tick is enough."""
+        """Keep gate and drive going without a new command; once a tick is enough.
+
+        The last force is held until the gate finds it too old: one late command is no reason for a
+        step to zero and back.
+        """
         if now_ns - self._written_ns >= 2 * self._period_ns:
-            self._write(0.0, now_ns)
+            self._write(self._force, now_ns)
 
     def _write(self, force: float, now_ns: int) -> None:
+        self._force = force
         scale = self.drives.step(self._watch.newest_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
-        wanted = scale * force_to_torque(force, self._screw)
+        allowed = clamp(force, -self._forces.force_down, self._forces.force_up)
+        wanted = scale * force_to_torque(allowed, self._screw)
         torque, self._heat = limit_torque(self._limits, self._heat, wanted, max(elapsed, 1e-6))
         command = torque
         if self._linearization is not None and torque != 0.0:
             command = torque_command(self._linearization, torque)
         sent = self.drive.write(command, now_ns)
-        self.last = Written(torque if sent else 0.0, sent, torque != wanted)
+        limited = allowed != force or torque != wanted
+        self.last = Written(torque if sent else 0.0, sent, limited)

@@ -9,7 +9,7 @@ from typing import Annotated, NamedTuple
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.axes.vertical import VerticalAxis
+from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
 from screw_module_ros.control.calibration import calibration_identity
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
@@ -56,6 +56,7 @@ class AmplifierNode(DriverNode):
         self.parameters.declare(DriveSettings, without=("rate",))
         self.parameters.declare(GateSettings, "gate")
         self.parameters.declare(TorqueLimits, "torque")
+        self.parameters.declare(ForceLimits)
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
         self._inbox: Inbox | None = None
@@ -103,6 +104,7 @@ class AmplifierNode(DriverNode):
             self.period_ns,
             self.parameters.read(GateSettings, "gate"),
             self.parameters.read(TorqueLimits, "torque"),
+            self.parameters.read(ForceLimits),
             self._linearization,
         )
         self._meter = DeadlineMeter(self.period_ns)

@@ -21,18 +21,15 @@ from screw_module_msgs.msg import (
 )
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
+from screw_module_ros.axes.controller import NO_FORCE, VerticalController
+from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.calibration import calibration_identity
 from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.timing import DeadlineMeter
-from screw_module_ros.control.vertical import (
-    VerticalInput,
-    VerticalOutput,
-    initial_state,
-    vertical_step,
-)
+from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import VerticalWatch, WatchSettings
+from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import Setting
 
@@ -45,7 +42,8 @@ from .support.runtime import main as run_node
 
 FRICTION_FILE = "params/friction_thesis.yaml"
 _AMPLIFIER_AGE_NS = 200_000_000
-_SETPOINT_AGE_NS = 1 << 62
+_MOVING_SETPOINT_NS = 200_000_000
+"""A set point that moves must be renewed this often; one that stands stays valid."""
 
 
 class ControllerSettings(NamedTuple):
@@ -72,6 +70,7 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(RateSettings)
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
+        self.parameters.declare(AgreementSettings, "agreement")
         self._command = ForceCommand()
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
@@ -88,7 +87,6 @@ class ImpedanceControllerNode(ModuleNode):
         self._friction = load_friction_model(path)
         self._calibration = calibration_identity(path)
         self._settings = self.parameters.read(VerticalSettings).validated()
-        self._mode = chosen.mode
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._state_period_ns = round(1e9 / chosen.state_rate)
         self._inbox = inbox = Inbox(self)
@@ -97,7 +95,9 @@ class ImpedanceControllerNode(ModuleNode):
         )
         self._take_force = inbox.subscribe(ForceSample, "handle/force", qos.SAMPLE)
         take = inbox.subscribe
-        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), _SETPOINT_AGE_NS)
+        self._setpoint = Newest(
+            take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
+        )
         self._amplifier = Newest(
             take(AmplifierState, "screw/amplifier_state", qos.STATE), _AMPLIFIER_AGE_NS
         )
@@ -110,21 +110,23 @@ class ImpedanceControllerNode(ModuleNode):
 
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
-        self._watch = VerticalWatch(self.parameters.read(WatchSettings, "watch"), self._period_ns)
+        self._controller = VerticalController(
+            self._settings,
+            self._friction,
+            self.parameters.read(WatchSettings, "watch"),
+            self.parameters.read(AgreementSettings, "agreement"),
+            self._period_ns,
+            self.parameters.read(ControllerSettings).mode,
+        )
         self._meter = DeadlineMeter(self._period_ns)
-        self._state = initial_state(self._settings)
-        self._output = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
         self._encoder: EncoderSample | None = None
-        self._handle_force = 0.0
-        self._reason: str | None = "no sample yet"
-        self._held = True
         self._resets: int | None = None
         self._state_due_ns = 0
 
     def end(self) -> None:
         """Send one last zero, so that nobody goes on with the last force."""
         if self._inbox is not None and self._encoder is not None:
-            self._send(self._encoder, _zero(self._output))
+            self._send(self._encoder, NO_FORCE)
 
     def disconnect(self) -> None:
         """Remove the topics."""
@@ -136,10 +138,12 @@ class ImpedanceControllerNode(ModuleNode):
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
+        if not hasattr(self, "_controller"):
+            return
         if kind is VerticalSettings:
-            self._settings = self.parameters.read(VerticalSettings)
+            self._controller.settings = self.parameters.read(VerticalSettings)
         elif kind is ControllerSettings:
-            self._mode = self.parameters.read(ControllerSettings).mode
+            self._controller.mode = self.parameters.read(ControllerSettings).mode
 
     # Hot loop ------------------------------------------------------------------------------
 
@@ -147,46 +151,34 @@ class ImpedanceControllerNode(ModuleNode):
         """Wait for an encoder sample and answer it with a command."""
         self._inbox.wait(2 * self._period_ns)
         now = time.monotonic_ns()
-        watch = self._watch
+        controller = self._controller
         force = self._take_force()
-        if force is not None and watch.force(force, now):
-            self._handle_force = force.fz
+        if force is not None:
+            controller.force(force, now)
         sample = self._take_encoder()
-        if sample is not None and watch.encoder(sample, now):
+        if sample is not None:
             self._act(sample, now)
-        elif not self._held and watch.check(now):
-            self._reason = watch.check(now)
-            self._output = _zero(self._output)
-            self._state = initial_state(self._settings)
-            self._send(self._encoder, self._output)
+        else:
+            zero = controller.idle(now)
+            if zero is not None:
+                self._send(self._encoder, zero)
         if now >= self._state_due_ns:
             self._state_due_ns = now + self._state_period_ns
-            self._follow_reset(now)
+            self._follow_others(now)
             self._publish_state(now)
 
     def _act(self, sample: EncoderSample, now: int) -> None:
-        last, self._encoder = self._encoder, sample
-        dt = (sample.monotonic_ns - last.monotonic_ns if last else self._period_ns) * 1e-9
-        self._reason = self._watch.check(now)
         self._setpoint.update(now)
-        amplifier = self._amplifier.fresh(now)
         wanted = self._setpoint.message
-        self._output, self._state = vertical_step(
-            self._settings,
-            self._friction,
-            self._state,
-            VerticalInput(
-                self._mode,
-                sample.position,
-                sample.velocity,
-                self._handle_force,
-                wanted.position.z if wanted else math.nan,
-                wanted.velocity.z if wanted else 0.0,
-                self._reason is None and (amplifier is None or amplifier.enabled),
-            ),
-            dt,
-        )
-        self._send(sample, self._output)
+        setpoint = (math.nan, 0.0)
+        if wanted is not None:
+            moving = not self._setpoint.stale(now)
+            setpoint = (wanted.position.z, wanted.velocity.z if moving else 0.0)
+        output = self._controller.act(sample, setpoint, now)
+        if output is None:
+            return
+        self._encoder = sample
+        self._send(sample, output)
         self._meter.tick(sample.sequence, sample.monotonic_ns, time.monotonic_ns())
 
     def _send(self, sample: EncoderSample, output: VerticalOutput) -> None:
@@ -195,40 +187,45 @@ class ImpedanceControllerNode(ModuleNode):
         command.sequence = sample.sequence
         command.monotonic_ns = sample.monotonic_ns
         command.force = output.force
-        command.mode = self._mode
+        command.mode = self._controller.mode
         command.impedance = output.impedance
         command.gravity = output.gravity
         command.friction = output.friction
         command.feedback = output.feedback
         command.saturated = output.saturated
-        self._held = output.force == 0.0
         self._publish(command)
 
-    def _follow_reset(self, now: int) -> None:
-        """Forget a latched fault when the supervisor was reset since it was latched."""
+    def _follow_others(self, now: int) -> None:
+        """Take over what amplifier and supervisor say; a reset there clears a fault here."""
+        if self._amplifier.update(now) is not None:
+            state = self._amplifier.message
+            self._controller.amplifier(state.enabled, state.position, now)
+        elif self._amplifier.stale(now):
+            self._controller.amplifier(None, math.nan, now)
         safety = self._safety.fresh(now)
         if safety is None:
             return
         if self._resets is not None and safety.resets != self._resets:
-            self._reason = self._watch.reset(now)
+            self._controller.reset(now)
         self._resets = safety.resets
 
     def _publish_state(self, now: int) -> None:
-        message, meter, output = self._state_message, self._meter, self._output
+        message, meter, controller = self._state_message, self._meter, self._controller
+        output = controller.output
         message.header.stamp = self.get_clock().now().to_msg()
-        message.mode = self._mode
-        message.faulted = bool(self._watch.fault)
-        message.reason = self._reason or ""
-        message.active = self._reason is None and self._mode != OFF
+        message.mode = controller.mode
+        message.faulted = controller.faulted
+        message.reason = controller.reason
+        message.active = not controller.reason and controller.mode != OFF
         if self._encoder is not None:
             message.position = self._encoder.position
             message.velocity = self._encoder.velocity
         message.desired_position = output.desired_position
         message.desired_velocity = output.desired_velocity
-        blend = self._state.blend
+        blend = controller.state.blend
         message.stiffness, message.damping = blend.stiffness, blend.damping
         message.force_gain = blend.gain
-        message.measured_force = self._handle_force
+        message.measured_force = controller.handle_force
         message.commanded_force = output.force
         message.rate = meter.rate(now)
         message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
@@ -258,7 +255,7 @@ class ImpedanceControllerNode(ModuleNode):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        now, meter = time.monotonic_ns(), self._meter
+        now, meter, controller = time.monotonic_ns(), self._meter, self._controller
         values = {
             "rate [1/s]": meter.rate(now),
             "latency p50 [us]": f"{meter.latency(0.5) * 1e6:.0f}",
@@ -267,26 +264,20 @@ class ImpedanceControllerNode(ModuleNode):
             "lost": meter.lost,
             "success rate": f"{meter.success_rate:.3f}",
             "age [s]": self._age_text(now),
-            "mode": MODE_NAMES[self._mode],
+            "mode": MODE_NAMES[controller.mode],
             "calibration": self._calibration,
         }
-        if self._watch.fault:
-            return Health(ERROR, self._watch.fault, values)
-        if self._reason:
-            return Health(WARN, self._reason, values)
+        if controller.reason:
+            return Health(ERROR if controller.faulted else WARN, controller.reason, values)
         if meter.success_rate < 0.99:
             return Health(WARN, "deadlines are being missed", values)
-        return Health(OK, f"running in {MODE_NAMES[self._mode]}", values)
+        return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
 
 
     def _age_text(self, now: int) -> str:
         if self._encoder is None:
             return "never"
         return f"{(now - self._encoder.monotonic_ns) * 1e-9:.4f}"
-
-
-def _zero(output: VerticalOutput) -> VerticalOutput:
-    return VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, output.desired_position, 0.0)
 
 
 def main() -> int:

@@ -30,7 +30,7 @@ from .support.runtime import main as run_node
 
 JOINTS = ("shoulder", "elbow")
 _NOWHERE = (math.nan, math.nan, 0.0, 0.0)
-_FOR_EVER_NS = 1 << 62
+_MOVING_SETPOINT_NS = 200_000_000  # a set point that moves must be renewed this often
 _FORCE_AGE_NS = 200_000_000
 
 
@@ -111,7 +111,9 @@ class ManusNode(DriverNode):
     def _make_topics(self) -> None:
         self._inbox = Inbox(self)
         take = self._inbox.subscribe
-        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), _FOR_EVER_NS)
+        self._setpoint = Newest(
+            take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
+        )
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
         self._take_safety = take(SafetyState, "safety_state", qos.COMMAND)
         self._publisher = self.create_publisher(PlanarState, "manus/state", qos.STATE)
@@ -155,7 +157,7 @@ class ManusNode(DriverNode):
             self._axes.request(now)
             self._look_around(now)
             if self._await_drives(now):
-                self._axes.act(self._wanted(), now)
+                self._axes.act(self._wanted(now), now)
                 self._meter.tick(tick.sequence, now, time.monotonic_ns())
             else:
                 self._axes.idle(now)
@@ -190,12 +192,14 @@ class ManusNode(DriverNode):
         if drives.enabled and missed >= self._own.missed_limit:
             drives.fault = drives.fault or f"{missed} deadlines missed in a row"
 
-    def _wanted(self) -> tuple[float, float, float, float]:
-        self._setpoint.update(time.monotonic_ns())
+    def _wanted(self, now: int) -> tuple[float, float, float, float]:
+        self._setpoint.update(now)
         wanted = self._setpoint.message
         if wanted is None:
             return _NOWHERE
         position, velocity = wanted.position, wanted.velocity
+        if self._setpoint.stale(now):
+            return position.x, position.y, 0.0, 0.0
         return position.x, position.y, velocity.x, velocity.y
 
     def _publish_state(self, sequence: int, now: int) -> None:

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benches for the closed-loop tests."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+from bench import Bench
+
+
+@pytest.fixture
+def bench():
+    """Return a robot that is connected, homed, tared and not enabled."""
+    made = Bench()
+    made.ready()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def enabled(bench):
+    """Return a robot with the vertical axis enabled in IMPEDANCE mode, spring where it stands."""
+    bench.controller.mode = 1
+    assert bench.enable() == ""
+    bench.seconds(1.2)
+    return bench

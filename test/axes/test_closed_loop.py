@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drivers, laws and rig in one loop on virtual buses: what the patient feels, what faults do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from screw_module_ros.control import modes
+from screw_module_ros.plant.world import ArmSettings
+
+SPRING, CENTRE = 100.0, 0.18
+SLOWEST = 0.01  # [m/s], below it the handle does not count as in motion
+FORCE_STEP = 5.0  # [N] a tick, the law's rate limit at 1 kHz
+
+
+def offset(rows) -> float:
+    """Return the mean distance of the patient's force from the desired spring in motion [N]."""
+    z, v, f = (np.array([getattr(r, name) for r in rows]) for name in
+               ("position", "velocity", "patient"))
+    moving = np.abs(v) > SLOWEST
+    assert moving.sum() > 500
+    return float(np.mean(np.abs(f - SPRING * (z - CENTRE))[moving]))
+
+
+def force_steps(rows) -> np.ndarray:
+    """Return the steps of the commanded force from tick to tick [N]."""
+    return np.abs(np.diff([row.force for row in rows]))
+
+
+def swing(bench, seconds: float):
+    """Let the patient swing the handle about the centre; return the rows after settling."""
+    bench.setpoint = (CENTRE, 0.0)
+    bench.world.set_arm(
+        ArmSettings(kind="active", target=(0, 0, CENTRE), duration=0.8,
+                    amplitude=(0, 0, 0.15), omega=(0, 0, 1.6))
+    )  # fmt: skip
+    bench.seconds(2.0)
+    return bench.seconds(seconds)
+
+
+def test_offsets_of_the_modes(enabled):
+    """About 10 N under plain impedance, about 2 N with force feedback (thesis figs 6-1, 6-10)."""
+    found = {}
+    for mode in (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK):
+        enabled.controller.mode = mode
+        found[mode] = offset(swing(enabled, 4.0))
+    assert 7.0 < found[modes.IMPEDANCE] < 13.0
+    assert found[modes.FORCE_FEEDBACK] < 3.0
+    assert found[modes.FRICTION_COMPENSATION] < 0.6 * found[modes.IMPEDANCE]
+
+
+def test_mode_switches_in_motion_make_no_jump(enabled):
+    """Every switch between two modes while the patient moves: the force stays continuous."""
+    swing(enabled, 0.1)
+    begin = len(enabled.rows)
+    every = (1, 2, 3, 4)
+    for before in every:
+        for after in every:
+            enabled.controller.mode = before
+            enabled.seconds(0.06)
+            enabled.controller.mode = after
+            enabled.seconds(0.06)
+    assert force_steps(enabled.rows[begin:]).max() <= FORCE_STEP + 1e-9
+    assert enabled.torque_passes
+
+
+def test_enabling_does_not_pull(bench):
+    """The spring starts where the handle is, however far away the set point is."""
+    bench.controller.mode = modes.IMPEDANCE
+    bench.setpoint = (0.05, 0.0)
+    assert bench.enable() == ""
+    begin = len(bench.rows)
+    rows = bench.seconds(0.05)
+    assert all(abs(row.torque) < 0.01 for row in rows)
+    assert force_steps(bench.rows[begin:]).max() <= FORCE_STEP
+
+
+def test_locked_out_until_asked(bench):
+    """Commands alone never move the motor: without enable the torque is zero."""
+    bench.controller.mode = modes.IMPEDANCE
+    rows = bench.seconds(0.5)
+    assert all(row.torque == 0.0 for row in rows)
+    assert bench.world.vertical_torque == 0.0
+
+
+@pytest.mark.parametrize(
+    ("device", "fault", "value"),
+    [
+        ("encoder", "jump", 0.0),
+        ("force_sensor", "saturate", 0.0),
+        ("force_sensor", "status", 5.0),
+        ("drive", "fault", 0.0),
+        ("drive", "reset", 0.0),
+        ("encoder", "cable_out", 0.0),
+        ("force_sensor", "cable_out", 0.0),
+        ("drive", "cable_out", 0.0),
+    ],
+)
+def test_a_fault_takes_the_torque_away_for_good(enabled, device, fault, value):
+    """Whatever breaks: zero torque at the motor soon, a reason, and no way back by itself."""
+    enabled.setpoint = (0.30, 0.0)
+    enabled.seconds(0.2)
+    assert enabled.torque_passes and abs(enabled.world.vertical_torque) > 0.01
+    enabled.rig.inject(device, fault, value, 0.0, enabled.now_ns)
+    enabled.seconds(0.3)
+    assert enabled.world.vertical_torque == pytest.approx(0.0, abs=1e-3)
+    assert enabled.rows[-1].reason
+    enabled.rig.inject(device, "clear", 0.0, 0.0, enabled.now_ns)
+    rows = enabled.seconds(0.4)
+    assert all(row.torque == 0.0 for row in rows)
+
+
+def test_a_frozen_encoder_shows_in_motion(enabled):
+    """An encoder that stands still while the drive's own position moves is found out."""
+    swing(enabled, 0.1)
+    enabled.rig.inject("encoder", "freeze", 0.0, 0.0, enabled.now_ns)
+    enabled.seconds(1.0)
+    assert not enabled.rows[-1].torque
+    assert "disagree" in enabled.rows[-1].reason
+
+
+def test_no_permission_no_torque(enabled):
+    """The supervisor's word ends the torque at once; its return does not bring it back."""
+    enabled.permitted = False
+    enabled.ticks(2)
+    assert not enabled.torque_passes and enabled.rows[-1].torque == 0.0
+    enabled.permitted = True
+    enabled.seconds(0.3)
+    assert not enabled.torque_passes
+    assert enabled.enable() == ""
+
+
+def test_silent_controller(enabled):
+    """Five periods without a command close the gate; it stays latched until cleared."""
+    enabled.commanding = False
+    rows = enabled.ticks(12)
+    assert rows[-1].torque == 0.0 and not enabled.torque_passes
+    enabled.commanding = True
+    enabled.ticks(20)
+    assert "latched" in enabled.enable() or "command" in enabled.enable()
+    assert enabled.clear_fault() == ""
+    assert enabled.enable() == ""
+
+
+def test_drive_fault_recovers_on_request_only(enabled):
+    """clear_fault leads back to switched on, enable is a separate act; no step in force."""
+    enabled.rig.inject("drive", "fault", 0.0, 0.0, enabled.now_ns)
+    enabled.seconds(0.2)
+    enabled.rig.inject("drive", "clear", 0.0, 0.0, enabled.now_ns)
+    assert "0x5000" in enabled.enable()
+    assert enabled.clear_fault() == ""
+    assert not enabled.torque_passes
+    enabled.controller.reset(enabled.now_ns)
+    begin = len(enabled.rows)
+    assert enabled.enable() == ""
+    enabled.seconds(1.0)
+    assert enabled.torque_passes
+    assert force_steps(enabled.rows[begin:]).max() <= FORCE_STEP
+
+
+def test_plane_follows_its_set_point(bench):
+    """The planar spring carries a relaxed arm most of the way to a target."""
+    bench.world.set_arm(ArmSettings(kind="relaxed"))
+    assert bench.enable_plane() == ""
+    bench.planar_setpoint = (0.08, 0.06, 0.0, 0.0)
+    bench.seconds(3.0)
+    x, y = bench.world.truth().planar_position
+    assert math.hypot(x - 0.08, y - 0.06) < 0.03
+    assert bench.axes.output.x == pytest.approx(x, abs=1e-3)
+    assert bench.axes.output.y == pytest.approx(y, abs=1e-3)
+
+
+def test_plane_needs_its_home(bench):
+    """Without absolute angles there is no planar force."""
+    bench.axes.homed = False
+    assert "home" in bench.enable_plane()
+
+
+def test_one_planar_drive_down_takes_both(bench):
+    """A fault of the elbow takes the torque of the shoulder too."""
+    assert bench.enable_plane() == ""
+    bench.planar_setpoint = (0.1, 0.0, 0.0, 0.0)
+    bench.seconds(1.0)
+    bench.rig.inject("elbow", "fault", 0.0, 0.0, bench.now_ns)
+    bench.seconds(0.2)
+    assert bench.world.planar_torque == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert "elbow" in bench.axes.drives.reason
