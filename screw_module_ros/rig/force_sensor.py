@@ -51,6 +51,7 @@ class ForceSensor:
         self.now_ns = 0
         self.unknown_requests = 0
         self.status = 0
+        self._injected = 0
         self.only_first_frame = False
         self._base = base_id << 4
         self._physics = physics
@@ -104,7 +105,9 @@ class ForceSensor:
             return
         self._physics.advance(now_ns)
         sg = self.gauges(now_ns)
-        status = self.status | (ANY_ERROR if self.status & FAULT_BITS else 0)
+        status = self.status | self._injected
+        if status & FAULT_BITS:
+            status |= ANY_ERROR
         self.link.send(self._base | READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
         if not self.only_first_frame:
             self.link.send(self._base | GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
@@ -198,10 +201,10 @@ class ForceSensor:
         return Fault(text, start, lambda: setattr(self, name, 0.0), unit, default, low, high)
 
     def _set_status(self, value: float) -> None:
-        self.status |= 1 << int(value)
+        self._injected |= 1 << int(value)
 
     def _clear_status(self) -> None:
-        self.status = 0
+        self._injected = 0
 
     def _saturate(self, value: float) -> None:
         self._saturated = int(value)

@@ -91,6 +91,10 @@ class Physics:
             elapsed = longest
         self.world.advance(elapsed * 1e-9)
 
+    def resume(self) -> None:
+        """Go on from the next `advance`, as if no time had passed since the last one."""
+        self.reached_ns = 0
+
     def sync_begin(self, _data: bytes, now_ns: int) -> None:
         """Bring the world to this SYNC, before the devices latch their state."""
         if self._wall:

@@ -111,6 +111,7 @@ class Rig:
 
         Raises OSError or ValueError when a bus is closed meanwhile.
         """
+        self.physics.resume()
         ports = {port.fileno(): port for port in self._distinct}
         if None in ports:
             self._run_without_waiting(should_stop)

@@ -115,6 +115,11 @@ class Bench:
             self.write(node, f"18{number:02X}:01", cob_id)
 
 
+@pytest.fixture(scope="session")
+def make_fake_world() -> type[FakeWorld]:
+    return FakeWorld
+
+
 @pytest.fixture
 def world() -> FakeWorld:
     return FakeWorld()

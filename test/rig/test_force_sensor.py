@@ -112,6 +112,16 @@ def test_status_bits_one_by_one(sensor, bit):
     assert gauges(sensor.ask(0x120))[0] == 0
 
 
+def test_a_reset_does_not_cure_what_lasts(sensor):
+    sensor.rig.inject("force_sensor", "status", 5, 0, sensor.now_ns)
+    sensor.rig.inject("force_sensor", "reset", 0, 0, sensor.now_ns)
+    sensor.run(60)
+    assert gauges(sensor.ask(0x120))[0] == 0x8021
+    sensor.ask(0x12C)
+    sensor.run(60)
+    assert gauges(sensor.ask(0x120))[0] == 0x8020
+
+
 def test_gauges_saturate_at_16_bits(sensor):
     sensor.world.load = (0.0, 0.0, -1e6, 0.0, 0.0, 0.0)
     _, loaded = gauges(sensor.ask(0x120))

@@ -31,6 +31,16 @@ def test_a_stall_is_given_up_and_counted(make_bench, world):
     assert world.time == pytest.approx(0.009)
 
 
+def test_a_rig_that_was_not_run_has_not_slipped(world):
+    physics = Physics(world, "wall", MS, 0)
+    physics.advance(1)
+    physics.resume()
+    physics.advance(90_000 * MS)
+    physics.advance(90_001 * MS)
+    assert physics.slipped == 0
+    assert world.time == pytest.approx(0.001)
+
+
 def test_time_that_goes_backwards_changes_nothing(make_bench, world):
     bench = make_bench("encoder")
     bench.run(2)
