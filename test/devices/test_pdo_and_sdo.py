@@ -69,6 +69,8 @@ def test_garbage_before_the_answer_is_not_believed(wire, node, sdo, garbage):
 
     node._reply = reply
     assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
+    if len(bytes.fromhex(garbage)) != 8:
+        assert len(wire.sent(0x605)) == 1  # no answer at all: nothing to ask again for
 
 
 def test_answer_for_another_object_is_not_believed(wire, node, sdo):
