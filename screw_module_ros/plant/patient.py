@@ -78,7 +78,13 @@ def _replaced(arm: HumanArm, name: str, value) -> HumanArm:
 
 
 def _path(old: HandPath, arm: HumanArm, change: ArmSettings, axis: int, now: float) -> HandPath:
-    """Return the new path on one axis; it starts where the virtual hand is."""
+    """Return the new path on one axis; it starts where the virtual hand is.
+
+    NaN as target, amplitude and omega of an axis lets its path, sine and all, go on undisturbed.
+    """
+    asked = (change.target[axis], change.amplitude[axis], change.omega[axis])
+    if all(map(math.isnan, asked)) and arm.kind != RELAXED:
+        return old
     return HandPath(
         start=hand_point(old._replace(tremor=0.0), now)[0],
         target=_kept(change.target[axis], old.target),

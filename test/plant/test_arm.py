@@ -81,6 +81,20 @@ def patient(settings):
     return resting_patient(settings.arm, 0.0, 0.0, 0.18)
 
 
+def test_an_axis_with_nothing_but_nan_goes_on_with_its_sine(patient):
+    sine = ArmSettings(amplitude=(0.0, 0.0, 0.15), omega=(0.0, 0.0, 0.8))
+    swinging = changed_patient(patient, sine, 1.0)
+    aside = ArmSettings(
+        target=(0.1, 0.1, math.nan),
+        duration=1.0,
+        amplitude=(0.0, 0.0, math.nan),
+        omega=(0.0, 0.0, math.nan),
+    )
+    moved = changed_patient(swinging, aside, 2.3)
+    assert moved.paths[2] == swinging.paths[2]
+    assert moved.paths[0].target == 0.1
+
+
 def test_nan_keeps_what_is(patient):
     changed = changed_patient(patient, ArmSettings(), 5.0)
     assert changed.arm == patient.arm
