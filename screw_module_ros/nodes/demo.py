@@ -159,14 +159,15 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     robot.set_arm(
         arm(
             target=(_LEAVE, _LEAVE, SPRING.centre),
-            amplitude=(0.0, 0.0, AMPLITUDE),
-            omega=(0.0, 0.0, OMEGA),
+            amplitude=(_LEAVE, _LEAVE, AMPLITUDE),
+            omega=(_LEAVE, _LEAVE, OMEGA),
         )
     )
     with console.progress(name, duration) as passed:
         play(robot, ways, duration, passed)
     end = time.time_ns()
-    robot.set_arm(arm(target=(0.0, 0.0, SPRING.centre), duration=_RETURN_S))
+    still = (0.0, 0.0, 0.0)
+    robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=still, omega=still))
     robot.pause(_RETURN_S)
     return Part(name, begin, end)
 

@@ -47,9 +47,13 @@ class Console:
     def progress(self, text: str, total: float) -> Iterator[Callable[[float], None]]:
         """Show a bar over `total` seconds; the function given tells how many have passed."""
         columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
-        with self.step(text) as _, Progress(*columns, console=self._rich, transient=True) as bar:
-            task = bar.add_task(text, total=total)
-            yield lambda done: bar.update(task, completed=done)
+        with self.step(text):
+            if not self._rich.is_terminal:
+                yield lambda done: None
+                return
+            with Progress(*columns, console=self._rich, transient=True) as bar:
+                task = bar.add_task(text, total=total)
+                yield lambda done: bar.update(task, completed=done)
 
     def show(self, *what: Table | str) -> None:
         """Print tables and lines."""

@@ -108,7 +108,7 @@ class Client:
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
         if not self.met(condition, deadline_s):
-            raise RobotError(f"{what} (waited {deadline_s:g} s){self._complaints_text()}")
+            raise RobotError(f"{what} (waited {deadline_s:g} s){self.complaints_text()}")
 
     def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Wait for `condition`, watching; return whether it was met before the deadline."""
@@ -169,7 +169,8 @@ class Client:
         told = sorted(self._told.items())
         return [f"{name}: {status.message}" for name, status in told if status.level in bad]
 
-    def _complaints_text(self) -> str:
+    def complaints_text(self) -> str:
+        """Return the complaints as the end of a sentence, empty without any."""
         found = self.complaints()
         return f"; /diagnostics: {'; '.join(found)}" if found else ""
 

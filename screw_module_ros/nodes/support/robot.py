@@ -16,7 +16,13 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import Point, Vector3
-from screw_module_msgs.msg import AmplifierState, EndpointSetpoint, PlanarState, SafetyState
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EndpointSetpoint,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
 from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
 from std_srvs.srv import SetBool
 
@@ -27,20 +33,22 @@ __all__ = ["Robot", "RobotError", "arm"]
 
 _NAN = math.nan
 _LEAVE = (_NAN, _NAN, _NAN)
-_STILL = (0.0, 0.0, 0.0)
 
 
 def arm(
     target: tuple[float, float, float] = _LEAVE,
     duration: float = 0.0,
-    amplitude: tuple[float, float, float] = _STILL,
-    omega: tuple[float, float, float] = _STILL,
+    amplitude: tuple[float, float, float] = _LEAVE,
+    omega: tuple[float, float, float] = _LEAVE,
     kind: str = "",
     mass: float = _NAN,
     stiffness: float = _NAN,
     damping: float = _NAN,
 ) -> SetArm.Request:
-    """Return a change of the simulated patient, in the units of SetArm.srv; NaN and '' keep."""
+    """Return a change of the simulated patient, in the units of SetArm.srv; NaN and '' keep.
+
+    An axis with NaN as target, amplitude and omega goes on with what its hand is doing.
+    """
     return SetArm.Request(
         kind=kind,
         mass=mass,
@@ -151,15 +159,17 @@ class Robot(Client):
         """Stop the session recorder; return its summary."""
         return self.trigger("session_recorder/stop", deadline_s=30.0)
 
-    def check_enabled(self, plane: bool = True) -> None:
-        """Raise RobotError with the reason when the torque is off."""
-        drives = {"amplifier": AmplifierState, **({"manus": PlanarState} if plane else {})}
-        for name, kind in drives.items():
+    def check_enabled(self) -> None:
+        """Raise RobotError with what is known of the reason when a torque is off."""
+        for name, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
             state = self.state(kind)
             if state is None:
-                raise RobotError(f"{name} is silent{self._complaints_text()}")
+                raise RobotError(f"{name} is silent{self.complaints_text()}")
             if not state.enabled:
-                raise RobotError(f"{name} took the torque off: {state.reason}")
+                controller = self.state(ImpedanceState)
+                cause = controller.reason if controller and controller.faulted else ""
+                cause = f"; impedance_controller: {cause}" if cause else self.complaints_text()
+                raise RobotError(f"{name} took the torque off: {state.reason}{cause}")
 
     # The simulated rig ---------------------------------------------------------------------
 
