@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tests of nodes share."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+
+import pytest
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from screw_module_ros.nodes.support.runtime import ModuleNode
+
+
+def node_class(name: str) -> type[ModuleNode]:
+    """Return the node class of the executable `name`."""
+    module = importlib.import_module(f"screw_module_ros.nodes.{name}")
+    (found,) = [
+        kind
+        for _, kind in inspect.getmembers(module, inspect.isclass)
+        if issubclass(kind, ModuleNode) and kind.__module__ == module.__name__
+    ]
+    return found
+
+
+@pytest.fixture
+def make_node():
+    """Return `make_node(name, *ros_args)`: the node, declared but not configured."""
+    made = []
+
+    def make(name: str, *ros_args: str) -> ModuleNode:
+        rclpy.init(
+            args=["--ros-args", *ros_args], signal_handler_options=SignalHandlerOptions.NO
+        )
+        try:
+            node = node_class(name)()
+        except BaseException:
+            rclpy.shutdown()
+            raise
+        made.append(node)
+        node.parameters.finish()
+        return node
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    rclpy.try_shutdown()

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole graph as separate processes against the rig: topics, services, enabling, stopping.
+
+The ticks are slower than on a real bench: how fast this machine is today is not the question here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import threading
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import ReliabilityPolicy
+from screw_module_msgs.msg import (
+    AmplifierState,
+    ForceCommand,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
+from std_srvs.srv import SetBool
+
+from screw_module_ros.nodes.bringup import executable_path
+from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support.graph import GRAPH
+from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+
+RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+HOME = 0.25
+
+# Topic -> type, publisher, reliability: design.md section 3.
+TOPICS = {
+    "/screw/encoder": ("screw_module_msgs/msg/EncoderSample", "encoder", BEST_EFFORT),
+    "/handle/force": ("screw_module_msgs/msg/ForceSample", "force_sensor", BEST_EFFORT),
+    "/handle/wrench": ("geometry_msgs/msg/WrenchStamped", "force_sensor", RELIABLE),
+    "/screw/force_command": (
+        "screw_module_msgs/msg/ForceCommand", "impedance_controller", RELIABLE),
+    "/screw/controller_state": (
+        "screw_module_msgs/msg/ImpedanceState", "impedance_controller", RELIABLE),
+    "/screw/amplifier_state": ("screw_module_msgs/msg/AmplifierState", "amplifier", RELIABLE),
+    "/manus/state": ("screw_module_msgs/msg/PlanarState", "manus", RELIABLE),
+    "/endpoint_state": ("screw_module_msgs/msg/EndpointState", "endpoint_state", RELIABLE),
+    "/joint_states": ("sensor_msgs/msg/JointState", "endpoint_state", RELIABLE),
+    "/safety_state": ("screw_module_msgs/msg/SafetyState", "supervisor", RELIABLE),
+    "/sim/truth": ("screw_module_msgs/msg/SimTruth", "sim_rig", RELIABLE),
+    "/session_recorder/status": (
+        "diagnostic_msgs/msg/DiagnosticStatus", "session_recorder", RELIABLE),
+}  # fmt: skip
+
+SERVICES = {
+    "/encoder/home": "std_srvs/srv/Trigger",
+    "/force_sensor/tare": "std_srvs/srv/Trigger",
+    "/force_sensor/untare": "std_srvs/srv/Trigger",
+    "/impedance_controller/set_impedance": "screw_module_msgs/srv/SetImpedance",
+    "/impedance_controller/set_mode": "screw_module_msgs/srv/SetControlMode",
+    "/amplifier/enable": "std_srvs/srv/SetBool",
+    "/amplifier/clear_fault": "std_srvs/srv/Trigger",
+    "/manus/enable": "std_srvs/srv/SetBool",
+    "/manus/clear_fault": "std_srvs/srv/Trigger",
+    "/manus/home": "std_srvs/srv/Trigger",
+    "/manus/set_impedance": "screw_module_msgs/srv/SetImpedance",
+    "/supervisor/estop": "std_srvs/srv/Trigger",
+    "/supervisor/reset": "std_srvs/srv/Trigger",
+    "/supervisor/lock_vertical": "std_srvs/srv/SetBool",
+    "/session_recorder/start": "std_srvs/srv/Trigger",
+    "/session_recorder/stop": "std_srvs/srv/Trigger",
+    "/sim_rig/set_arm": "screw_module_msgs/srv/SetArm",
+    "/sim_rig/inject_fault": "screw_module_msgs/srv/InjectFault",
+    "/sim_rig/set_fixture": "screw_module_msgs/srv/SetFixture",
+}
+
+
+def slow_ticks() -> list[str]:
+    """Return --ros-args with ticks that a busy machine keeps up with."""
+    vertical = ("encoder", "force_sensor", "impedance_controller", "amplifier")
+    words = []
+    for node in vertical:
+        words += ["-p", f"{node}:rate:=200.0"]
+    words += ["-p", "manus:rate:=100.0", "-p", "amplifier:command_timeout:=0.2"]
+    for joint in ("shoulder", "elbow"):
+        words += ["-p", f"manus:{joint}.command_timeout:=0.2"]
+    return words
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Return the running graph; it must end in order."""
+    folder = tmp_path_factory.mktemp("bags")
+    extra = [*slow_ticks(), "-p", f"session_recorder:folder:={folder}"]
+    with GraphRun(extra=extra) as graph:
+        yield graph
+        codes = graph.stop()
+    assert codes == dict.fromkeys((entry.executable for entry in reversed(GRAPH)), 0)
+
+
+@pytest.fixture(scope="module")
+def robot(run):
+    """Return an operator of the graph whose nodes are all active."""
+    with Robot("tester", watch=run.watch) as operator:
+        run.wait_until_ready(operator, told=lambda waiting: None)
+        yield operator
+
+
+@pytest.fixture
+def ready(robot):
+    """Return the operator with the robot homed, unloaded, permitted and not enabled."""
+    robot.set_arm(arm(kind="active", target=(0.0, 0.0, HOME), duration=0.3))
+    robot.set_setpoint(0.0, 0.0, HOME)
+    for enable in (robot.enable, robot.enable_plane):
+        enable(False)
+    robot.clear_faults()
+    robot.home()
+    robot.permit()
+    return robot
+
+
+def message_class(kind: str) -> type:
+    """Return the class of a type like `std_msgs/msg/Header`."""
+    package, _, name = kind.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+class Collector:
+    """Counts what arrives on every topic of the table."""
+
+    def __init__(self, robot: Robot):
+        self.counts = dict.fromkeys([*TOPICS, "/diagnostics"], 0)
+        self.alarmed: set[str] = set()
+        self._lock = threading.Lock()
+        for topic, (kind, _, reliability) in TOPICS.items():
+            quality = 10 if reliability is RELIABLE else qos.SAMPLE
+            robot.node.create_subscription(
+                message_class(kind), topic, lambda _, t=topic: self._note(t), quality
+            )
+        robot.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 50)
+
+    def _note(self, topic: str) -> None:
+        with self._lock:
+            self.counts[topic] += 1
+
+    def _diagnose(self, array: DiagnosticArray) -> None:
+        self._note("/diagnostics")
+        self.alarmed |= {status.name for status in array.status}
+
+
+def test_every_topic_is_alive(robot):
+    """Each topic of the design: one publisher, the right node, type and reliability, messages."""
+    collector = Collector(robot)
+    robot.wait_until(
+        lambda: all(count >= 2 for count in collector.counts.values()),
+        30.0,
+        "some topics are silent",
+    )
+    for topic, (kind, node, reliability) in TOPICS.items():
+        (publisher,) = robot.node.get_publishers_info_by_topic(topic)
+        assert (publisher.node_name, publisher.topic_type) == (node, kind)
+        assert publisher.qos_profile.reliability == reliability, topic
+    names = {entry.executable for entry in GRAPH}
+    robot.wait_until(lambda: names <= collector.alarmed, 20.0, "a node gives no diagnostics")
+
+
+def test_every_service_is_there(robot):
+    """Each service of the design, with its type."""
+    robot.wait_until(
+        lambda: set(SERVICES) <= {name for name, _ in robot.node.get_service_names_and_types()},
+        20.0,
+        "services are missing",
+    )
+    offered = dict(robot.node.get_service_names_and_types())
+    for name, kind in SERVICES.items():
+        assert offered[name] == [kind], name
+
+
+def test_enable_move_and_disable(ready):
+    """After homing, taring and enabling the robot pulls the hand towards the set point."""
+    ready.tare()
+    ready.set_mode(ForceCommand.IMPEDANCE)
+    ready.set_impedance(400.0, 0.0)
+    ready.set_arm(arm(kind="relaxed"))
+    ready.enable()
+    ready.enable_plane()
+    ready.set_setpoint(0.05, 0.0, HOME + 0.06)
+    ready.wait_until(
+        lambda: abs(ready.state(PlanarState).position[0] - 0.05) < 0.03, 20.0, "no way in the plane"
+    )
+    ready.wait_until(
+        lambda: ready.state(ImpedanceState).position > HOME + 0.02, 20.0, "the handle did not rise"
+    )
+    ready.enable(False)
+    assert ready.state(AmplifierState).commanded_torque == 0.0
+
+
+def test_emergency_stop_and_reset(ready):
+    """An estop takes the torque of all axes; neither its reset nor time brings it back."""
+    ready.enable()
+    ready.enable_plane()
+    ready.trigger("supervisor/estop")
+
+    def off() -> bool:
+        return not ready.state(AmplifierState).enabled and not ready.state(PlanarState).enabled
+
+    ready.wait_until(off, 5.0, "the estop did not take the torque away")
+    with pytest.raises(RobotError, match="emergency stop"):
+        ready.enable()
+    ready.trigger("supervisor/reset")
+    ready.wait_until(
+        lambda: ready.state(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
+    )
+    ready.pause(0.5)
+    assert off()
+    ready.enable()
+
+
+def test_vertical_lock_leaves_the_plane(ready):
+    """With the pin in there is no vertical torque; the plane works on."""
+    ready.ask(SetBool, "supervisor/lock_vertical", SetBool.Request(data=True))
+    try:
+        ready.wait_until(
+            lambda: ready.state(SafetyState).vertical_locked, 5.0, "the lock is not shown"
+        )
+        with pytest.raises(RobotError, match="permit"):
+            ready.enable()
+        ready.enable_plane()
+    finally:
+        ready.ask(SetBool, "supervisor/lock_vertical", SetBool.Request(data=False))
+
+
+def test_drive_fault_is_told_and_cleared_by_hand(ready):
+    """A fault of the drive: torque off, reason and STOPPED; clear, reset, enable bring it back."""
+    ready.enable()
+    ready.inject("drive", "over_temperature")
+    ready.wait_until(
+        lambda: ready.state(AmplifierState).faulted, 5.0, "the drive's fault is not shown"
+    )
+    assert "temperature" in ready.state(AmplifierState).reason
+    ready.wait_until(
+        lambda: ready.state(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
+    )
+    ready.inject("drive", "clear")
+    ready.trigger("amplifier/clear_fault")
+    ready.trigger("supervisor/reset")
+    ready.wait_until(
+        lambda: ready.state(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
+    )
+    ready.enable()
+
+
+def test_a_second_copy_is_refused(run):
+    """Two encoder nodes in one domain: the second ends with a sentence."""
+    done = subprocess.run(
+        [executable_path("encoder")], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 2
+    assert "already runs in ROS domain" in done.stderr

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameter files name only what the nodes declare, and every node starts with them."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+from screw_module_ros.nodes.support.graph import (
+    BENCH_PARAMETERS,
+    GRAPH,
+    SIMULATION_PARAMETERS,
+)
+from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.plant.world import load_world
+from screw_module_ros.resources import resource_path
+
+FILES = {
+    SIMULATION_PARAMETERS: [entry.executable for entry in GRAPH],
+    BENCH_PARAMETERS: [entry.executable for entry in GRAPH if not entry.simulation],
+}
+PAIRS = [(file, node) for file, nodes in FILES.items() for node in nodes]
+
+
+def read(file: str) -> dict:
+    """Return the file's mapping of node to parameters."""
+    content = yaml.safe_load(resource_path(file).read_text())
+    return {node: section["ros__parameters"] for node, section in content.items()}
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_a_section_for_every_node_and_no_other(file):
+    """A misspelt node name would be ignored by ROS without a word."""
+    assert set(read(file)) == set(FILES[file])
+
+
+@pytest.mark.parametrize(("file", "name"), PAIRS)
+def test_the_node_takes_what_the_file_says(make_node, file, name):
+    """Every value in the file is declared, of the right type, in range, and taken over."""
+    node = make_node(name, "--params-file", str(resource_path(file)))
+    for parameter, value in read(file)[name].items():
+        assert node.get_parameter(parameter).value == value
+
+
+@pytest.mark.parametrize("name", FILES[SIMULATION_PARAMETERS])
+def test_every_parameter_is_described(make_node, name):
+    """`ros2 param describe` has a sentence for each parameter of ours."""
+    node = make_node(name)
+    for parameter in node.parameters.as_text():
+        assert len(node.describe_parameter(parameter).description) > 5, parameter
+
+
+@pytest.mark.parametrize("name", FILES[SIMULATION_PARAMETERS])
+def test_an_unknown_parameter_is_refused(make_node, name):
+    """A misspelt name stops the start, with the names there are."""
+    with pytest.raises(ParameterError, match="no_such_parameter is unknown to node"):
+        make_node(name, "-p", "no_such_parameter:=1")
+
+
+def test_home_position_is_where_the_rig_stands():
+    """Homing in the simulation is true: the file's mark is where the plant starts."""
+    assert read(SIMULATION_PARAMETERS)["encoder"]["home_position"] == load_world().start.position
