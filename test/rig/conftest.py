@@ -95,6 +95,16 @@ class Bench:
             return answer[4:][::-1].hex()
         return answer[4 : 8 - (answer[0] >> 2 & 3)].hex()
 
+    def statusword(self) -> str:
+        """Return the vertical drive's statusword as hex, little endian."""
+        return self.read(1, "6041:00")
+
+    def enable(self, target: str = "00 00") -> None:
+        """Enable the vertical drive by RPDO and command a target torque (hex, little endian)."""
+        for controlword in ("06 00 00 00", "07 00 00 00", "0F 00 00 00", "0F 00" + target):
+            self.send(0x201, controlword)
+        self.run(0)
+
     def start(self, node: int) -> None:
         self.ask(0x000, f"01{node:02X}")
 
