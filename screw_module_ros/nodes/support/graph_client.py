@@ -30,7 +30,7 @@ _POLL_S = 0.01
 _SERVE_S = 0.5
 ANSWER_S = 10.0
 _READY_S = 90.0
-_ASK_AGAIN_S = 1.0
+_FIRST_ASK_S, _ASK_AGAIN_S = 0.2, 1.0
 _FRESH_NS = 300_000_000
 _STATES = {
     SafetyState: "safety_state",
@@ -139,17 +139,23 @@ class Client:
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, float]]) -> bool:
-        """Whether the node has answered so; asks again where an answer does not come.
+        """Whether the node has answered so.
 
-        A node that is just being discovered may lose one.
+        A node that is just being discovered may lose a question: it is asked a moment after it was
+        seen, and again where an answer does not come.
         """
-        future, until = asked.get(name, (None, 0.0))
+        future, due = asked.get(name, (None, 0.0))
         if future is not None and future.done():
             del asked[name]
             return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
+        now = time.monotonic()
         client = self.client(GetState, f"{name}/get_state")
-        if time.monotonic() > until and client.service_is_ready():
-            asked[name] = (client.call_async(GetState.Request()), time.monotonic() + _ASK_AGAIN_S)
+        if not client.service_is_ready():
+            asked.pop(name, None)
+        elif name not in asked:
+            asked[name] = (None, now + _FIRST_ASK_S)
+        elif now > due:
+            asked[name] = (client.call_async(GetState.Request()), now + _ASK_AGAIN_S)
         return False
 
     # What the nodes say --------------------------------------------------------------------
