@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting
 
-_SKEW = 0.02  # [s], age that the slower of the two measurements may have
+_SKEW = 0.04  # [s], age that the slower of the two may have: a state message at 100 Hz is 25 ms
 
 
 class AgreementSettings(NamedTuple):
@@ -38,7 +38,7 @@ class Agreement:
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str | None:
         """Return why the two positions [m] disagree at now_ns [ns], or None.
 
-        velocity: by the encoder [m/s]; the two measurements may be 20 ms apart. Values that are not
+        velocity: by the encoder [m/s]; the two measurements may be 40 ms apart. Values that are not
         finite disagree.
         """
         if self._offset is None:

@@ -162,9 +162,10 @@ class ImpedanceControllerNode(ModuleNode):
             zero = controller.idle(now)
             if zero is not None:
                 self._send(self._encoder, zero)
+        self._follow_amplifier(now)
         if now >= self._state_due_ns:
             self._state_due_ns = now + self._state_period_ns
-            self._follow_others(now)
+            self._follow_supervisor(now)
             self._publish_state(now)
 
     def _act(self, sample: EncoderSample, now: int) -> None:
@@ -195,13 +196,15 @@ class ImpedanceControllerNode(ModuleNode):
         command.saturated = output.saturated
         self._publish(command)
 
-    def _follow_others(self, now: int) -> None:
-        """Take over what amplifier and supervisor say; a reset there clears a fault here."""
+    def _follow_amplifier(self, now: int) -> None:
         if self._amplifier.update(now) is not None:
             state = self._amplifier.message
             self._controller.amplifier(state.enabled, state.position, now)
         elif self._amplifier.stale(now):
             self._controller.amplifier(None, math.nan, now)
+
+    def _follow_supervisor(self, now: int) -> None:
+        """A reset there clears a fault here."""
         safety = self._safety.fresh(now)
         if safety is None:
             return

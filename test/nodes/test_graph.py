@@ -101,18 +101,19 @@ def robot(run):
     """Return an operator of the graph whose nodes are all active."""
     with Robot("tester", watch=run.watch) as operator:
         run.wait_until_ready(operator, told=lambda waiting: None)
+        operator.clear_faults()
+        operator.home()
         yield operator
 
 
 @pytest.fixture
 def ready(robot):
-    """Return the operator with the robot homed, unloaded, permitted and not enabled."""
+    """Return the operator with the robot unloaded, permitted and not enabled."""
     robot.set_arm(arm(kind="active", target=(0.0, 0.0, HOME), duration=0.3))
     robot.set_setpoint(0.0, 0.0, HOME)
     for enable in (robot.enable, robot.enable_plane):
         enable(False)
     robot.clear_faults()
-    robot.home()
     robot.permit()
     return robot
 
@@ -184,10 +185,14 @@ def test_enable_move_and_disable(ready):
     ready.enable_plane()
     ready.set_setpoint(0.05, 0.0, HOME + 0.06)
     ready.wait_until(
-        lambda: abs(ready.state(PlanarState).position[0] - 0.05) < 0.03, 20.0, "no way in the plane"
+        lambda: abs(ready.state(PlanarState).position[0] - 0.05) < 0.03,
+        20.0,
+        "no way in the plane",
     )
     ready.wait_until(
-        lambda: ready.state(ImpedanceState).position > HOME + 0.02, 20.0, "the handle did not rise"
+        lambda: ready.state(ImpedanceState).position > HOME + 0.02,
+        20.0,
+        "the handle did not rise",
     )
     ready.enable(False)
     assert ready.state(AmplifierState).commanded_torque == 0.0
