@@ -26,7 +26,8 @@ def nodes(context):
     """Return the Node actions the launch arguments ask for."""
     value = {a.name: LaunchConfiguration(a.name).perform(context) for a in ARGUMENTS}
     bench = value["bench"].lower() in ("true", "1", "yes")
-    params = value["params"] or str(resource_path(BENCH_PARAMETERS if bench else SIMULATION_PARAMETERS))
+    packaged = BENCH_PARAMETERS if bench else SIMULATION_PARAMETERS
+    params = value["params"] or str(resource_path(packaged))
     without = [name for name in value["without"].split(",") if name]
     return [
         Node(

@@ -157,9 +157,11 @@ class SessionRecorder(ModuleNode):
     def _each_second(self) -> None:
         session, intake = self._session, self._intake
         if session is not None and intake is not None and not session.status().error:
-            intake.discover()
-            if calibrations := intake.calibrations():
-                session.add_metadata("calibration", calibrations)
+            try:
+                intake.discover()
+                session.add_metadata("calibration", intake.calibrations())
+            except Exception as error:  # the graph may change while it is asked; ask again
+                self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
         health = self.health()
         self._status.publish(
             DiagnosticStatus(

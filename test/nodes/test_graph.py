@@ -246,6 +246,7 @@ def test_drive_fault_is_told_and_cleared_by_hand(ready):
     )
     ready.inject("drive", "clear")
     ready.trigger("amplifier/clear_fault")
+    ready.wait_until(lambda: not ready.state(AmplifierState).faulted, 5.0, "still faulted")
     ready.trigger("supervisor/reset")
     ready.wait_until(
         lambda: ready.state(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"

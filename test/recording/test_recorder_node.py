@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +21,8 @@ from screw_module_ros.recording.reader import columns, metadata, topics
 from screw_module_ros.recording.verify import verify
 
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Whoever comes late still gets everything: tests do not depend on who found whom first.
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RUN = "from screw_module_ros.nodes.session_recorder import main; raise SystemExit(main())"
 
 
@@ -29,6 +31,7 @@ class Graph:
 
     def __init__(self, wait_until):
         self.wait_until = wait_until
+        self.processes: list[subprocess.Popen] = []
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.node = rclpy.create_node("recorder_test", context=self.context)
@@ -36,12 +39,11 @@ class Graph:
         self.executor.add_node(self.node)
         self.status = DiagnosticStatus()
         self.node.create_subscription(DiagnosticStatus, "/session_recorder/status", self._heard, 10)
-        self.encoder = self.node.create_publisher(
-            messages.EncoderSample, "/screw/encoder", BEST_EFFORT
-        )
+        self.encoder = self.node.create_publisher(messages.EncoderSample, "/screw/encoder", LATCHED)
         self.state = self.node.create_publisher(
-            messages.AmplifierState, "/screw/amplifier_state", 50
+            messages.AmplifierState, "/screw/amplifier_state", LATCHED
         )
+        self.plain = self.node.create_publisher(String, "/plain", BEST_EFFORT)
         self.latched = self.node.create_publisher(String, "/latched", LATCHED)
 
     def _heard(self, status):
@@ -49,13 +51,25 @@ class Graph:
 
     def until(self, predicate, what):
         def turn():
+            ended = [process.args for process in self.processes if process.poll() is not None]
+            assert not ended, f"the recorder ended while the test waited for {what}"
             self.executor.spin_once(timeout_sec=0.01)
             return predicate()
 
-        self.wait_until(turn, 20.0, what)
+        self.wait_until(turn, 60.0, what)
 
     def values(self):
         return {value.key: value.value for value in self.status.values}
+
+    def counts(self, topic) -> dict:
+        """Return what the last status tells of a topic."""
+        return json.loads(self.values().get(topic, "{}"))
+
+    def until_recorded(self, topic, number):
+        self.until(
+            lambda: self.counts(topic).get("messages", 0) >= number,
+            f"{number} of {topic} in status",
+        )
 
     def call(self, name) -> Trigger.Response:
         """Call a service; a node that is not active yet is asked again."""
@@ -97,9 +111,9 @@ def graph(wait_until) -> Iterator[Graph]:
 
 
 @pytest.fixture
-def recorder(tmp_path):
+def recorder(tmp_path, graph):
     """Start the recorder with parameters; ended with SIGTERM, which it must answer with 0."""
-    processes = []
+    processes = graph.processes
 
     def start(**parameters) -> subprocess.Popen:
         given = {"folder": tmp_path, "name": "bag", **parameters}
@@ -111,7 +125,7 @@ def recorder(tmp_path):
     for process in processes:
         if process.poll() is None:
             process.terminate()
-            assert process.wait(20) == 0
+            assert process.wait(60) == 0
 
 
 def sequences(bag):
@@ -128,10 +142,8 @@ def test_start_record_stop(graph, recorder, tmp_path):
     graph.connected()
     graph.publish([*range(10), *range(12, 20)])
     graph.state.publish(messages.AmplifierState(calibration="line-cubic-line 1"))
-    graph.until(
-        lambda: '"messages": 18' in graph.values().get("/screw/encoder", ""), "18 samples in status"
-    )
-    assert '"lost": 2' in graph.values()["/screw/encoder"]
+    graph.until_recorded("/screw/encoder", 18)
+    assert graph.counts("/screw/encoder")["lost"] == 2
     assert graph.status.level == DiagnosticStatus.OK
     assert not graph.call("start").success
     answer = graph.call("stop")
@@ -147,14 +159,15 @@ def test_start_record_stop(graph, recorder, tmp_path):
     assert notes["configuration"][f"{tmp_path}/params.yaml"].startswith("sha256:")
     assert verify(bag).topics["/screw/encoder"].lost == 2
     assert {"/rosout", "/parameter_events"} <= set(topics(bag))
-    offer = (bag / "metadata.yaml").read_text().split('"/screw/encoder"')[1]
-    assert "reliability: best_effort" in offer.split("message_count")[0]
+    offer = (bag / "metadata.yaml").read_text().split('"/plain"')[1].split("message_count")[0]
+    assert "reliability: best_effort" in offer
+    assert "durability: volatile" in offer
 
 
 def test_topics_are_chosen_by_name_and_pattern(graph, recorder, tmp_path):
     recorder(record_on_start=True, topics="['/screw/*', latched]", exclude="['/screw/ampl*']")
-    graph.until(lambda: graph.latched.get_subscription_count(), "the subscription")
-    graph.until(lambda: graph.values().get("recording") == "True", "the recording")
+    chosen = (graph.latched, graph.encoder)
+    graph.until(lambda: all(p.get_subscription_count() for p in chosen), "the subscriptions")
     assert graph.call("stop").success
     assert set(topics(tmp_path / "bag")) == {"/screw/encoder", "/latched"}
 
@@ -177,11 +190,9 @@ def test_stopped_by_sigint_the_bag_is_closed(graph, recorder, tmp_path):
     process = recorder(record_on_start=True)
     graph.connected()
     graph.publish(range(5))
-    graph.until(
-        lambda: '"messages": 5' in graph.values().get("/screw/encoder", ""), "samples in status"
-    )
+    graph.until_recorded("/screw/encoder", 5)
     process.send_signal(2)
-    assert process.wait(20) == 0
+    assert process.wait(60) == 0
     assert sequences(tmp_path / "bag") == list(range(5))
     assert metadata(tmp_path / "bag")["state"] == "closed"
 
@@ -190,16 +201,18 @@ def test_publisher_with_weaker_quality_is_recorded_too(graph, recorder, tmp_path
     recorder(record_on_start=True)
     graph.connected()
     graph.state.publish(messages.AmplifierState(state=1))
+    graph.until_recorded("/screw/amplifier_state", 1)
     weak = graph.node.create_publisher(
         messages.AmplifierState, "/screw/amplifier_state", BEST_EFFORT
     )
-    graph.until(weak.get_subscription_count, "the weaker subscription")
-    weak.publish(messages.AmplifierState(state=2))
-    graph.until(
-        lambda: '"messages": 2' in graph.values().get("/screw/amplifier_state", ""), "both messages"
-    )
+
+    def both_recorded():
+        weak.publish(messages.AmplifierState(state=2))
+        return graph.counts("/screw/amplifier_state")["messages"] > 1
+
+    graph.until(both_recorded, "a message of the weaker publisher")
     assert graph.call("stop").success
-    assert list(columns(tmp_path / "bag", "/screw/amplifier_state")["state"]) == [1, 2]
+    assert set(columns(tmp_path / "bag", "/screw/amplifier_state")["state"]) == {1, 2}
 
 
 @pytest.mark.parametrize(
