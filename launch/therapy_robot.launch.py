@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start the therapy robot with `ros2 launch`, from the same table as the bringup executable."""
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from launch import LaunchDescription
 from screw_module_ros.nodes.support.graph import (
     BENCH_PARAMETERS,
     PACKAGE,
