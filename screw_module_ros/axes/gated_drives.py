@@ -147,12 +147,10 @@ class GatedDrives:
     @property
     def reason(self) -> str:
         """Why no torque passes, empty while it does."""
-        if self.gate.phase == gate.OPEN:
-            return ""
-        for drive in self.drives:
-            if drive.fault:
-                return drive.fault
-        return self.fault or self._closed_because or gate.REASONS[self.gate.reason]
+        fault = self.fault or next((drive.fault for drive in self.drives if drive.fault), "")
+        if fault or self.gate.phase == gate.OPEN:
+            return fault
+        return self._closed_because or gate.REASONS[self.gate.reason]
 
     def enable(self, wait: Callable[[float], object]) -> str:
         """Enable and wait until torque passes; return why not, empty when it does.

@@ -62,8 +62,8 @@ class EndpointStateNode(ModuleNode):
         take = inbox.subscribe
         self._encoder = Newest(take(EncoderSample, "screw/encoder", qos.SAMPLE), age_ns)
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), age_ns)
-        self._plane = Newest(take(PlanarState, "manus/state", qos.STATE), age_ns)
-        self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.STATE), age_ns)
+        self._plane = Newest(take(PlanarState, "manus/state", qos.NEWEST), age_ns)
+        self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.NEWEST), age_ns)
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), age_ns)
         self._state_publisher = self.create_publisher(EndpointState, "endpoint_state", qos.STATE)
         self._joint_publisher = self.create_publisher(JointState, "joint_states", qos.STATE)

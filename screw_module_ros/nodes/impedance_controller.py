@@ -99,7 +99,7 @@ class ImpedanceControllerNode(ModuleNode):
             take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
         )
         self._amplifier = Newest(
-            take(AmplifierState, "screw/amplifier_state", qos.STATE), _AMPLIFIER_AGE_NS
+            take(AmplifierState, "screw/amplifier_state", qos.NEWEST), _AMPLIFIER_AGE_NS
         )
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), _AMPLIFIER_AGE_NS)
         self._publisher = self.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)

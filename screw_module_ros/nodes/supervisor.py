@@ -44,10 +44,10 @@ _DIAGNOSTICS_NS = 3_000_000_000
 _HEARD_BY = {
     "encoder": (EncoderSample, "screw/encoder", qos.SAMPLE),
     "force_sensor": (ForceSample, "handle/force", qos.SAMPLE),
-    "impedance_controller": (ImpedanceState, "screw/controller_state", qos.STATE),
-    "amplifier": (AmplifierState, "screw/amplifier_state", qos.STATE),
-    "manus": (PlanarState, "manus/state", qos.STATE),
-    "endpoint_state": (EndpointState, "endpoint_state", qos.STATE),
+    "impedance_controller": (ImpedanceState, "screw/controller_state", qos.NEWEST),
+    "amplifier": (AmplifierState, "screw/amplifier_state", qos.NEWEST),
+    "manus": (PlanarState, "manus/state", qos.NEWEST),
+    "endpoint_state": (EndpointState, "endpoint_state", qos.NEWEST),
 }
 
 

@@ -19,5 +19,8 @@ SAMPLE = _keep_last(1, ReliabilityPolicy.BEST_EFFORT)
 COMMAND = _keep_last(1, ReliabilityPolicy.RELIABLE)
 """Commands and permissions: delivered, and only the newest counts."""
 
+NEWEST = COMMAND
+"""What the hot loop subscribes states with: a deeper queue would hand out old ones first."""
+
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE)
 """States at 50 to 200 Hz: reliable, so that clients with default settings receive them."""
