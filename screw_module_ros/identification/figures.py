@@ -130,12 +130,12 @@ def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour:
     near = slice(max(0, at - span // 2), at + span // 2 + 1)
     middle = float(np.median(force[near]))
     way = np.sign(position[end] - position[begin])
-    reach = 0.008 * np.ptp(position) * way
+    reach = 0.011 * np.ptp(position) * way
     axes.annotate(
         "",
         xy=(position[at] + reach, middle),
         xytext=(position[at] - reach, middle),
-        arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 16, "lw": 0},
+        arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 22, "lw": 0},
     )
 
 

@@ -148,11 +148,14 @@ def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
 def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     """Let the patient move in one mode; return when that was.
 
-    The virtual hand ends at its highest point, where it stands still, and goes back from there.
+    The virtual hand begins at the spring's centre and ends at its highest point, where it stands
+    still.
     """
+    still = (0.0, 0.0, 0.0)
+    robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=still, omega=still))
     robot.set_setpoint(0.0, 0.0, SPRING.centre)
     robot.set_mode(MODES[name])
-    robot.pause(_SETTLE_S)
+    robot.pause(_RETURN_S + _SETTLE_S)
     duration = (cycles + 0.25) * CYCLE_S
     ways = centre_out(cycles * CYCLE_S, targets()[:: 2 // cycles])
     begin = time.time_ns()
@@ -165,11 +168,7 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     )
     with console.progress(name, duration) as passed:
         play(robot, ways, duration, passed)
-    end = time.time_ns()
-    still = (0.0, 0.0, 0.0)
-    robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=still, omega=still))
-    robot.pause(_RETURN_S)
-    return Part(name, begin, end)
+    return Part(name, begin, time.time_ns())
 
 
 def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:

@@ -99,21 +99,18 @@ class Results(NamedTuple):
         table = Table(
             title=f"Commands to the vertical drive, {t.duration:.0f} s", show_header=False
         )
-        table.add_row("rate", f"{t.rate:.1f} 1/s", "", "")
+        table.add_row("rate", f"{t.rate:.1f} 1/s")
         table.add_row(
             "latency SYNC -> drive write",
             f"p50 {t.p50 * 1e6:.0f} us, p99 {t.p99 * 1e6:.0f} us "
-            f"(medians of the seconds; worst second's p99 {t.worst_p99 * 1e6:.0f} us)",
+            f"(of each second, the median; worst second's p99 {t.worst_p99 * 1e6:.0f} us)",
         )
-        table.add_row(
-            "late", f"{t.late} of {t.commands}, {100 * t.late / max(1, t.commands):.3f} %"
-        )
-        table.add_row("lost", f"{t.lost} of {ticks} ticks, {100 * t.lost / max(1, ticks):.3f} %")
+        table.add_row("late", f"{t.late} of {t.commands} commands ({_percent(t.late, t.commands)})")
+        table.add_row("lost", f"{t.lost} of {ticks} ticks ({_percent(t.lost, ticks)})")
         table.add_row(
             "inside the deadline of one period",
-            f"{100 * t.in_time:.3f} %",
-            f"at least {100 * IN_TIME:g} %",
-            _verdict(self._in_time),
+            f"{_percent(ticks - t.late - t.lost, ticks)}, wanted: at least {100 * IN_TIME:g} %: "
+            + _verdict(self._in_time),
         )
         return table
 
