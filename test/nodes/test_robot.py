@@ -32,7 +32,7 @@ class Bench:
         self._services = [
             make(GetState, "amplifier/get_state", self._get_state),
             make(Trigger, "encoder/home", self._answer),
-            make(Trigger, "amplifier/clear_fault", self._answer),
+            make(Trigger, "amplifier/clear_fault", self._clear),
             make(Trigger, "supervisor/reset", self._reset),
             make(SetBool, "amplifier/enable", self._enable),
             make(SetControlMode, "impedance_controller/set_mode", self._answer),
@@ -57,6 +57,10 @@ class Bench:
     def _get_state(self, request, response):
         response.current_state.id = self.lifecycle
         return response
+
+    def _clear(self, request, response):
+        self.states[AmplifierState].faulted = bool(self.refusal)
+        return self._answer(request, response)
 
     def _answer(self, request, response):
         self.asked.append(request)
@@ -169,6 +173,21 @@ def test_only_latched_faults_are_cleared(robot, bench):
     robot.pause(0.2)
     robot.clear_faults()
     assert len(bench.asked) == 1
+
+
+def test_a_fault_that_stays_is_told(robot, bench, monkeypatch):
+    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
+    bench.states[AmplifierState].faulted = True
+    bench.refusal = "no mains"
+    with pytest.raises(RobotError, match="fault of amplifier cannot be cleared: no mains"):
+        robot.clear_faults()
+
+
+def test_a_drive_that_is_silent_is_waited_for(robot, bench, monkeypatch):
+    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
+    bench.states[PlanarState].drive_state = [AmplifierState.UNKNOWN, 1]
+    with pytest.raises(RobotError, match="manus cannot be cleared: nothing heard"):
+        robot.clear_faults()
 
 
 def test_a_stop_is_reset_before_motion(robot, bench):

@@ -12,6 +12,7 @@ Every call either works or raises RobotError in a sentence that names the node a
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from screw_module_msgs.msg import (
     SafetyState,
 )
 from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 
 from . import qos
 from .graph_client import ANSWER_S, Client, RobotError
@@ -32,6 +33,7 @@ from .graph_client import ANSWER_S, Client, RobotError
 __all__ = ["Robot", "RobotError", "arm"]
 
 _NAN = math.nan
+_AFTER_CLEARING_S = 0.2
 _LEAVE = (_NAN, _NAN, _NAN)
 
 
@@ -80,11 +82,27 @@ class Robot(Client):
         return self.trigger("force_sensor/tare")
 
     def clear_faults(self) -> None:
-        """Clear latched faults of the drives; each says so itself when its cause persists."""
-        for node, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
-            self.wait_until(lambda kind=kind: self.state(kind), ANSWER_S, f"{node} is silent")
-            if self.state(kind).faulted:
-                self.trigger(f"{node}/clear_fault")
+        """Clear latched faults of the drives until they answer and none is left."""
+        self._clear("amplifier", AmplifierState, lambda state: (state.state,))
+        self._clear("manus", PlanarState, lambda state: state.drive_state)
+
+    def _clear(self, node: str, kind: type, drives: Callable[[Any], Any]) -> None:
+        refusal = ""
+
+        def healthy() -> bool:
+            nonlocal refusal
+            state = self.state(kind)
+            if state is None:
+                return False
+            if not state.faulted:
+                return AmplifierState.UNKNOWN not in drives(state)
+            answer = self.call(Trigger, f"{node}/clear_fault")
+            refusal = "" if answer.success else answer.message
+            self.pause(_AFTER_CLEARING_S)
+            return False
+
+        if not self.met(healthy, ANSWER_S):
+            raise RobotError(f"the fault of {node} cannot be cleared: {refusal or self.said(node)}")
 
     def permit(self) -> None:
         """Wait for the supervisor's permission; acknowledge what stopped the robot before."""
