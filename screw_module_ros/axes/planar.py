@@ -34,6 +34,7 @@ from ..geometry import MANUS, inverse
 from ..settings import Setting
 from .gated_drives import GatedDrives
 
+_FRESH_NS = 100_000_000
 _HALF_RANGE = 1 << 31
 _RANGE_MASK = (1 << 32) - 1
 
@@ -204,12 +205,12 @@ class PlanarAxes:
 
     # -- any thread ------------------------------------------------------------------------------
 
-    def home(self) -> str:
+    def home(self, now_ns: int) -> str:
         """Declare that the handle stands at the reference mark; return why not, else empty."""
         settings = self._joint_settings
         if self.drives.enabled:
             return "disable the plane first"
-        if self.output is None:
+        if not self._acted_ns or now_ns - self._acted_ns > _FRESH_NS:
             return "the drives do not answer"
         for drive, joint in zip(self.drives.drives, self.joints, strict=True):
             if abs(joint.velocity) > settings.home_speed_limit:

@@ -13,10 +13,12 @@ import socket
 from typing import Annotated, NamedTuple
 
 import can
+from can.interfaces.udp_multicast import UdpMulticastBus
 
 from ..settings import Setting, validated
 from .errors import BusError
 from .port import Port
+from .udp_bus import LeanUdpBus
 
 __all__ = ["BusSettings", "Port", "open_bus", "open_port"]
 
@@ -52,7 +54,7 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     """
     validated(settings)
     try:
-        bus = can.Bus(ignore_config=True, **_arguments(settings))
+        bus = _opened(settings)
     except Exception as error:  # each backend raises what its vendor's library does
         raise BusError(_cannot_open(settings, error)) from error
     if settings.interface == "udp_multicast":
@@ -71,13 +73,14 @@ def where(settings: BusSettings) -> str:
     return f"{settings.interface} {settings.channel}{tail}"
 
 
-def _arguments(settings: BusSettings) -> dict:
-    common = {"interface": settings.interface, "channel": settings.channel}
-    if settings.interface == "udp_multicast":
-        return common | {"port": settings.port, "hop_limit": 0, "fd": settings.fd}
-    if settings.interface == "virtual":
-        return common
-    return common | {"bitrate": settings.bitrate, "fd": settings.fd}
+def _opened(settings: BusSettings) -> can.BusABC:
+    interface, channel, fd = settings.interface, settings.channel, settings.fd
+    if interface == "udp_multicast":
+        lean = not fd and ":" not in channel  # classical frames, IPv4
+        kind = LeanUdpBus if lean else UdpMulticastBus
+        return kind(channel=channel, port=settings.port, hop_limit=0, fd=fd)
+    more = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
+    return can.Bus(interface=interface, channel=channel, ignore_config=True, **more)
 
 
 def _tune_multicast(bus: can.BusABC) -> None:

@@ -109,6 +109,7 @@ class AmplifierNode(DriverNode):
         )
         self._meter = DeadlineMeter(self.period_ns)
         self._force = 0.0
+        self._pumped_ns = 0
         self._state_due_ns = 0
         self._drive.start()
         self.start_clock()
@@ -145,11 +146,15 @@ class AmplifierNode(DriverNode):
             return  # latched by the driver, shown by state and diagnostics
 
     def _act(self, command: ForceCommand, now: int) -> None:
-        self.port.pump(0.0)
+        self._pump(now)
         self._force = command.force
         acted = self._axis.command(command.sequence, command.monotonic_ns, command.force, now)
         if acted:
             self._meter.tick(command.sequence, command.monotonic_ns, time.monotonic_ns())
+
+    def _pump(self, now: int) -> None:
+        self._pumped_ns = now
+        self.port.pump(0.0)
 
     def _tick(self, now: int) -> None:
         self.skipped += self.ticker.take().skipped
@@ -160,10 +165,11 @@ class AmplifierNode(DriverNode):
             reason = safety.reasons[0] if safety.reasons else ""
             self._axis.drives.permit(safety.vertical_permitted, reason, now)
         self._stop_when_late(now)
+        if now - self._pumped_ns > self.period_ns:
+            self._pump(now)  # no command came that would have done it
         self._axis.idle(now)
         if now >= self._state_due_ns:
             self._state_due_ns = now + self._state_period_ns
-            self.port.pump(0.0)
             self._publish_state(now)
 
     def _stop_when_late(self, now: int) -> None:

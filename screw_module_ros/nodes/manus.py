@@ -37,7 +37,7 @@ _FORCE_AGE_NS = 200_000_000
 class ManusSettings(NamedTuple):
     """What the node adds to drives and law."""
 
-    state_every: Annotated[int, Setting("ticks per manus/state message", "", 1, 100)] = 2
+    state_every: Annotated[int, Setting("ticks per manus/state message", "", 1, 100)] = 4
     handle_force_limit: Annotated[
         float, Setting("planar handle force that stops the plane", "N", 1.0, 1000.0)
     ] = 150.0
@@ -259,7 +259,11 @@ class ManusNode(DriverNode):
         )
 
     def _home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, lambda: self._axes.home(), "homed at the reference mark")
+        return self._answer(
+            response,
+            lambda: self._axes.home(time.monotonic_ns()),
+            "homed at the reference mark",
+        )
 
     def _set_impedance(
         self, request: SetImpedance.Request, response: SetImpedance.Response

@@ -76,7 +76,8 @@ class SimRigNode(ModuleNode):
             self.parameters.read(RigSettings, "devices"),
         )
         self._publisher = self.create_publisher(SimTruth, "sim/truth", qos.STATE)
-        self._timer = self.create_timer(1.0 / settings.truth_rate, self._publish_truth)
+        self._truth_period_ns = round(1e9 / settings.truth_rate)
+        self._truth_due_ns = 0
         self._rig_services = [
             self.create_service(SetArm, "~/set_arm", self._set_arm),
             self.create_service(SetFixture, "~/set_fixture", self._set_fixture),
@@ -92,7 +93,6 @@ class SimRigNode(ModuleNode):
         """Close the buses."""
         if self._rig is not None:
             self._rig.close()
-            self.destroy_timer(self._timer)
             self.destroy_publisher(self._publisher)
             for service in self._rig_services:
                 self.destroy_service(service)
@@ -103,7 +103,14 @@ class SimRigNode(ModuleNode):
 
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""
-        self._rig.run(lambda: self.stopping.is_set() or not self.active)
+        self._rig.run(self._look_up)
+
+    def _look_up(self) -> bool:
+        """Between two frames: publish sim/truth when due; return whether to stop serving."""
+        if time.monotonic_ns() >= self._truth_due_ns:
+            self._truth_due_ns = time.monotonic_ns() + self._truth_period_ns
+            self._publish_truth()
+        return self.stopping.is_set() or not self.active
 
     def _publish_truth(self) -> None:
         message = self._truth
