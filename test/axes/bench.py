@@ -138,7 +138,7 @@ class Bench:
         self.connect()
         self.ticks(30)
         self.encoder.home()
-        assert self.axes.home() == ""
+        assert self.axes.home(self.now_ns) == ""
         self.force_sensor.tare(self.gather(120))
         self.ticks(20)
 

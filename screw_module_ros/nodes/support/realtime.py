@@ -38,11 +38,12 @@ class RealtimeSettings(NamedTuple):
 
 
 def prepare(settings: RealtimeSettings) -> list[str]:
-    """Give every thread of the process its scheduling.
+    """Give the threads of the process their scheduling.
 
-    The executor's thread too: while it holds the interpreter's lock the loop waits for it, so it
-    must not be held up by anything that may not hold up the loop. Call from the loop's thread
-    after start-up. Returns what could not be had, as sentences.
+    The executor's thread gets the loop's: while it holds the interpreter's lock the loop waits for
+    it, so nothing that may not hold up the loop may hold it up. Of Fast DDS's threads only those
+    that bring samples get it: discovery is a burst of work and must not come first. Call from the
+    loop's thread after start-up. Returns what could not be had, as sentences.
     """
     refused: list[str] = []
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
@@ -55,7 +56,7 @@ def prepare(settings: RealtimeSettings) -> list[str]:
         try:
             if wanted and not missing:
                 os.sched_setaffinity(thread, wanted)
-            if settings.priority:
+            if settings.priority and _in_the_way_of_samples(thread):
                 os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(settings.priority))
         except PermissionError:
             refused.append(
@@ -63,11 +64,24 @@ def prepare(settings: RealtimeSettings) -> list[str]:
                 "scheduler (grant rtprio in limits.conf to have it)"
             )
             break
-        except ProcessLookupError:
+        except (ProcessLookupError, FileNotFoundError):
             continue
     gc.collect()
     gc.freeze()
     return refused
+
+
+def _in_the_way_of_samples(thread: int) -> bool:
+    """Return whether samples pass through `thread`: Python's own, and Fast DDS's odd ports.
+
+    By the RTPS port numbers (DDSI-RTPS 2.5, 9.6.2.3) discovery has even ones, user traffic odd.
+    """
+    with open(f"/proc/self/task/{thread}/comm") as file:
+        name = file.read().strip()
+    if not name.startswith("dds."):
+        return True
+    port = name.rpartition(".")[2]
+    return name.startswith("dds.shm.") and port.isdigit() and int(port) % 2 == 1
 
 
 class Tick(NamedTuple):
