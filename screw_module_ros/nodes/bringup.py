@@ -8,6 +8,7 @@ for environments without the launch package.
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import subprocess
 import sys
@@ -19,7 +20,7 @@ import click
 
 from screw_module_ros.resources import resource_path
 
-from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen
+from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, placement
 from .support.leftovers import remove_orphans
 
 _POLITE_S = 8.0
@@ -95,7 +96,9 @@ def start(
     `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args.
     """
     default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
-    arguments = ["--ros-args", "--params-file", params or str(resource_path(default)), *extra]
+    file = params or str(resource_path(default))
+    placed = placement(len(os.sched_getaffinity(0)))
+    arguments = ["--ros-args", "--params-file", file, *placed, *extra]
     if namespace:
         arguments += ["-r", f"__ns:={namespace}"]
     return [Process(entry.executable, arguments) for entry in chosen(simulation, only, without)]

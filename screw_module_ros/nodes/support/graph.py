@@ -16,24 +16,25 @@ class Entry(NamedTuple):
 
     executable: name of the executable and of the node
     simulation: started only against the simulated rig
-    required: the others cannot move without it
+    core: processor core on a machine with two of them, None for either: the chain from encoder to
+    amplifier keeps one core and its caches, the rig and the force sensor the other
     """
 
     executable: str
     simulation: bool = False
-    required: bool = True
+    core: int | None = None
 
 
 GRAPH = (
-    Entry("sim_rig", simulation=True),
+    Entry("sim_rig", simulation=True, core=1),
     Entry("supervisor"),
-    Entry("encoder"),
-    Entry("force_sensor"),
-    Entry("impedance_controller"),
-    Entry("amplifier"),
+    Entry("encoder", core=0),
+    Entry("force_sensor", core=1),
+    Entry("impedance_controller", core=0),
+    Entry("amplifier", core=0),
     Entry("manus"),
-    Entry("endpoint_state", required=False),
-    Entry("session_recorder", required=False),
+    Entry("endpoint_state"),
+    Entry("session_recorder"),
 )
 
 SIMULATION_PARAMETERS = "params/sim.yaml"
@@ -55,4 +56,19 @@ def chosen(simulation: bool, only: list[str] = (), without: list[str] = ()) -> l
         if (simulation or not entry.simulation)
         and (not only or entry.executable in only)
         and entry.executable not in without
+    ]
+
+
+def placement(cores: int) -> list[str]:
+    """Return the --ros-args that place the nodes on a machine with `cores` processor cores.
+
+    Only two cores need it: with more, the scheduler finds a free one.
+    """
+    if cores != 2:
+        return []
+    return [
+        word
+        for entry in GRAPH
+        if entry.core is not None
+        for word in ("-p", f"{entry.executable}:realtime.cores:=[{entry.core}]")
     ]

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 
 class RateMeter:
     """Turns a counter into a rate, from one diagnostics entry to the next."""
@@ -12,8 +14,9 @@ class RateMeter:
         self._time_ns = 0
 
     def rate(self, count: int, now_ns: int) -> float:
-        """Return events per second since the last call, 0 at the first."""
+        """Return events per second since the last call, NaN at the first and after a restart."""
         elapsed = (now_ns - self._time_ns) * 1e-9
-        rate = (count - self._count) / elapsed if self._time_ns and elapsed > 0 else 0.0
+        known = self._time_ns and elapsed > 0 and count >= self._count
+        rate = (count - self._count) / elapsed if known else math.nan
         self._count, self._time_ns = count, now_ns
         return rate

@@ -23,7 +23,7 @@ from rclpy.subscription import Subscription
 from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
-_SWITCH_INTERVAL = 100e-6  # s; a service callback holds the interpreter at most this long
+_SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
 class RealtimeSettings(NamedTuple):
@@ -41,9 +41,9 @@ def prepare(settings: RealtimeSettings) -> list[str]:
     """Give the threads of the process their scheduling.
 
     The executor's thread gets the loop's: while it holds the interpreter's lock the loop waits for
-    it, so nothing that may not hold up the loop may hold it up. Of Fast DDS's threads only those
-    that bring samples get it: discovery is a burst of work and must not come first. Call from the
-    loop's thread after start-up. Returns what could not be had, as sentences.
+    it in short naps, and with less priority it would never be let finish. Of Fast DDS's threads
+    only those that bring samples get it: discovery is a burst of work and must not come first.
+    Call from the loop's thread after start-up. Returns what could not be had, as sentences.
     """
     refused: list[str] = []
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
