@@ -146,11 +146,12 @@ class AmplifierNode(DriverNode):
             return  # latched by the driver, shown by state and diagnostics
 
     def _act(self, command: ForceCommand, now: int) -> None:
-        self._pump(now)
+        # Torque first: the status read last time is one period old, ten are allowed.
         self._force = command.force
         acted = self._axis.command(command.sequence, command.monotonic_ns, command.force, now)
         if acted:
             self._meter.tick(command.sequence, command.monotonic_ns, time.monotonic_ns())
+        self._pump(now)
 
     def _pump(self, now: int) -> None:
         self._pumped_ns = now

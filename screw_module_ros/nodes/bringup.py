@@ -97,7 +97,7 @@ def start(
     """
     default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
     file = params or str(resource_path(default))
-    placed = placement(len(os.sched_getaffinity(0)))
+    placed = placement(len(os.sched_getaffinity(0))) if simulation else []
     arguments = ["--ros-args", "--params-file", file, *placed, *extra]
     if namespace:
         arguments += ["-r", f"__ns:={namespace}"]
