@@ -26,6 +26,7 @@ from screw_module_ros.recording.errors import BagError
 
 from .demo_report import FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, evaluated
 from .support.console import Console
+from .support.graph import patience
 from .support.graph_run import GraphRun, Interrupted
 from .support.reach import Way, centre_out, on_way, targets
 from .support.robot import Robot, RobotError, arm
@@ -58,6 +59,7 @@ class Options(NamedTuple):
     params: str | None
     node_logs: bool
     strict: bool
+    bench_guards: bool
 
 
 @click.command(context_settings={"show_default": True})
@@ -71,6 +73,7 @@ class Options(NamedTuple):
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--node-logs", is_flag=True, help="Show what the nodes log, not only file it.")
+@click.option("--bench-guards", is_flag=True, help="Time limits as for a patient of flesh.")
 @click.option("--strict", is_flag=True, help="Exit with 3 when a figure is not what is wanted.")
 def command(**given) -> None:
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
@@ -104,6 +107,9 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
     extra += ["-p", "session_recorder:name:=session"]
     if not options.node_logs:
         extra.append("--disable-stdout-logs")
+    if not options.bench_guards:
+        console.show("Time limits of the guards are widened: the patient is simulated.")
+        extra = [*patience(), *extra]
     with GraphRun(options.params, extra) as graph:
         try:
             with Robot("demo", watch=graph.watch) as robot:
