@@ -13,9 +13,6 @@ from .drive_settings import SLOW_STATUS, STATUS, DriveSettings
 from .emcy import Emergency
 from .port import SYNC_ID, Port
 
-#: Without a statusword for so many periods the state is unknown.
-STALE_PERIODS = 10
-
 
 @dataclass
 class DriveCounters:
@@ -63,7 +60,7 @@ class DriveReports:
         self._label = label
         self._logic = logic
         self._counters = counters
-        self._stale_ns = round(STALE_PERIODS * 1e9 / settings.rate)
+        self._stale_ns = round(settings.stale_periods * 1e9 / settings.rate)
         self._divider = settings.sync_divider
         self._mode = 0
         self._torque_of = 0.0

@@ -71,6 +71,10 @@ class DriveSettings(NamedTuple):
     drive_heartbeat: Annotated[
         float, Setting("time between the drive's heartbeats, object 1017", "s", 0.002, 10.0)
     ] = 0.05
+    stale_periods: Annotated[
+        float, Setting("age of the statusword beyond which the drive's state is unknown", "periods",
+                       2.0, 1000.0)
+    ] = 10.0
     enable_timeout: Annotated[
         float, Setting("enabling and recovering must succeed within", "s", 0.01, 60.0)
     ] = 2.0

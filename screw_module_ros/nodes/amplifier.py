@@ -27,6 +27,7 @@ from .support.realtime import Inbox
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
 
+_LOOK_EVERY = 4  # ticks between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
 
@@ -158,14 +159,12 @@ class AmplifierNode(DriverNode):
         self.port.pump(0.0)
 
     def _tick(self, now: int) -> None:
-        self.skipped += self.ticker.take().skipped
+        tick = self.ticker.take()
+        self.skipped += tick.skipped
         self._drive.sync(now)
         self._drive.heartbeat(now)
-        safety = self._take_safety()
-        if safety is not None:
-            reason = safety.reasons[0] if safety.reasons else ""
-            self._axis.drives.permit(safety.vertical_permitted, reason, now)
-        self._stop_when_late(now)
+        if tick.sequence % _LOOK_EVERY == 0:
+            self._look_around(now)
         if now - self._pumped_ns > self.period_ns:
             self._pump(now)  # no command came that would have done it
         self._axis.idle(now)
@@ -173,7 +172,11 @@ class AmplifierNode(DriverNode):
             self._state_due_ns = now + self._state_period_ns
             self._publish_state(now)
 
-    def _stop_when_late(self, now: int) -> None:
+    def _look_around(self, now: int) -> None:
+        safety = self._take_safety()
+        if safety is not None:
+            reason = safety.reasons[0] if safety.reasons else ""
+            self._axis.drives.permit(safety.vertical_permitted, reason, now)
         missed = self._meter.missed_in_a_row(now)
         drives = self._axis.drives
         if drives.enabled and missed >= self._missed_limit and not drives.fault:

@@ -88,6 +88,7 @@ def patience() -> list[str]:
         "amplifier:gate.safety_timeout": 0.5,
         "amplifier:command_timeout": 0.2,
         "amplifier:heartbeat_timeout": 0.5,
+        "amplifier:stale_periods": 200.0,
         "amplifier:missed_limit": 200,
         "manus:gate.command_periods": 50.0,
         "manus:gate.safety_timeout": 0.5,
@@ -96,6 +97,8 @@ def patience() -> list[str]:
         "manus:shoulder.heartbeat_timeout": 0.5,
         "manus:elbow.command_timeout": 0.2,
         "manus:elbow.heartbeat_timeout": 0.5,
+        "manus:shoulder.stale_periods": 100.0,
+        "manus:elbow.stale_periods": 100.0,
         "manus:missed_limit": 100,
         "supervisor:timeout": 0.5,
     }
