@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-RADIUS = 0.14
+RADIUS = 0.10
 """From the workspace centre to each target [m]."""
 TARGETS = 8
 
