@@ -89,7 +89,8 @@ def command(**given) -> None:
         console.fail("stopped; every node was ended in order")
         sys.exit(130)
     except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
-        console.fail(f"the demo did not work: {error}\nWhat there is so far lies in {run}")
+        rest = f"\nWhat there is so far lies in {run}" if run.is_dir() else ""
+        console.fail(f"the demo did not work: {error}{rest}")
         sys.exit(1)
     console.show(*results.tables(), f"All in {time.monotonic() - begun:.0f} s.")
     if options.strict and not results.accepted:
