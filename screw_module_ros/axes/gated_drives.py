@@ -21,6 +21,7 @@ from ..devices.errors import DeviceError
 
 _ANSWER_S = 1.0
 _POLL_S = 0.005
+_PERMISSION_S = 0.1
 
 
 class GatedDrives:
@@ -155,9 +156,14 @@ class GatedDrives:
     def enable(self, wait: Callable[[float], object]) -> str:
         """Enable and wait until torque passes; return why not, empty when it does.
 
-        wait: sleeps so many seconds, or less when the process ends.
+        wait: sleeps so many seconds, or less when the process ends. A permission that was given
+        just now may still be on its way, so its absence is no reason to refuse at once.
         """
         refused = self._ask(self._open)
+        patience = time.monotonic() + _PERMISSION_S
+        while refused and not self._permitted and time.monotonic() < patience:
+            wait(_POLL_S)
+            refused = self._ask(self._open)
         if refused:
             return refused
         deadline = time.monotonic() + self._settings.drive_timeout + _ANSWER_S

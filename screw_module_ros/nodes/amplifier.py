@@ -27,7 +27,7 @@ from .support.realtime import Inbox
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
 
-_LOOK_EVERY = 4  # ticks between looks at safety_state and the missed deadlines
+_LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
 
@@ -110,6 +110,7 @@ class AmplifierNode(DriverNode):
         )
         self._meter = DeadlineMeter(self.period_ns)
         self._force = 0.0
+        self._look_every = max(1, round(_LOOK_S * 1e9 / self.period_ns))
         self._pumped_ns = 0
         self._state_due_ns = 0
         self._drive.start()
@@ -163,7 +164,7 @@ class AmplifierNode(DriverNode):
         self.skipped += tick.skipped
         self._drive.sync(now)
         self._drive.heartbeat(now)
-        if tick.sequence % _LOOK_EVERY == 0:
+        if tick.sequence % self._look_every == 0:
             self._look_around(now)
         if now - self._pumped_ns > self.period_ns:
             self._pump(now)  # no command came that would have done it

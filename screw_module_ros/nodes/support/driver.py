@@ -16,7 +16,7 @@ from .realtime import Tick, Ticker
 from .runtime import ModuleNode
 from .single import Lock, lock_device
 
-_SLOW_POLL_S = 1.0
+_SLOW_POLL_S = 5.0
 
 
 class RateSettings(NamedTuple):
