@@ -44,8 +44,8 @@ MODES = {
     FORCE_FEEDBACK: ForceCommand.FORCE_FEEDBACK,
 }
 _LEAVE = math.nan
-_SETPOINT_PERIOD_S = 0.01  # as a game publishes
-_CHECK_EVERY = 25  # set points
+_SETPOINT_PERIOD_S = 0.02  # as a game at 50 frames per second publishes
+_CHECK_EVERY = 12  # set points
 _SETTLE_S = 0.8
 _RETURN_S = 1.5
 

@@ -26,7 +26,7 @@ from . import qos
 from .freshness import Newest
 from .realtime import Inbox
 
-_POLL_S = 0.01
+_POLL_S = 0.02
 _SERVE_S = 0.5
 ANSWER_S = 10.0
 _READY_S = 90.0
