@@ -71,7 +71,7 @@ def test_start_values_reach_the_tuple(make):
         ("spring.stiffness:=100", "write 1.0, not 1"),
         ("spring.stiffness:=soft", "type float"),
         ("spring.kind:=medium", "one of 'soft', 'hard'"),
-        ("spring.axes:=[0.1]", "2 numbers are wanted"),
+        ("spring.axes:=[0.1]", "2 values are wanted"),
         ("spring.axes:=[0.1, 2.0]", "above the largest allowed"),
     ],
 )

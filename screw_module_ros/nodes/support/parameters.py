@@ -131,9 +131,9 @@ def _problem(name: str, field: Field, value: Any, wanted: type) -> str:
         example = " (write 1.0, not 1)" if wanted is float and isinstance(value, int) else ""
         return f"{name} = {value!r}: a value of type {wanted.__name__} is wanted{example}"
     if wanted is list:
-        size = len(get_args(field.kind))  # a bare `tuple` may have any length
-        if size and len(value) != size:
-            return f"{name} = {list(value)!r}: {size} numbers are wanted"
+        parts = get_args(field.kind)  # a bare `tuple` and `tuple[str, ...]` have any length
+        if parts and ... not in parts and len(value) != len(parts):
+            return f"{name} = {list(value)!r}: {len(parts)} values are wanted"
     return problem(field, value, name)
 
 
