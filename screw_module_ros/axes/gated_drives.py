@@ -77,8 +77,15 @@ class GatedDrives:
             self._safety_ns,
             self._permitted,
             all(state is State.OPERATION_ENABLED for state in states),
-            bool(self.fault) or any(drive.fault for drive in self.drives),
+            bool(self._latched()),
         )
+
+    def _drive_fault(self) -> str:
+        return next((drive.fault for drive in self.drives if drive.fault), "")
+
+    def _latched(self) -> str:
+        """Return the owner's fault or a drive's, empty when there is none."""
+        return self.fault or self._drive_fault()
 
     def _close(self) -> None:
         self._closed_because = self._why(self.gate)
@@ -87,8 +94,7 @@ class GatedDrives:
 
     def _why(self, state: GateState) -> str:
         if state.reason == gate.DRIVE_FAULT or state.reason == gate.DRIVE_LEFT:
-            own = self.fault or next((drive.fault for drive in self.drives if drive.fault), "")
-            return own or gate.REASONS[state.reason]
+            return self._latched() or gate.REASONS[state.reason]
         if state.reason == gate.NO_PERMISSION and self._safety_reason:
             return f"not permitted: {self._safety_reason}"
         return gate.REASONS[state.reason]
@@ -141,14 +147,12 @@ class GatedDrives:
     @property
     def faulted(self) -> bool:
         """Whether something is latched that `clear_fault` must clear."""
-        return (
-            self.gate.latched or bool(self.fault) or any(drive.fault for drive in self.drives)
-        )
+        return self.gate.latched or bool(self._latched())
 
     @property
     def reason(self) -> str:
         """Why no torque passes, empty while it does."""
-        fault = self.fault or next((drive.fault for drive in self.drives if drive.fault), "")
+        fault = self._latched()
         if fault or self.gate.phase == gate.OPEN:
             return fault
         return self._closed_because or gate.REASONS[self.gate.reason]
@@ -187,7 +191,7 @@ class GatedDrives:
         deadline = time.monotonic() + patience
         while any(drive.recovering for drive in self.drives) and time.monotonic() < deadline:
             wait(_POLL_S)
-        left = next((drive.fault for drive in self.drives if drive.fault), "")
+        left = self._drive_fault()
         return left or self._ask(self._clear)
 
     def _ask(self, action: Callable[[GateInput], str]) -> str:

@@ -66,12 +66,7 @@ class EncoderNode(DriverNode):
 
     def step(self) -> None:
         """One tick: SYNC out, position in, sample out."""
-        tick = self.next_tick()
-        try:
-            self._device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
-            reading = self.await_reading(self._device)
-        except DeviceError:
-            return  # counted by the driver, shown by the diagnostics
+        reading = self.sample(self._device)
         if reading is None:
             return
         message = self._message

@@ -11,7 +11,7 @@ from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import Trigger
 
-from screw_module_ros.devices.errors import DeviceError, NotTared
+from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
@@ -67,7 +67,9 @@ class ForceSensorNode(DriverNode):
         self._publish = self._publisher.handle.publish
 
     def begin(self) -> None:
-        """Let the samples flow."""
+        """Let the samples flow; a fault latched before is cleared, it was asked for."""
+        if self._device.fault:
+            self._device.clear_fault()
         self._device.start()
         self.start_clock()
 
@@ -87,12 +89,7 @@ class ForceSensorNode(DriverNode):
 
     def step(self) -> None:
         """One tick: ask, wait for both halves, publish."""
-        tick = self.next_tick()
-        try:
-            self._device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
-            reading = self.await_reading(self._device)
-        except DeviceError:
-            return  # counted by the driver, shown by the diagnostics
+        reading = self.sample(self._device)
         if reading is None:
             return
         message = self._message
@@ -125,18 +122,24 @@ class ForceSensorNode(DriverNode):
         if not self.active:
             response.message = "the node is not active"
             return response
-        self._tared.clear()
-        self._taring = []
-        self._tared.wait(_TARE_PATIENCE_S)
-        readings, self._taring = self._taring, None
         try:
-            bias = self._device.tare(readings)
-        except NotTared as error:
+            if self._device.fault:
+                self._device.clear_fault()
+            bias = self._device.tare(self._gathered())
+        except DeviceError as error:
             response.message = str(error)
             return response
         response.success = True
         response.message = f"tared, removing {_told(bias)}"
         return response
+
+    def _gathered(self) -> list[ForceReading]:
+        """Return the readings of the next moments, from the loop's thread."""
+        self._tared.clear()
+        self._taring = []
+        self._tared.wait(_TARE_PATIENCE_S)
+        readings, self._taring = self._taring, None
+        return readings
 
     def _untare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._device is None:
@@ -151,7 +154,7 @@ class ForceSensorNode(DriverNode):
         self._device.poll_slow()
 
     def health(self) -> Health:
-        """Rate, faults, counters. A fault that has been gone for a second is forgotten."""
+        """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
         device = self._device
         counters = device.snapshot()
         rate = self._rate.rate(counters.received, time.monotonic_ns())
@@ -162,9 +165,7 @@ class ForceSensorNode(DriverNode):
             **self.port_values(),
         }
         if device.fault:
-            fault = device.fault
-            device.clear_fault()  # latched again at once while it persists
-            return Health(ERROR, fault, values)
+            return Health(ERROR, device.fault, values)
         if rate < 0.5e9 / self.period_ns:
             return Health(ERROR, f"only {rate:.0f} samples/s", values)
         return Health(OK, "sampling", values)

@@ -254,6 +254,17 @@ def test_drive_fault_is_told_and_cleared_by_hand(ready):
     ready.enable()
 
 
+def test_a_sensor_fault_stays_until_somebody_clears_it(ready):
+    """A bad status is shown and latched; gone at the device it is cleared by ~/tare, not before."""
+    ready.inject("force_sensor", "status", 5.0)
+    ready.wait_until(lambda: "supply" in ready.said("force_sensor"), 10.0, "the fault is not told")
+    ready.inject("force_sensor", "clear")
+    ready.pause(2.5)
+    assert "supply" in ready.said("force_sensor")
+    ready.tare()
+    ready.wait_until(lambda: ready.said("force_sensor") == "sampling", 10.0, "still in fault")
+
+
 def test_a_second_copy_is_refused(run):
     """Two encoder nodes in one domain: the second ends with a sentence."""
     done = subprocess.run(

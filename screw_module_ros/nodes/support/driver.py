@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 from screw_module_ros.devices.bus import BusSettings, open_port, where
 from screw_module_ros.devices.bus_load import check_load
+from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.port import Port
 from screw_module_ros.settings import Setting
 
@@ -78,8 +79,16 @@ class DriverNode(ModuleNode):
         self.skipped += tick.skipped
         return tick
 
-    def await_reading(self, device):
-        """Pump the bus until `device` has its reading of this tick; None at the next tick."""
+    def sample(self, device):
+        """Sleep until the tick, ask `device` and return its reading, None when it does not come."""
+        tick = self.next_tick()
+        try:
+            device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
+            return self._await_reading(device)
+        except DeviceError:
+            return None  # counted by the driver, shown by the diagnostics
+
+    def _await_reading(self, device):
         due = self.ticker.due_ns()
         while (reading := device.reading()) is None:
             left = due - time.monotonic_ns()
