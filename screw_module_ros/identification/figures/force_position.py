@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of force against position and of the handle's path, in the manner of thesis chapter 6.
 
-Functions return matplotlib figures, drawn without a display; `save` writes them. The desired spring
-is a heavy dotted line, arrows show the direction of travel, a circle the start.
+Functions return matplotlib figures, drawn without a display. The desired spring is a heavy dotted
+line, arrows show the direction of travel, a circle the start.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
@@ -16,26 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoMinorLocator
 
-from .force_position import Spring, spring_force
-from .session import Path3D, Trace
+from ..force_position import Spring, spring_force
+from ..session import Path3D, Trace
+from .style import COLOURS, DESIRED, STYLE
 
-STYLE = {
-    "font.size": 10.0,
-    "axes.titlesize": 11.0,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": "#d9d9d9",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "lines.linewidth": 1.1,
-    "savefig.dpi": 150,
-}
-# Okabe and Ito's colours: told apart in grey and by the colour-blind.
-COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7", "#56b4e9")
-DESIRED = "#222222"
 _MOST_POINTS = 6000
 _ARROWS = (0.15, 0.4, 0.65, 0.9)
 
@@ -99,17 +82,6 @@ def path_3d(paths: Sequence[Path3D], targets: np.ndarray | None = None, title: s
             axes.set_title(title, loc="left")
         axes.legend(loc="upper left")
     return figure
-
-
-def save(figure: Figure, file: Path | str) -> Path:
-    """Write the figure as PNG (or what the name's ending says); return the path.
-
-    Raises OSError when the file cannot be written.
-    """
-    file = Path(file)
-    with rc_context(STYLE):
-        figure.savefig(file)
-    return file
 
 
 def _loop(axes: Axes, trace: Trace, colour: str) -> None:

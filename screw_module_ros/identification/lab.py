@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where an experiment runs: a bench, a folder that keeps what is finished, somebody who watches.
+
+An experiment is `run(lab, settings) -> Result`. It hands the lab its jobs, each a trial and a
+function that reduces the samples, and fits what comes back. Jobs that were finished before an
+interruption are not done again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .results import Result, load_result
+from .trials import Bench, Samples, Trial, duration_of
+
+Part = dict[str, np.ndarray]
+"""What is left of a trial: named arrays (numbers as arrays of no dimension)."""
+
+
+class Job(NamedTuple):
+    """One trial and what becomes of it.
+
+    name: unique within the experiment, fit for a file name; reduce: a module-level function, or a
+    `functools.partial` of one, so that a worker process can be given it.
+    """
+
+    name: str
+    trial: Trial
+    reduce: Callable[[Trial, Samples], Part]
+
+    @property
+    def identity(self) -> str:
+        """What the part depends on, as text."""
+        function = getattr(self.reduce, "func", self.reduce)
+        given = (getattr(self.reduce, "args", ()), getattr(self.reduce, "keywords", {}))
+        return repr((self.trial, function.__qualname__, given))
+
+
+class MissingResult(RuntimeError):
+    """An experiment needs the result of another that is not there."""
+
+
+Progress = Callable[[str, float, float], None]
+"""Called with what is being done, seconds of excitation done and all there are; may raise
+`Cancelled`."""
+
+
+class Lab:
+    """A bench, a folder, and who is told.
+
+    folder: where parts and results are kept; what another bench, software or setting made is not
+    taken up again (`fingerprint` tells them apart). Raises OSError when the folder cannot be made.
+    """
+
+    def __init__(
+        self,
+        bench: Bench,
+        folder: Path,
+        progress: Progress = lambda doing, done, total: None,
+        fingerprint: str = "",
+    ):
+        self.bench = bench
+        self.folder = Path(folder)
+        self.progress = progress
+        self._fingerprint = fingerprint
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second of the bench [1/s]."""
+        return self.bench.rate
+
+    def run(self, experiment: str, jobs: Sequence[Job]) -> dict[str, Part]:
+        """Do the jobs that are not done yet; return the parts of all by name.
+
+        Raises Cancelled, NotPossible; what is finished by then is kept.
+        """
+        total = sum(duration_of(job.trial) for job in jobs)
+        parts: dict[str, Part] = {}
+        done = 0.0
+        waiting = []
+        for job in jobs:
+            part = self._kept(experiment, job)
+            if part is None:
+                waiting.append(job)
+            else:
+                parts[job.name] = part
+                done += duration_of(job.trial)
+        self.progress(experiment, done, total)
+        for job, part in self._done(experiment, waiting, done, total):
+            self._keep(experiment, job, part)
+            parts[job.name] = part
+        return {job.name: parts[job.name] for job in jobs}
+
+    def _done(self, experiment: str, jobs: Sequence[Job], done: float, total: float):
+        """Yield each job with its part, one after the other."""
+        for job in jobs:
+            length = duration_of(job.trial)
+
+            def told(share: float, before: float = done, length: float = length) -> None:
+                self.progress(experiment, before + share * length, total)
+
+            yield job, job.reduce(job.trial, self.bench.record(job.trial, told))
+            done += length
+            self.progress(experiment, done, total)
+
+    def result(self, experiment: str) -> Result:
+        """Return the result of an experiment done before.
+
+        Raises MissingResult that names it and the way out.
+        """
+        try:
+            return load_result(self.folder, experiment)
+        except FileNotFoundError:
+            raise MissingResult(
+                f"the result of {experiment} is needed and not in {self.folder}: run it first"
+            ) from None
+
+    def _kept(self, experiment: str, job: Job) -> Part | None:
+        try:
+            with np.load(self._file(experiment, job)) as arrays:
+                return dict(arrays)
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            return None  # not there, or cut off by whatever interrupted it
+
+    def _keep(self, experiment: str, job: Job, part: Part) -> None:
+        file = self._file(experiment, job)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = file.with_suffix(".unfinished")
+        with unfinished.open("wb") as stream:
+            np.savez(stream, **part)
+        unfinished.replace(file)
+
+    def _file(self, experiment: str, job: Job) -> Path:
+        made_of = repr((self._fingerprint, self.bench.name, self.rate, job.identity))
+        digest = hashlib.sha256(made_of.encode()).hexdigest()[:12]
+        return self.folder / "parts" / experiment / f"{job.name}-{digest}.npz"

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an experiment found: values with units and uncertainties, and the data behind a figure."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+
+class Quantity(NamedTuple):
+    """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
+
+    unit: SI symbol, empty for a number; text: what it is, for a table.
+    """
+
+    name: str
+    value: float
+    uncertainty: float
+    unit: str
+    text: str
+
+
+class Result(NamedTuple):
+    """What one experiment found.
+
+    experiment: its name in the catalogue; quantities; settings: plain values it ran with;
+    notes: sentences a reader must know; data: arrays for figures and for later experiments.
+    """
+
+    experiment: str
+    quantities: tuple[Quantity, ...]
+    settings: dict[str, Any]
+    notes: tuple[str, ...] = ()
+    data: dict[str, np.ndarray] = {}
+
+    def value(self, name: str) -> float:
+        """Return the value of the quantity of that name. Raises KeyError naming those there are."""
+        return self.quantity(name).value
+
+    def quantity(self, name: str) -> Quantity:
+        """Return the quantity of that name. Raises KeyError naming those there are."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        known = ", ".join(quantity.name for quantity in self.quantities)
+        raise KeyError(f"{self.experiment} has no {name!r}; there are {known}")
+
+    def as_yaml(self) -> str:
+        """Return everything but the data as YAML."""
+        return yaml.safe_dump(
+            {
+                "experiment": self.experiment,
+                "quantities": {
+                    q.name: {
+                        "value": _plain(q.value),
+                        "uncertainty": None if math.isnan(q.uncertainty) else _plain(q.uncertainty),
+                        "unit": q.unit,
+                        "text": q.text,
+                    }
+                    for q in self.quantities
+                },
+                "notes": list(self.notes),
+                "settings": _plain(self.settings),
+            },
+            sort_keys=False,
+            allow_unicode=True,
+        )
+
+    def save(self, folder: Path) -> list[Path]:
+        """Write NAME.yaml and NAME.npz into a folder; return the two paths. Raises OSError."""
+        text, arrays = (folder / f"{self.experiment}{end}" for end in (".yaml", ".npz"))
+        text.write_text(self.as_yaml(), encoding="utf-8")
+        np.savez_compressed(arrays, **self.data)
+        return [text, arrays]
+
+
+def load_result(folder: Path, experiment: str) -> Result:
+    """Read what `Result.save` wrote. Raises OSError, ValueError when it is damaged."""
+    text = folder / f"{experiment}.yaml"
+    content = yaml.safe_load(text.read_text(encoding="utf-8"))
+    try:
+        quantities = tuple(
+            Quantity(
+                name,
+                float(q["value"]),
+                math.nan if q["uncertainty"] is None else float(q["uncertainty"]),
+                q["unit"],
+                q["text"],
+            )
+            for name, q in content["quantities"].items()
+        )
+        notes, settings = tuple(content["notes"]), content["settings"]
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{text}: not the result of an experiment: {error}") from error
+    with np.load(folder / f"{experiment}.npz") as arrays:
+        data = dict(arrays)
+    return Result(experiment, quantities, settings, notes, data)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with Python's own types only, tuples of settings as mappings."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, dict):
+        return {str(name): _plain(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    return value

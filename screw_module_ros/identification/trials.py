@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is done to the module in one go, and what is measured meanwhile.
+
+An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
+live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
+node `characterize`) turns it into samples.
+
+Every bench takes the zero of the transducer before and after a trial, with nobody at the handle or
+no torque on the rotor, and subtracts the straight line between the two: drift is not friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..control.friction import FrictionModel
+from ..control.linearization import Linearization
+from ..control.vertical_settings import VerticalSettings
+
+Told = Callable[[float], None]
+"""Called with the share of a trial that is done, 0 to 1; may raise `Cancelled`."""
+
+
+class Cancelled(Exception):
+    """Somebody wants the experiment to end; the bench has taken all torque away."""
+
+
+class NotPossible(RuntimeError):
+    """The bench cannot do this trial; the text says what is missing and the way out."""
+
+
+class TorqueTrial(NamedTuple):
+    """Rotor locked to ground through the transducer: one sine of motor torque (thesis 4.1).
+
+    frequency [Hz]; amplitude: of the commanded torque [Nm]; duration: of the sine [s];
+    linearization: undoes the amplifier's dead zone, None = the command goes out as it is;
+    rate: samples per second [1/s], 0 = the bench's own.
+    """
+
+    frequency: float
+    amplitude: float
+    duration: float
+    linearization: Linearization | None = None
+    rate: float = 0.0
+
+
+class AnalyzerTrial(NamedTuple):
+    """A signal analyser on the servo amplifier alone (thesis 4.1.2): one sine of its swept sine.
+
+    frequency [Hz]; amplitude: of the command [A]; duration [s]; rate: the instrument's [1/s].
+    """
+
+    frequency: float
+    amplitude: float
+    duration: float
+    rate: float = 256_000.0
+
+
+class StageTrial(NamedTuple):
+    """The positioning stage drives the handle at constant speed, no motor torque (thesis 5.2.3).
+
+    speed: signed, up the screw positive [m/s]; start, end: heights on the screw [m];
+    upside_down: the module hangs upside down (z stays positive up the screw).
+    """
+
+    speed: float
+    start: float
+    end: float
+    upside_down: bool = False
+
+
+class Arm(NamedTuple):
+    """The hand at the handle: mass [kg], stiffness [N/m], damping [Ns/m] (thesis 6.4.3)."""
+
+    mass: float = 3.0
+    stiffness: float = 300.0
+    damping: float = 5.0
+
+
+class MotionTrial(NamedTuple):
+    """The hand moves the handle up and down while the vertical law runs (thesis 5.3, chapter 6).
+
+    mode: constant of `control.modes`; settings: of the law; friction, linearization: None = the
+    thesis's; arm; centre, amplitude [m], omega [rad/s]: of the virtual hand's sine, which is also
+    where the spring's set point stays (centre); duration [s], after the handle has come to rest at
+    the centre.
+    """
+
+    mode: int
+    settings: VerticalSettings
+    friction: FrictionModel | None = None
+    linearization: Linearization | None = None
+    arm: Arm = Arm()
+    centre: float = 0.18
+    amplitude: float = 0.15
+    omega: float = 0.8
+    duration: float = 18.0
+
+
+Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial
+
+
+class Samples(NamedTuple):
+    """What was measured: float arrays of one length, evenly spaced in time.
+
+    time: since the excitation began [s]; position: of the nut, by the encoder [m]; velocity: back
+    difference through the 30 Hz filter [m/s]; force: along z, of the patient or stage on the robot,
+    zero taken off [N]; torque: about z [Nm]; command: torque commanded to the amplifier in answer
+    to this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN where nothing
+    measures it, for a TorqueTrial through the current sensor of thesis C.2 and in volts.
+    """
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    torque: np.ndarray
+    command: np.ndarray
+    current: np.ndarray
+
+
+class Bench(Protocol):
+    """Whatever can do trials. rate: its samples per second [1/s]; name: for people."""
+
+    rate: float
+    name: str
+
+    def record(self, trial: Trial, told: Told) -> Samples:
+        """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""
+
+
+def duration_of(trial: Trial) -> float:
+    """Return how long a trial's samples last [s]."""
+    if isinstance(trial, StageTrial):
+        return abs(trial.end - trial.start) / abs(trial.speed)
+    return trial.duration
