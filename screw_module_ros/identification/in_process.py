@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bench in process: the simulated module and the vertical loop, many times real time.
+
+Plant, drivers' scaling and law are those of the rig and the nodes, in one compiled loop (`loop`) at
+the thesis's 2 kHz with the plant's finer substeps; buses and processes are left out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..compiled import compiled, packed
+from ..control import modes
+from ..control.friction import FrictionModel, load_friction_model
+from ..control.limits import TorqueLimits
+from ..control.linearization import IDENTITY, default_linearization
+from ..control.vertical import initial_state
+from ..control.vertical_settings import VerticalSettings
+from ..filters import lowpass_coefficients, lowpass_settled
+from ..geometry import SCREW
+from ..plant.arm import HandPath, HumanArm, arm_force, resting
+from ..plant.current_sensor import CurrentSensorState, current_sensor_params
+from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
+from ..plant.noise import seeded
+from ..plant.sensor import sensor_params
+from ..plant.settings import WorldSettings
+from ..resources import resource_path
+from ..settings import Setting, validated
+from .loop import COLUMNS, LAW, REST, SINE, Drive, LoopParams, LoopState, Transducer, run_ticks
+from .trials import (
+    AnalyzerTrial,
+    MotionTrial,
+    NotPossible,
+    Samples,
+    StageTrial,
+    Told,
+    TorqueTrial,
+    Trial,
+)
+
+THESIS_FRICTION = "params/friction_thesis.yaml"
+_CHUNK = 100_000  # ticks between two reports of progress
+_ZERO_S = 0.5  # over which the transducer's zero is averaged
+_HUNG_AT = 0.25  # height at which friction holds a handle that nobody holds [m]
+_SETTLE_S = 3.0  # from a handle at rest to a spring that has faded in
+
+
+class LoopSettings(NamedTuple):
+    """The sampled loop and the electronics around the module."""
+
+    rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 2000.0
+    command_delay: Annotated[
+        float, Setting("from a sample to the command in answer to it (Table 3.1)", "s", 0.0, 0.02)
+    ] = 325e-6
+    rated_torque: Annotated[float, Setting("of the drive, object 6076", "Nm", 0.01, 10.0)] = 0.42
+    torque_constant: Annotated[
+        float, Setting("of the motor, as its data sheet says", "Nm/A", 0.01, 10.0)
+    ] = 0.16
+    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
+    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
+    cutoff: Annotated[float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)] = 30.0
+    force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
+    torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
+
+
+class InProcessBench:
+    """The simulated module `world` on a desk.
+
+    seed: of the noise and of the transducer's zeros. A command acts in whole substeps: the delay is
+    rounded up to them, except for torque trials, whose substep is halved so that it is exact.
+    """
+
+    def __init__(self, world: WorldSettings, loop: LoopSettings | None = None, seed: int = 1):
+        self.world = world
+        self.loop = validated(loop or LoopSettings())
+        self.rate = self.loop.rate
+        self.name = f"in process, seed {seed}, {hash_of(world, self.loop)}"
+        self.seed = seed
+        self._thesis = load_friction_model(resource_path(THESIS_FRICTION))
+        self._run = compiled(run_ticks)
+
+    def record(self, trial: Trial, told: Told) -> Samples:
+        """Do a trial. Raises what `told` raises, NotPossible for a rate that does not fit."""
+        if isinstance(trial, AnalyzerTrial):
+            return _analyzed(self.world, trial)
+        params = self._params(trial)
+        state = self._start(params)
+        force, torque, state = self._zero(params, state)
+        params = _tared(params, force, torque)
+        state = self._placed(trial, state)
+        if isinstance(trial, MotionTrial):
+            _, state = self._ticks(params, state, _SETTLE_S)
+            state = state._replace(ticks=0)
+            params = params._replace(path=_sine(trial))
+        rows, state = self._ticks(params, state, _length(trial), told)
+        force, torque, _ = self._zero(params, state)
+        return _samples(rows, params, force, torque)
+
+    def _params(self, trial: Trial) -> LoopParams:
+        rate = getattr(trial, "rate", 0.0) or self.rate
+        w, loop = self.world, self.loop
+        substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep
+        steps = round(1.0 / rate / substep)
+        if abs(steps * substep * rate - 1.0) > 1e-9:
+            raise NotPossible(
+                f"{rate:g} samples per second: a whole number of substeps of {substep:g} s must "
+                "make a period; choose 500, 1000, 2000 or 4000"
+            )
+        arm = HumanArm("active", *trial.arm, 0.0) if isinstance(trial, MotionTrial) else w.arm
+        plant = vertical_params(
+            w.vertical, w.friction, w.amplifier, w.transducer,
+            arm_force(arm, w.vertical.gravity), substep,
+        )  # fmt: skip
+        quiet = LoopParams(
+            plant=plant,
+            amplifier=w.amplifier,
+            sensor=current_sensor_params(substep),
+            transducer=self._transducer(),
+            drive=Drive(
+                loop.rated_torque, 1.0 / loop.torque_constant, loop.force_up, loop.force_down
+            ),
+            screw=SCREW,
+            smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
+            law=VerticalSettings(),
+            friction=self._thesis,
+            linearization=IDENTITY,
+            limits=TorqueLimits(),
+            path=resting(_HUNG_AT),
+            period=steps * substep,
+            steps=steps,
+            late=math.ceil(loop.command_delay / substep * (1.0 - 1e-9)),
+            kind=REST,
+            mode=modes.OFF,
+            linearized=False,
+            amplitude=0.0,
+            omega=0.0,
+            centre=_HUNG_AT,
+            fixture=FREE,
+            upright=1.0,
+            stage_speed=0.0,
+            stage_target=0.0,
+        )
+        return _asked(quiet, trial, self._thesis)
+
+    def _transducer(self) -> Transducer:
+        own = sensor_params(self.world.sensor, self.seed)
+        return Transducer(
+            own.force_noise, own.torque_noise, own.bias[2], own.bias[5], own.drift[2], own.drift[5],
+            own.drift_time, self.loop.force_counts, self.loop.torque_counts,
+        )  # fmt: skip
+
+    def _start(self, params: LoopParams) -> LoopState:
+        """Return the state after power-on, the module hung where friction holds it."""
+        law = initial_state(params.law)
+        module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
+        return LoopState(
+            0, 0.0, module, law, lowpass_settled(0.0), _HUNG_AT, 0.0, 0.0,
+            CurrentSensorState(), 0.0, *seeded(self.seed),
+        )  # fmt: skip
+
+    def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
+        """Return the mean force [N] and torque [Nm] with nothing acting, and the state after it."""
+        quiet = params._replace(kind=REST)
+        if params.fixture != LOCKED_ROTOR:
+            hung = resting_state(self.world.vertical, _HUNG_AT, params.upright)
+            quiet = quiet._replace(fixture=FREE)
+            state = state._replace(module=hung)
+        rows, state = self._ticks(quiet, state, 2.0 * _ZERO_S)
+        calm = rows[len(rows) // 2 :]  # the first half lets filters and currents settle
+        return float(calm[:, 2].mean()), float(calm[:, 3].mean()), state
+
+    def _placed(self, trial: Trial, state: LoopState) -> LoopState:
+        """Return the state with the handle at rest where the trial begins."""
+        position = {StageTrial: "start", MotionTrial: "centre"}.get(type(trial))
+        module = state.module
+        height = _HUNG_AT
+        if position:
+            height = getattr(trial, position)
+            upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
+            module = resting_state(self.world.vertical, height, upright)
+        return state._replace(
+            ticks=0, module=module, position=_counted(height), smoothed=lowpass_settled(0.0)
+        )
+
+    def _ticks(
+        self, params: LoopParams, state: LoopState, seconds: float, told: Told = lambda share: None
+    ) -> tuple[np.ndarray, LoopState]:
+        rows = np.empty((round(seconds / params.period), COLUMNS))
+        ready = packed(params)
+        for begin in range(0, len(rows), _CHUNK):
+            told(begin / len(rows))
+            state = self._run(ready, state, rows[begin : begin + _CHUNK])
+        return rows, state
+
+
+def hash_of(*settings: tuple) -> str:
+    """Return a short digest of settings, to tell one module or loop from another."""
+    return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
+
+
+def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
+    """Return the parameters with what the trial asks for."""
+    if isinstance(trial, TorqueTrial):
+        return quiet._replace(
+            kind=SINE,
+            fixture=LOCKED_ROTOR,
+            amplitude=trial.amplitude,
+            omega=2.0 * math.pi * trial.frequency,
+            linearized=trial.linearization is not None,
+            linearization=trial.linearization or IDENTITY,
+        )
+    if isinstance(trial, StageTrial):
+        return quiet._replace(
+            fixture=STAGE,
+            upright=-1.0 if trial.upside_down else 1.0,
+            stage_speed=abs(trial.speed),
+            stage_target=trial.end,
+        )
+    return quiet._replace(
+        kind=LAW,
+        fixture=HUMAN_ARM,
+        mode=trial.mode,
+        law=trial.settings.validated(),
+        friction=trial.friction or thesis,
+        linearized=True,
+        linearization=trial.linearization or default_linearization(),
+        centre=trial.centre,
+        path=resting(trial.centre),
+    )
+
+
+def _sine(trial: MotionTrial) -> HandPath:
+    """Return the path of the virtual hand during the excitation."""
+    c = trial.centre
+    return HandPath(c, c, 0.0, 0.0, trial.amplitude, trial.omega, 0.0)
+
+
+def _length(trial: Trial) -> float:
+    """Return how long the samples last [s]; a stage has to get going and to brake."""
+    if isinstance(trial, StageTrial):
+        return abs(trial.end - trial.start) / abs(trial.speed) + 0.05
+    return trial.duration
+
+
+def _counted(height: float) -> float:
+    """Return a height [m] as the encoder shows it."""
+    counts = math.floor(height / SCREW.lead * SCREW.counts_per_turn)
+    return counts * SCREW.lead / SCREW.counts_per_turn
+
+
+def _tared(params: LoopParams, force: float, torque: float) -> LoopParams:
+    """Return the parameters with this force [N] and torque [Nm] taken as the transducer's zero."""
+    t = params.transducer
+    tared = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
+    return params._replace(transducer=tared)
+
+
+def _samples(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:
+    """Return the rows as samples; the zeros drifted to `force` [N] and `torque` [Nm] by the end."""
+    time = np.arange(len(rows)) * params.period
+    drifted = (time + 0.5 * _ZERO_S) / (len(rows) * params.period + _ZERO_S)
+    return Samples(
+        time,
+        rows[:, 0],
+        rows[:, 1],
+        rows[:, 2] - drifted * force,
+        rows[:, 3] - drifted * torque,
+        rows[:, 4],
+        rows[:, 5],
+    )
+
+
+def _analyzed(world: WorldSettings, trial: AnalyzerTrial) -> Samples:
+    from ..plant.analyzer import analyzed
+
+    command, current = analyzed(
+        world.amplifier, trial.frequency, trial.amplitude, trial.duration, trial.rate
+    )
+    nothing = np.zeros_like(command)
+    time = np.arange(len(command)) / trial.rate
+    return Samples(time, nothing, nothing, nothing, nothing, command, current)
