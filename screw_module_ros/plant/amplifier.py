@@ -52,12 +52,18 @@ def amplifier_step_settings(a: Amplifier, dt: float) -> AmplifierStep:
 
     Raises ValueError when the delay is longer than `HISTORY` substeps.
     """
-    whole = math.floor(a.delay / dt * (1.0 + 1e-12))
-    if whole >= HISTORY:
+    p = discretised(a, dt)
+    if p.whole >= HISTORY:
         raise ValueError(
             f"substep = {dt:g} s is too short for the amplifier's delay of {a.delay:g} s: "
             f"at least {a.delay / HISTORY:g} s is wanted"
         )
+    return p
+
+
+def discretised(a: Amplifier, dt: float) -> AmplifierStep:
+    """Return the discretised amplifier for substeps of dt [s] of any length: `delayed_step`."""
+    whole = math.floor(a.delay / dt * (1.0 + 1e-12))
     early = max(a.delay - whole * dt, 0.0)
     late = dt - early
     time = 1.0 / (2.0 * math.pi * a.bandwidth)
@@ -90,11 +96,20 @@ def amplifier_step(
     Returns (current at the end, mean current over the substep) [A].
     """
     if p.whole == 0:
-        older, newer = command_1, command
-    elif p.whole == 1:
-        older, newer = command_2, command_1
-    else:
-        older, newer = command_3, command_2
+        return delayed_step(p, current, command_1, command)
+    if p.whole == 1:
+        return delayed_step(p, current, command_2, command_1)
+    return delayed_step(p, current, command_3, command_2)
+
+
+def delayed_step(
+    p: AmplifierStep, current: float, older: float, newer: float
+) -> tuple[float, float]:
+    """Advance the pole by one substep in which the delayed command goes from `older` to `newer`.
+
+    current: motor current [A]; newer: command of `p.whole` substeps before [A]; older: of one
+    substep more [A]. Returns (current at the end, mean current over the substep) [A].
+    """
     change = (current - older) * (1.0 - p.early_decay)
     middle = current - change
     last = newer + (middle - newer) * p.late_decay
