@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Magnitude and phase of a sine of known frequency, by least squares (thesis 4.1.2, 4.1.3)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+_WORST_CONDITION = 1e5  # of the fit: above it two of its unknowns cannot be told apart
+
+
+class Sine(NamedTuple):
+    """Part of a signal at one frequency: Re(amplitude exp(j w t)).
+
+    error: standard error of the real and of the imaginary part; offset: mean of the signal;
+    residual: standard deviation of what is left. Units are the signal's.
+    """
+
+    amplitude: complex
+    error: float
+    offset: float
+    residual: float
+
+
+class Response(NamedTuple):
+    """Answer over input at one frequency.
+
+    error: standard error of the real and of the imaginary part, so of the magnitude, and divided by
+    the magnitude, of the phase [rad].
+    """
+
+    value: complex
+    error: float
+
+
+def fit_sine(
+    time: np.ndarray,
+    values: np.ndarray,
+    frequency: float,
+    drift: bool = False,
+    harmonics: int = 1,
+) -> Sine:
+    """Fit a sine with an offset to samples.
+
+    time [s]; frequency [Hz]; drift: the offset may go along a straight line; harmonics: highest
+    multiple of the frequency that is fitted with it, 1 = none.
+    Raises ValueError when the samples do not determine the sine.
+    """
+    time, values = np.asarray(time, float), np.asarray(values, float)
+    columns = _columns(time, values, frequency, drift, harmonics)
+    normal = columns.T @ columns
+    if np.linalg.cond(normal) > _WORST_CONDITION**2:
+        raise ValueError(_undetermined(frequency, len(time)))
+    inverse = np.linalg.inv(normal)
+    found = inverse @ (columns.T @ values)
+    left = values - columns @ found
+    variance = float(left @ left) / (len(values) - len(found))
+    errors = np.sqrt(variance * np.diag(inverse))
+    return Sine(
+        complex(found[0], -found[1]),
+        float(math.hypot(errors[0], errors[1]) / math.sqrt(2.0)),
+        float(found[2]),
+        math.sqrt(variance),
+    )
+
+
+def response(
+    time: np.ndarray,
+    given: np.ndarray,
+    answer: np.ndarray,
+    frequency: float,
+    drift: bool = False,
+    harmonics: int = 1,
+) -> Response:
+    """Return answer over input from samples of both at the same times; arguments as `fit_sine`.
+
+    The input is taken as exact: what is not a sine in it is no noise of the measurement.
+    Raises ValueError when there is no input of that frequency.
+    """
+    source = fit_sine(time, given, frequency, drift, harmonics).amplitude
+    found = fit_sine(time, answer, frequency, drift, harmonics)
+    if abs(source) <= 1e-9 * float(np.max(np.abs(given))) or source == 0.0:
+        raise ValueError(f"the input has no sine of {frequency:g} Hz")
+    return Response(found.amplitude / source, found.error / abs(source))
+
+
+def _columns(
+    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool, harmonics: int
+) -> np.ndarray:
+    """Return the unknowns' columns: cosine, sine, offset, then drift and harmonics."""
+    unknowns = 2 * harmonics + 1 + drift
+    if not frequency > 0.0 or harmonics < 1:
+        raise ValueError(f"a sine of {frequency:g} Hz with {harmonics} harmonics cannot be fitted")
+    if time.ndim != 1 or time.shape != values.shape:
+        raise ValueError(f"times of shape {time.shape} for values of shape {values.shape}")
+    if len(time) <= unknowns:
+        raise ValueError(_undetermined(frequency, len(time)))
+    if not np.all(np.isfinite(values)):
+        raise ValueError("the samples are not all finite numbers")
+    phase = 2.0 * math.pi * frequency * time
+    columns = [np.cos(phase), np.sin(phase), np.ones_like(time)]
+    if drift:
+        columns.append((time - time.mean()) / max(float(np.ptp(time)), 1e-300))
+    for number in range(2, harmonics + 1):
+        columns += [np.cos(number * phase), np.sin(number * phase)]
+    return np.column_stack(columns)
+
+
+def _undetermined(frequency: float, count: int) -> str:
+    return (
+        f"{count} samples do not determine a sine of {frequency:g} Hz: a longer record is wanted, "
+        "or fewer harmonics"
+    )
