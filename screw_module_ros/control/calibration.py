@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import yaml
 
+VERSION = 1
 _LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
 
 
@@ -43,25 +44,40 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 class Section:
-    """One mapping of a calibration file; each reader below takes a key off it exactly once."""
+    """One mapping of a calibration file; each reader below takes a key off it exactly once.
 
-    def __init__(self, file: str, name: str, values: dict, error: type[CalibrationError]):
+    way_out: of every problem in it, in place of the readers' own: a file that a program wrote is
+    not corrected key by key.
+    """
+
+    def __init__(
+        self, file: str, name: str, values: dict, error: type[CalibrationError], way_out: str = ""
+    ):
         self._file = file
         self._name = name
         self._left = dict(values)
         self._error = error
+        self._way_out = way_out
 
     def fail(self, key: str, problem: str, way_out: str) -> NoReturn:
         """Raise the file's error about one key of this section."""
         where = ".".join(part for part in (self._name, key) if part)
-        raise self._error(f"{self._file}: {where + ': ' if where else ''}{problem}; {way_out}")
+        raise self._error(
+            f"{self._file}: {where + ': ' if where else ''}{problem}; {self._way_out or way_out}"
+        )
+
+    def with_way_out(self, way_out: str) -> Section:
+        """Return this section, with that way out of every problem from now on."""
+        self._way_out = way_out
+        return self
 
     def section(self, key: str) -> Section:
         """Return the mapping under a key."""
         value = self._take(key)
         if not isinstance(value, dict):
             self.fail(key, f"a mapping is needed, found {_kind(value)}", "indent its keys below it")
-        return Section(self._file, f"{self._name}.{key}" if self._name else key, value, self._error)
+        name = f"{self._name}.{key}" if self._name else key
+        return Section(self._file, name, value, self._error, self._way_out)
 
     def text(self, key: str) -> str:
         """Return the text under a key."""
@@ -74,7 +90,9 @@ class Section:
         """Return the number under a key, between low and high."""
         return self._checked(key, self._take(key), low, high)
 
-    def numbers(self, key: str, count: int, meaning: str) -> tuple[float, ...]:
+    def numbers(
+        self, key: str, count: int, meaning: str, low: float = -math.inf, high: float = math.inf
+    ) -> tuple[float, ...]:
         """Return the list of exactly count numbers under a key; meaning says what they are."""
         values = self._take(key)
         if not isinstance(values, list):
@@ -82,9 +100,13 @@ class Section:
         if len(values) != count:
             self.fail(key, f"{len(values)} numbers found, {count} are needed", f"give {meaning}")
         return tuple(
-            self._checked(f"{key}[{index}]", value, -math.inf, math.inf)
+            self._checked(f"{key}[{index}]", value, low, high)
             for index, value in enumerate(values)
         )
+
+    def names(self) -> list[str]:
+        """Return the keys not taken yet, for a section whose keys are not fixed."""
+        return [str(key) for key in self._left]
 
     def finish(self) -> None:
         """Refuse keys that nobody asked for: a misspelt key must not be ignored."""
@@ -110,34 +132,46 @@ class Section:
         return float(value)
 
 
-def read_calibration(path: str | Path, kind: str, error: type[CalibrationError]) -> Section:
+def read_calibration(
+    path: str | Path, kind: str, error: type[CalibrationError], way_out: str = ""
+) -> Section:
     """Return the top mapping of a calibration file after checking its `format` and `version`.
 
-    kind: what its `format` key must say. Raises `error` when the file cannot be read, is not a YAML
-    mapping, or is of another format or version.
+    kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
+    cannot be read, is not a YAML mapping, or is of another format or version.
     """
-    file = str(path)
     try:
         content = Path(path).read_bytes()
-        if len(content) > _LARGEST_FILE:
-            raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", "") or problem
+        raise error(f"{path}: cannot be read ({reason}); check path and permissions") from problem
+    return parse_calibration(str(path), content, kind, error, way_out)
+
+
+def parse_calibration(
+    file: str, content: bytes, kind: str, error: type[CalibrationError], way_out: str = ""
+) -> Section:
+    """Return what `read_calibration` does for a file's content; file is its name for errors."""
+    if len(content) > _LARGEST_FILE:
+        raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
+    try:
         values = yaml.load(content.decode(), Loader=_StrictLoader)
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise error(f"{file}: cannot be read ({reason}); check path and permissions") from problem
-    except CalibrationError:
-        raise
     except (yaml.YAMLError, RecursionError, ValueError) as problem:
         reason = " ".join(str(problem).split())
-        raise error(f"{file}: not a YAML file ({reason}); correct it at that place") from problem
+        way = way_out or "correct it at that place"
+        raise error(f"{file}: not a YAML file ({reason}); {way}") from problem
     if not isinstance(values, dict):
-        raise error(f"{file}: a YAML mapping is needed, found {_kind(values)}; start from params/")
-    top = Section(file, "", values, error)
+        way = way_out or "start from params/"
+        raise error(f"{file}: a YAML mapping is needed, found {_kind(values)}; {way}")
+    return _headed(Section(file, "", values, error), kind).with_way_out(way_out)
+
+
+def _headed(top: Section, kind: str) -> Section:
     found = top.text("format")
     if found != kind:
         top.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
     version = top.number("version")
-    if version != 1:
+    if version != VERSION:
         top.fail("version", f"{version:g} is not known here", "convert the file to version 1")
     return top
 

@@ -10,7 +10,7 @@ in Nm on the motor shaft: a command is the torque a perfect amplifier would make
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .calibration import CalibrationError, Section, read_calibration
 
@@ -119,19 +119,34 @@ def load_linearization(path: str | Path) -> Linearization:
 
     Raises LinearizationFileError naming the file, the key, what is wrong and the way out.
     """
-    top = read_calibration(path, FORMAT, LinearizationFileError)
-    joints = top.numbers("joints_Nm", 2, "the torques where the pieces meet, lower and upper")
-    lower_slope, lower_offset = _read_line(top.section("lower"))
-    cubic = top.numbers("middle", 4, "the cubic's coefficients from the highest power down")
-    upper_slope, upper_offset = _read_line(top.section("upper"))
-    top.finish()
+    return read_linearization(read_calibration(path, FORMAT, LinearizationFileError))
+
+
+def read_linearization(section: Section) -> Linearization:
+    """Read the linearization in a section of a calibration; raises the section's error."""
+    joints = section.numbers("joints_Nm", 2, "the torques where the pieces meet, lower and upper")
+    lower_slope, lower_offset = _read_line(section.section("lower"))
+    cubic = section.numbers("middle", 4, "the cubic's coefficients from the highest power down")
+    upper_slope, upper_offset = _read_line(section.section("upper"))
+    section.finish()
     linearization = Linearization(
         *joints, lower_slope, lower_offset, cubic, upper_slope, upper_offset
     )
     field, problem = _flaw(linearization)
     if field:
-        top.fail(_FILE_KEYS[field], problem, "fit the three pieces again")
+        section.fail(_FILE_KEYS[field], problem, "fit the three pieces again")
     return linearization
+
+
+def linearization_values(linearization: Linearization) -> dict[str, Any]:
+    """Return the mapping that `read_linearization` reads."""
+    one = linearization
+    return {
+        "joints_Nm": [one.lower_joint, one.upper_joint],
+        "lower": {"slope": one.lower_slope, "offset_Nm": one.lower_offset},
+        "middle": one.cubic,
+        "upper": {"slope": one.upper_slope, "offset_Nm": one.upper_offset},
+    }
 
 
 def _read_line(section: Section) -> tuple[float, float]:
