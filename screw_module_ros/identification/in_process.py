@@ -103,6 +103,8 @@ class InProcessBench:
     def _params(self, trial: Trial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
+        if getattr(trial, "preloaded", False):
+            w = w._replace(vertical=w.vertical._replace(play=0.0))
         substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep
         steps = round(1.0 / rate / substep)
         if abs(steps * substep * rate - 1.0) > 1e-9:

@@ -86,7 +86,8 @@ class MotionTrial(NamedTuple):
     mode: constant of `control.modes`; settings: of the law; friction, linearization: None = the
     thesis's; arm; centre, amplitude [m], omega [rad/s]: of the virtual hand's sine, which is also
     where the spring's set point stays (centre); duration [s], after the handle has come to rest at
-    the centre.
+    the centre; preloaded: with a nut that has no backlash, as thesis 6.4.3 suggests (on a simulated
+    module only).
     """
 
     mode: int
@@ -98,6 +99,7 @@ class MotionTrial(NamedTuple):
     amplitude: float = 0.15
     omega: float = 0.8
     duration: float = 18.0
+    preloaded: bool = False
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial

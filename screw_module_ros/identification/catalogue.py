@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every experiment by name: what it is, its settings, what it needs first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, NamedTuple, get_args
+
+import yaml
+
+from ..settings import Field, declared, problem
+from . import curves, force_gain
+from .lab import Lab
+from .results import Result
+
+LOCKED_ROTOR, STAGE, HUMAN_ARM, ANALYZER, NOTHING = (
+    "locked_rotor", "stage", "human_arm", "analyzer", "nothing",
+)  # fmt: skip
+
+
+class Experiment(NamedTuple):
+    """One experiment.
+
+    text: one line about it; settings: NamedTuple of its settings; fixture: what must hold handle or
+    rotor; needs: experiments whose results must be there.
+    """
+
+    name: str
+    text: str
+    settings: type
+    run: Callable[[Lab, Any], Result]
+    fixture: str
+    needs: tuple[str, ...]
+
+
+def _of(module: ModuleType, fixture: str, *needs: ModuleType) -> Experiment:
+    text = (module.__doc__ or "").strip().splitlines()[0]
+    return Experiment(
+        module.NAME,
+        text,
+        module.Settings,
+        module.run,
+        fixture,
+        tuple(need.NAME for need in needs),
+    )
+
+
+EXPERIMENTS: dict[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        _of(curves, HUMAN_ARM),
+        _of(force_gain, HUMAN_ARM),
+    )
+}
+
+
+def listing() -> str:
+    """Return the experiments as lines for people."""
+    return "\n".join(
+        f"{e.name} ({e.fixture}{', after ' + ', '.join(e.needs) if e.needs else ''}): {e.text}"
+        for e in EXPERIMENTS.values()
+    )
+
+
+def settings_from_yaml(text: str, kind: type) -> Any:
+    """Return the settings `kind` with the values of a YAML mapping; empty text = defaults.
+
+    Raises ValueError in one sentence that names what is wrong.
+    """
+    try:
+        given = yaml.safe_load(text) or {}
+    except yaml.YAMLError as error:
+        raise ValueError(f"settings are not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(given, dict):
+        raise ValueError("settings: a YAML mapping like '{speed: 0.02}' is wanted")
+    known = declared(kind)
+    for name in given:
+        if name not in known:
+            raise ValueError(f"settings: {name} is unknown; known are {', '.join(known)}")
+    return kind(**{name: _value(known[name], value) for name, value in given.items()})
+
+
+def _value(field: Field, value: Any) -> Any:
+    """Return a value from YAML as the field's type. Raises ValueError."""
+    label = f"settings: {field.name}"
+    parts = get_args(field.kind)
+    if parts:
+        if not isinstance(value, list):
+            raise ValueError(f"{label} = {value!r}: a list is wanted")
+        value = tuple(_plain(label, part, parts[0]) for part in value)
+    else:
+        value = _plain(label, value, field.kind)
+    wrong = problem(field, value, label)
+    if wrong:
+        raise ValueError(wrong)
+    return value
+
+
+def _plain(label: str, value: Any, kind: type) -> Any:
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        raise ValueError(f"{label} = {value!r}: {kind.__name__} is wanted")
+    return value

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Largest force gain without chatter, with backlash and with a preloaded nut (thesis 6.4.3).
+
+The thesis's hardware chatters for gains much above 5, "a result of the system backlash"? Its
+simulation, which had none, allowed 50. Here the handle moves as in the thesis's simulation while
+the gain is raised, then halved in on the onset. Chatter is force above 30 Hz in the worst quarter
+second; 0.5 N rms can be felt and is six times what noise and hand make. The law's rate limit keeps
+it from growing further than a few newtons, so the onset is looked for, not a blow-up.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..settings import Setting
+from .force_position import Spring, offsets
+from .lab import Job, Lab, Part
+from .results import Quantity, Result
+from .trials import MotionTrial, Samples
+
+NAME = "force_gain"
+_HIGH_PASS = 30.0  # [Hz]; below it lie the hand and the crossings of the backlash
+_WINDOW = 0.25  # [s]
+
+
+class Settings(NamedTuple):
+    """How the onset is looked for."""
+
+    gains: Annotated[tuple[float, ...], Setting("tried first", "", 0.0, 50.0)] = (
+        0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 9.0, 12.0, 16.0, 22.0, 30.0, 40.0, 50.0,
+    )  # fmt: skip
+    chatter: Annotated[
+        float, Setting("rms of the force above 30 Hz that counts as chatter", "N", 0.1, 50.0)
+    ] = 0.5
+    resolution: Annotated[float, Setting("of the gain found", "", 0.05, 5.0)] = 0.25
+    duration: Annotated[float, Setting("of each trial", "s", 2.0, 60.0)] = 10.0
+    preloaded: Annotated[bool, Setting("also with a nut without backlash")] = True
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Find the onset of chatter. Raises Cancelled, NotPossible."""
+    quantities: list[Quantity] = []
+    data: dict[str, np.ndarray] = {}
+    for preloaded in (False, True) if settings.preloaded else (False,):
+        label = "without backlash" if preloaded else "with backlash"
+        rows = _sweep(lab, settings, preloaded)
+        low, high = onset(rows, settings.chatter)
+        while math.isfinite(high) and high - low > settings.resolution:
+            rows |= _tried(lab, settings, preloaded, [0.5 * (low + high)])
+            low, high = onset(rows, settings.chatter)
+        half = 0.5 * (high - low) if math.isfinite(high) else math.nan
+        quantities.append(
+            Quantity(f"gain {label}", low, half, "", f"largest force gain without chatter, {label}")
+        )
+        table = np.array([(gain, *rows[gain]) for gain in sorted(rows)])
+        data[label] = table
+    notes = ()
+    if len(data) == 2 and not math.isfinite(quantities[1].uncertainty):
+        notes = ("Without backlash no gain up to the law's own limit of 50 chattered.",)
+    return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
+
+
+def onset(rows: dict[float, tuple[float, float]], chatter: float) -> tuple[float, float]:
+    """Return the largest gain below which nothing chatters and the smallest that does.
+
+    rows: gain -> (offset [N], worst rms above 30 Hz [N]). Infinity where no gain chatters.
+    """
+    bad = [gain for gain, (_, rms) in rows.items() if rms > chatter]
+    high = min(bad, default=math.inf)
+    return max((gain for gain in rows if gain < high), default=0.0), high
+
+
+def reduced(trial: MotionTrial, samples: Samples) -> Part:
+    """Return mean offset [N] and the rms of the force above 30 Hz in the worst quarter second."""
+    rate = 1.0 / (samples.time[1] - samples.time[0])
+    rapid = signal.sosfiltfilt(
+        signal.butter(4, _HIGH_PASS, "high", fs=rate, output="sos"), samples.force
+    )
+    window = round(_WINDOW * rate)
+    kept = rapid[: rapid.size // window * window].reshape(-1, window)[2:]
+    rms = np.sqrt((kept**2).mean(axis=1))
+    found = offsets(
+        samples.position,
+        samples.velocity,
+        samples.force,
+        Spring(trial.settings.stiffness, trial.centre),
+    )
+    return {"offset": np.array(found.mean), "rms": np.array(rms.max())}
+
+
+def _sweep(lab: Lab, settings: Settings, preloaded: bool) -> dict[float, tuple[float, float]]:
+    return _tried(lab, settings, preloaded, list(settings.gains))
+
+
+def _tried(
+    lab: Lab, settings: Settings, preloaded: bool, gains: list[float]
+) -> dict[float, tuple[float, float]]:
+    jobs = [
+        Job(
+            f"gain_{gain:g}{'_preloaded' if preloaded else ''}",
+            MotionTrial(
+                modes.FORCE_FEEDBACK,
+                VerticalSettings(force_gain=gain),
+                duration=settings.duration,
+                preloaded=preloaded,
+            ),
+            reduced,
+        )
+        for gain in gains
+    ]
+    parts = lab.run(NAME, jobs)
+    return {
+        gain: (float(parts[job.name]["offset"]), float(parts[job.name]["rms"]))
+        for gain, job in zip(gains, jobs, strict=True)
+    }
