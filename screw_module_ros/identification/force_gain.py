@@ -3,9 +3,10 @@
 
 The thesis's hardware chatters for gains much above 5, "a result of the system backlash"? Its
 simulation, which had none, allowed 50. Here the handle moves as in the thesis's simulation while
-the gain is raised, then halved in on the onset. Chatter is force above 30 Hz in the worst quarter
-second; 0.5 N rms can be felt and is six times what noise and hand make. The law's rate limit keeps
-it from growing further than a few newtons, so the onset is looked for, not a blow-up.
+the gain is raised, then halved in on the onset. Chatter is 0.5 N rms of force above 30 Hz, six
+times what noise and hand make, in three of the trial's quarter seconds (a single one is the jolt of
+a reversal). The law's rate limit keeps it from growing further than a few newtons, so the onset is
+looked for, not a blow-up.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from .trials import MotionTrial, Samples
 NAME = "force_gain"
 _HIGH_PASS = 30.0  # [Hz]; below it lie the hand and the crossings of the backlash
 _WINDOW = 0.25  # [s]
+_JOLTS = 3  # quarter seconds that make it chatter
 
 
 class Settings(NamedTuple):
@@ -69,7 +71,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 def onset(rows: dict[float, tuple[float, float]], chatter: float) -> tuple[float, float]:
     """Return the largest gain below which nothing chatters and the smallest that does.
 
-    rows: gain -> (offset [N], worst rms above 30 Hz [N]). Infinity where no gain chatters.
+    rows: gain -> (offset [N], rms above 30 Hz [N]). Infinity where no gain chatters.
     """
     bad = [gain for gain, (_, rms) in rows.items() if rms > chatter]
     high = min(bad, default=math.inf)
@@ -77,7 +79,7 @@ def onset(rows: dict[float, tuple[float, float]], chatter: float) -> tuple[float
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
-    """Return mean offset [N] and the rms of the force above 30 Hz in the worst quarter second."""
+    """Return mean offset [N] and the rms of the force above 30 Hz in the third-worst quarter."""
     rate = 1.0 / (samples.time[1] - samples.time[0])
     rapid = signal.sosfiltfilt(
         signal.butter(4, _HIGH_PASS, "high", fs=rate, output="sos"), samples.force
@@ -91,7 +93,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
         samples.force,
         Spring(trial.settings.stiffness, trial.centre),
     )
-    return {"offset": np.array(found.mean), "rms": np.array(rms.max())}
+    return {"offset": np.array(found.mean), "rms": np.array(np.sort(rms)[-_JOLTS])}
 
 
 def _sweep(lab: Lab, settings: Settings, preloaded: bool) -> dict[float, tuple[float, float]]:
