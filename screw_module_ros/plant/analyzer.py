@@ -12,7 +12,15 @@ import math
 
 import numpy as np
 
+from ..compiled import compiled
 from .amplifier import Amplifier, bridge_current, delayed_step, discretised
+
+
+def analyzed(
+    amplifier: Amplifier, frequency: float, amplitude: float, duration: float, rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what `analyzer_sine` does, from its compiled twin."""
+    return compiled(analyzer_sine)(amplifier, frequency, amplitude, duration, rate)
 
 
 def analyzer_sine(

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Responses between a hold and a sampler: closed form, folded sum and simulation agree."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from screw_module_ros.identification import sampled_models as models
+from screw_module_ros.plant.current_sensor import (
+    CurrentSensorState,
+    current_sensor_params,
+    current_sensor_step,
+)
+from screw_module_ros.plant.transducer import Transducer, rotor_step, rotor_step_settings
+
+FREQUENCIES = np.geomspace(1.0, 400.0, 9)
+AMPLIFIER = models.first_order(1000.0)
+ROTOR = models.second_order(1.96e-5, 7.2, 1e4)
+LIGHT = models.second_order(1.96e-5, 0.005, 1e4)
+CHAINS = {
+    "amplifier": AMPLIFIER,
+    "sensor": models.series(AMPLIFIER, models.current_sensor()),
+    "rotor": models.series(AMPLIFIER, ROTOR),
+    "resonance": models.series(AMPLIFIER, LIGHT),
+    "equal poles": models.series(AMPLIFIER, AMPLIFIER),
+}
+
+
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("delay", [0.0, 60e-6, 385e-6, 500e-6, 1290e-6])
+def test_closed_form_is_the_folded_sum(name, delay):
+    exact = models.sampled_response(CHAINS[name], FREQUENCIES, 2000.0, delay)
+    folded = models.folded_response(CHAINS[name], FREQUENCIES, 2000.0, delay)
+    assert np.abs(folded / exact - 1.0).max() < 1e-3
+
+
+def test_no_delay_is_scipys_hold_equivalent():
+    omega = 2.0 * math.pi * 1000.0
+    numerator, denominator, dt = signal.cont2discrete(([omega], [1.0, omega]), 5e-4)
+    _, expected = signal.freqz(numerator[0], denominator, FREQUENCIES, fs=2000.0)
+    found = models.sampled_response(AMPLIFIER, FREQUENCIES, 2000.0, 0.0)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_high_rate_is_the_continuous_response():
+    found = models.sampled_response(CHAINS["rotor"], FREQUENCIES, 1e6, 400e-6)
+    expected = models.continuous_response(CHAINS["rotor"], FREQUENCIES, 400e-6)
+    assert np.abs(found / expected - 1.0).max() < 0.002
+
+
+def test_rotor_on_the_plants_transducer():
+    """The plant's step, played with 500 us holds; both sides have the equation from C.3."""
+    step = rotor_step_settings(Transducer(1.96e-5, 1e4, 7.2), 5e-4)
+    count, cycles = 2000, 37
+    angle = velocity = 0.0
+    torques = []
+    for k in range(2 * count):
+        torques.append(1e4 * angle)
+        drive = math.sin(2.0 * math.pi * cycles * k / count)
+        angle, velocity = rotor_step(step, angle, velocity, drive)
+    k = np.arange(count)
+    found = 2j * np.mean(torques[count:] * np.exp(-2j * np.pi * cycles * k / count))
+    expected = models.sampled_response(ROTOR, np.array([37.0]), 2000.0, 0.0)[0]
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_current_sensor_is_the_plants():
+    p, state, volts = current_sensor_params(5e-4), CurrentSensorState(), [0.0]
+    for _ in range(19):
+        volt, state = current_sensor_step(p, state, 1.0)
+        volts.append(volt)
+    frequencies = np.fft.rfftfreq(400, 5e-4)
+    impulse = np.diff(np.append(volts, np.full(380, volts[-1])), prepend=0.0)
+    found = models.sampled_response(models.current_sensor(), frequencies, 2000.0, 0.0)
+    assert found == pytest.approx(np.fft.rfft(impulse), abs=1e-4)
+
+
+@pytest.mark.parametrize("delay", [1e-6, 250e-6, 500e-6])
+def test_a_wire_is_a_whole_sample_late(delay):
+    """Thesis 4.1.4: any delay up to a period looks like one period."""
+    found = models.sampled_response(models.WIRE, FREQUENCIES, 2000.0, delay)
+    assert found == pytest.approx(np.exp(-2j * np.pi * FREQUENCIES / 2000.0), rel=1e-9)
+
+
+def test_resonance_of_3600_hz_shows_at_400_hz():
+    frequencies = np.arange(10.0, 1000.0, 5.0)
+    found = np.abs(models.sampled_response(LIGHT, frequencies, 2000.0, 0.0))
+    assert frequencies[found.argmax()] == pytest.approx(405.0, abs=6.0)
+
+
+def test_drawn_as_two_holds_it_lags_half_a_period_more():
+    found = models.held_twice_response(models.WIRE, np.array([10.0]), 2000.0, 0.0)
+    assert -np.angle(found)[0] / (2.0 * math.pi * 10.0) == pytest.approx(500e-6, rel=1e-9)
+
+
+def test_fit_finds_the_numbers_and_their_scatter():
+    draw = np.random.default_rng(3)
+    frequencies = np.geomspace(1.0, 1e4, 60)
+
+    def model(x):
+        return x[0] * models.sampled_response(
+            models.first_order(x[1]), frequencies, 256e3, x[2]
+        )
+
+    truth = np.array([0.9, 1000.0, 60e-6])
+    fits = []
+    for _ in range(40):
+        noise = draw.normal(0.0, 0.01, (2, 60))
+        measured = model(truth) * (1.0 + noise[0] + 1j * noise[1])
+        fits.append(
+            models.fit_response(model, measured, [1.0, 500.0, 2e-5], [0, 10, 0], [2, 1e4, 1e-3])
+        )
+    values = np.array([fit.values for fit in fits])
+    assert values.mean(axis=0) == pytest.approx(truth, rel=0.01)
+    assert fits[0].errors == pytest.approx(values.std(axis=0), rel=0.4)
+
+
+def test_too_few_frequencies_are_refused():
+    with pytest.raises(ValueError, match="1 frequencies do not determine 2 numbers"):
+        models.fit_response(lambda x: x, np.ones(1), [1.0, 1.0], [0, 0], [2, 2])
+
+
+def test_negative_delay_is_refused():
+    with pytest.raises(ValueError, match="delay"):
+        models.sampled_response(AMPLIFIER, FREQUENCIES, 2000.0, -1e-6)
