@@ -103,7 +103,7 @@ def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
         law,
         arm=Arm(stiffness=settings.firm_stiffness) if curve.firm else Arm(),
         centre=settings.centre,
-        amplitude=0.15 if curve.simulated else settings.amplitude * (0.6 if curve.firm else 1.0),
+        amplitude=0.15 if curve.simulated else settings.amplitude * (0.8 if curve.firm else 1.0),
         omega=omega,
         duration=settings.cycles * 2.0 * math.pi / omega,
     )

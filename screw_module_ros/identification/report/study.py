@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the experiments on the thesis's module and on modules that a seed has perturbed."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from ...plant.settings import WorldSettings, load_world
+from ...resources import resource_path
+from ..catalogue import EXPERIMENTS
+from ..in_process import THESIS_FRICTION, InProcessBench, LoopSettings
+from ..lab import Lab, MissingResult
+from ..pool import PoolLab
+from ..results import Result
+from ..trials import NotPossible
+
+ON_EVERY_MODULE = (
+    "static_torque",
+    "friction_map",
+    "gravity",
+    "friction_model",
+    "inertia",
+    "compensation",
+    "calibration",
+)
+"""What closes the loop: run on each perturbed module; all experiments run on the thesis's."""
+
+_SOURCES = Path(__file__).resolve().parents[2]
+_MADE_OF = ("plant", "control", "identification", "filters.py", "geometry.py")
+_ONLY_SHOWN = ("figures", "report")
+
+
+class Outcome(NamedTuple):
+    """What became of one experiment: its result, or why there is none; seconds it took."""
+
+    result: Result | None
+    failure: str
+    seconds: float
+
+
+class Module(NamedTuple):
+    """One module and what was found on it. seed: None = the thesis's; folder: its results."""
+
+    seed: int | None
+    world: WorldSettings
+    loop: LoopSettings
+    folder: Path
+    outcomes: dict[str, Outcome]
+
+    def result(self, experiment: str) -> Result | None:
+        """Return the result of an experiment, None when there is none."""
+        outcome = self.outcomes.get(experiment)
+        return outcome.result if outcome else None
+
+
+Told = Callable[[str, str, float], None]
+"""Called with the module, the experiment, and the share of it that is done."""
+
+
+def examine(
+    seed: int | None,
+    folder: Path,
+    pool: ProcessPoolExecutor,
+    told: Told,
+    experiments: Sequence[str] = (),
+    plant: Path | None = None,
+) -> Module:
+    """Run experiments on one module; what an earlier run finished there is taken up again.
+
+    experiments: by name, in the catalogue's order; none = all for the thesis's module, those of
+    `ON_EVERY_MODULE` for another. An experiment that fails is noted and the others go on.
+    Raises Cancelled, PlantFileError.
+    """
+    world = load_world(plant, seed)
+    loop = LoopSettings()
+    name = "thesis" if seed is None else f"seed_{seed}"
+    wanted = experiments or (EXPERIMENTS if seed is None else ON_EVERY_MODULE)
+    bench = InProcessBench(world, loop, seed=1 if seed is None else seed)
+
+    def progress(doing: str, done: float, total: float) -> None:
+        told(name, doing, done / total if total else 1.0)
+
+    lab = PoolLab(bench, folder / name, pool, progress, fingerprint_of_sources())
+    outcomes = {}
+    for experiment in EXPERIMENTS:
+        if experiment in wanted:
+            told(name, experiment, 0.0)
+            outcomes[experiment] = _outcome(lab, experiment, name)
+            told(name, experiment, 1.0)
+    return Module(seed, world, loop, folder / name, outcomes)
+
+
+def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
+    begun = time.monotonic()
+    entry = EXPERIMENTS[experiment]
+    settings = entry.settings()
+    if "serial" in settings._fields:
+        settings = settings._replace(serial=serial_of(module))
+    try:
+        result = entry.run(lab, settings)
+        result.save(lab.folder)
+    except (ValueError, NotPossible, MissingResult) as error:
+        return Outcome(None, str(error), time.monotonic() - begun)
+    return Outcome(result, "", time.monotonic() - begun)
+
+
+def serial_of(module: str) -> str:
+    """Return the serial number under which a simulated module's calibration is written."""
+    return "SIM-0001" if module == "thesis" else f"SIM-{module}"
+
+
+def fingerprint_of_sources() -> str:
+    """Return a digest of everything that decides what an experiment gives but its settings."""
+    digest = hashlib.sha256()
+    for name in _MADE_OF:
+        path = _SOURCES / name
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            if not set(file.relative_to(_SOURCES).parts) & set(_ONLY_SHOWN):
+                digest.update(file.read_bytes())
+    digest.update(Path(resource_path(THESIS_FRICTION)).read_bytes())
+    return digest.hexdigest()[:16]
