@@ -26,7 +26,7 @@ from ..plant.arm import HandPath, HumanArm, arm_force, resting
 from ..plant.current_sensor import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
 from ..plant.noise import seeded
-from ..plant.sensor import sensor_params
+from ..plant.sensor import measured_wrench, sensor_params
 from ..plant.settings import WorldSettings
 from ..resources import resource_path
 from ..settings import Setting, validated
@@ -99,6 +99,15 @@ class InProcessBench:
         rows, state = self._ticks(params, state, _length(trial), told)
         force, torque, _ = self._zero(params, state)
         return _samples(rows, params, force, torque)
+
+    def zero(self) -> tuple[float, float, float, float, float, float]:
+        """Return what the transducer shows with nothing at the handle, a mean of half a second."""
+        own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
+        count = round(_ZERO_S * self.rate)
+        shown = np.empty((count, 6))
+        for row in range(count):
+            shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, 1.0, *noise)
+        return tuple(shown.mean(axis=0).tolist())
 
     def _params(self, trial: Trial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate

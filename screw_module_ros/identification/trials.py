@@ -133,6 +133,9 @@ class Bench(Protocol):
     def record(self, trial: Trial, told: Told) -> Samples:
         """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""
 
+    def zero(self) -> tuple[float, float, float, float, float, float]:
+        """Return what the transducer shows with nothing at the handle: force [N], torque [Nm]."""
+
 
 def duration_of(trial: Trial) -> float:
     """Return how long a trial's samples last [s]."""
