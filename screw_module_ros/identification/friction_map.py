@@ -34,9 +34,11 @@ _LOWER = CENTRES_MM < 0.5 * RANGE_MM
 class Settings(NamedTuple):
     """What is driven; the stage of the thesis does 0.5 to 150 mm/s."""
 
-    speeds: Annotated[tuple[float, ...], Setting("of the stage, upright", "m/s", 1e-4, 1.0)] = SPEEDS
+    speeds: Annotated[
+        tuple[float, ...], Setting("of the stage, upright, rising", "m/s", 1e-4, 1.0)
+    ] = SPEEDS
     inverted_speeds: Annotated[
-        tuple[float, ...], Setting("of the stage, module upside down; may be empty", "m/s", 1e-4, 1.0)
+        tuple[float, ...], Setting("some of these, module upside down; may be none", "m/s")
     ] = SPEEDS
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
