@@ -137,7 +137,7 @@ def _quantities(curve: Curve, part: Part) -> list[Quantity]:
     label = f"{curve.name}, fig {curve.figure}" if curve.figure else curve.name
     return [
         Quantity(
-            f"offset {curve.name}",
+            f"offset_{curve.name}",
             float(part["offset"]),
             float(part["spread"]),
             "N",

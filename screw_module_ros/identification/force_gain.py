@@ -57,9 +57,9 @@ def run(lab: Lab, settings: Settings) -> Result:
             rows |= _tried(lab, settings, preloaded, [0.5 * (low + high)])
             low, high = onset(rows, settings.chatter)
         half = 0.5 * (high - low) if math.isfinite(high) else math.nan
-        quantities.append(
-            Quantity(f"gain {label}", low, half, "", f"largest force gain without chatter, {label}")
-        )
+        name = f"gain_{label.replace(' ', '_')}"
+        text = f"largest force gain without chatter, {label}"
+        quantities.append(Quantity(name, low, half, "", text))
         table = np.array([(gain, *rows[gain]) for gain in sorted(rows)])
         data[label] = table
     notes = ()

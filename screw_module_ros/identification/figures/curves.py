@@ -83,8 +83,8 @@ def compensation_figure(result: Result) -> Figure:
     """Draw feed-forward with the thesis's model and with the identified one."""
     names = {
         "pd_default": "PD",
-        "feed-forward_default": "thesis's model fed forward",
-        "feed-forward_identified": "identified model fed forward",
+        "feed_forward_default": "thesis's model fed forward",
+        "feed_forward_identified": "identified model fed forward",
     }
     traces = [
         Trace(label, *(result.data[f"{name}/{column}"] for column in _COLUMNS))

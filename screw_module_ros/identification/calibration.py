@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the module's calibration file from the results: what controller and amplifier load."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+from importlib.metadata import PackageNotFoundError, version
+from typing import Annotated, NamedTuple
+
+from ..control.module_calibration import ModuleCalibration, write_calibration
+from ..settings import Setting
+from . import friction_fit, gravity, inertia, static_torque
+from .lab import Lab
+from .results import Quantity, Result
+
+NAME = "calibration"
+FILE = "calibration.yaml"
+
+
+class Settings(NamedTuple):
+    """Whose calibration it is."""
+
+    serial: Annotated[str, Setting("serial number of the module")] = "SIM-0001"
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Write the file into the lab's folder.
+
+    Raises MissingResult without one of the results, ModuleCalibrationError for values that no
+    module has.
+    """
+    friction = lab.result(friction_fit.NAME)
+    torque = lab.result(static_torque.NAME)
+    weight = lab.result(gravity.NAME).quantity("gravity")
+    mass = lab.result(inertia.NAME).quantity("mass")
+    residuals = {
+        "friction_rms_N": friction.value("residual_rms"),
+        "friction_within_2N": friction.value("within_2N"),
+        "linearization_correlation": torque.value("correlation"),
+        "gravity_sd_N": weight.uncertainty,
+        "mass_sd_kg": mass.uncertainty,
+    }
+    path = lab.folder / FILE
+    write_calibration(
+        path,
+        ModuleCalibration(
+            serial=settings.serial,
+            date=datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            software=_software(),
+            friction=friction_fit.friction_model_of(friction),
+            linearization=static_torque.linearization_of(torque),
+            gravity=weight.value,
+            mass=mass.value,
+            sensor_bias=lab.bench.zero(),
+            residuals=residuals,
+        ),
+    )
+    quantities = (
+        Quantity("gravity", weight.value, weight.uncertainty, "N", "weight the controller carries"),
+        Quantity("mass", mass.value, mass.uncertainty, "kg", "mass that moves with the handle"),
+    )
+    return Result(NAME, quantities, settings._asdict(), (f"written: {path.name}",))
+
+
+def _software() -> str:
+    try:
+        return version("screw_module_ros")
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the identified model is worth: feed-forward with it and with the thesis's default (6.4.2).
+
+The hand moves through the spring of 100 N/m as in figure 6-8, once with what the thesis printed
+(friction of 5.2.5, 10 N of gravity, dead zone of 0.025 Nm) and once with what was identified on
+this very module. Also without feed-forward, and with force feedback on top (6.4.4).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..settings import Setting
+from . import friction_fit, gravity, static_torque
+from .curves import reduced as curve
+from .lab import Job, Lab, Part
+from .results import Quantity, Result
+from .trials import MotionTrial, Samples
+
+NAME = "compensation"
+_MODES = {
+    "pd": modes.IMPEDANCE,
+    "feed_forward": modes.FRICTION_COMPENSATION,
+    "combined": modes.COMBINED,
+}
+_STIFFNESS = 100.0  # [N/m], thesis 6.1
+
+
+class Settings(NamedTuple):
+    """How the hand moves."""
+
+    amplitude: Annotated[float, Setting("of the virtual hand", "m", 0.02, 0.15)] = 0.15
+    omega: Annotated[float, Setting("of the hand", "rad/s", 0.05, 3.0)] = 0.8
+    cycles: Annotated[float, Setting("of the hand", "", 1.0, 20.0)] = 3.0
+    fraction: Annotated[
+        float, Setting("share of the modelled friction that is fed forward", "", 0.0, 1.0)
+    ] = 0.9
+    force_gain: Annotated[float, Setting("of the combined law", "", 0.0, 10.0)] = 5.0
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure both. Raises MissingResult without the module's own results, Cancelled."""
+    identified = {
+        "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
+        "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),
+    }
+    own_gravity = lab.result(gravity.NAME).value("gravity")
+    jobs = []
+    for model, weight, given in (("default", 10.0, {}), ("identified", own_gravity, identified)):
+        for name, mode in _MODES.items():
+            law = VerticalSettings(
+                stiffness=_STIFFNESS,
+                gravity=weight,
+                friction_fraction=settings.fraction,
+                force_gain=settings.force_gain,
+            )
+            trial = MotionTrial(
+                mode,
+                law,
+                amplitude=settings.amplitude,
+                omega=settings.omega,
+                duration=settings.cycles * 2.0 * math.pi / settings.omega,
+                **given,
+            )
+            jobs.append(Job(f"{name}_{model}", trial, reduced))
+    parts = lab.run(NAME, jobs)
+    data = {
+        f"{name}/{column}": part[column]
+        for name, part in parts.items()
+        for column in ("position", "velocity", "force")
+    }
+    return Result(NAME, tuple(_quantities(parts)), settings._asdict(), (), data)
+
+
+def reduced(trial: MotionTrial, samples: Samples) -> Part:
+    """Return the curve and its offsets from the spring."""
+    return curve(trial, samples, trial.settings.stiffness)
+
+
+def _quantities(parts: dict[str, Part]) -> list[Quantity]:
+    found = []
+    for name, part in parts.items():
+        text = f"mean offset from the spring in motion, {name.replace('_', ', ')} model"
+        found.append(
+            Quantity(f"offset_{name}", float(part["offset"]), float(part["spread"]), "N", text)
+        )
+    before, after = (float(parts[f"feed_forward_{m}"]["offset"]) for m in ("default", "identified"))
+    spread = [float(parts[f"feed_forward_{m}"]["spread"]) for m in ("default", "identified")]
+    ratio = after / before
+    found.append(
+        Quantity(
+            "ratio",
+            ratio,
+            ratio * float(np.hypot(spread[0] / before, spread[1] / after)),
+            "",
+            "offset with the identified model over that with the thesis's default",
+        )
+    )
+    return found

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command `reproduce`: all experiments in process, then the page. No ROS, no hardware."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from ...plant.settings import PlantFileError
+from ..catalogue import EXPERIMENTS
+from ..pool import worker_pool
+from .page import write_page
+from .study import ON_EVERY_MODULE, Told, examine
+
+_NARROWEST = 110  # columns where the output goes into a file
+
+
+@click.command(context_settings={"show_default": True})
+@click.option(
+    "--folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("reproduction_output"),
+    help="Where results, figures and the page go; what is finished there is taken up again.",
+)
+@click.option("--seeds", default=5, type=click.IntRange(0, 100), help="Perturbed modules.")
+@click.option("--first-seed", default=1, type=click.IntRange(0), help="The first one's seed.")
+@click.option(
+    "--only", multiple=True, type=click.Choice(list(EXPERIMENTS)), help="These experiments alone."
+)
+@click.option(
+    "--plant", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="Plant file."
+)
+@click.option("--fresh", is_flag=True, help="Begin anew: remove what is in the folder.")
+@click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
+@click.option("--strict", is_flag=True, help="Exit with 3 when something wanted is missed.")
+def command(
+    folder: Path,
+    seeds: int,
+    first_seed: int,
+    only: tuple[str, ...],
+    plant: Path | None,
+    fresh: bool,
+    workers: int | None,
+    strict: bool,
+) -> None:
+    """Run every experiment of the thesis on the simulated module and write a report."""
+    console, begun = Console(highlight=False), time.monotonic()
+    if not console.is_terminal:
+        console.width = max(console.width, _NARROWEST)
+    try:
+        if fresh:
+            _remove_own(folder)
+        with worker_pool(workers) as pool, _shown(console, only, seeds) as told:
+            modules = [
+                examine(seed, folder, pool, told, only, plant)
+                for seed in (None, *range(first_seed, first_seed + seeds))
+            ]
+        with console.status("drawing and writing the page"):
+            report = write_page(folder, modules, time.monotonic() - begun)
+    except KeyboardInterrupt:
+        console.print(f"[bold red]stopped[/]; what is finished lies in {folder}: run it again")
+        sys.exit(130)
+    except (PlantFileError, OSError) as error:
+        console.print(f"[bold red]reproduce did not work: {error}[/]", soft_wrap=True)
+        sys.exit(1)
+    console.print(*report.tables(), sep="\n")
+    console.print(f"All in {time.monotonic() - begun:.0f} s. The report: {report.page}")
+    if strict and report.misses:
+        sys.exit(3)
+
+
+def _remove_own(folder: Path) -> None:
+    """Remove what this command writes, nothing else that lies in the folder."""
+    for name in (*folder.glob("seed_*"), folder / "thesis", folder / "figures"):
+        if name.is_dir():
+            shutil.rmtree(name)
+
+
+@contextmanager
+def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[Told]:
+    """Show a bar for the module's experiment and one for everything."""
+    first = len(only or EXPERIMENTS)
+    total = first + seeds * len(only or ON_EVERY_MODULE)
+    columns = (
+        TextColumn("{task.description:38}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    )  # fmt: skip
+    done: set[tuple[str, str]] = set()
+    with Progress(*columns, console=console) as bars:
+        everything = bars.add_task("everything", total=total)
+        current = bars.add_task("", total=1.0)
+
+        def told(module: str, experiment: str, share: float) -> None:
+            if share >= 1.0:
+                done.add((module, experiment))
+            bars.update(current, description=f"{module}: {experiment}", completed=share)
+            bars.update(everything, completed=len(done) + (share if share < 1.0 else 0.0))
+
+        yield told
+
+
+def main() -> None:
+    """Console entry point."""
+    command()
+
+

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which figures belong to which experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from ..figures import curves as chapter_6
+from ..figures.style import save
+from ..results import Result
+
+Drawn = dict[str, Figure]
+
+_DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
+    "force_position": chapter_6.force_position_figures,
+    "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
+    "compensation": lambda result: {"compensation": chapter_6.compensation_figure(result)},
+}
+
+
+def draw(experiment: str, result: Result, results: Path, folder: Path) -> dict[str, str]:
+    """Draw an experiment's figures into a folder; return title -> file, beside the page.
+
+    results: folder of the module's other results. Raises OSError.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = _DRAWINGS.get(experiment, lambda result: {})(result)
+    files = {}
+    for name, figure in drawn.items():
+        file = folder / f"{experiment}-{name.replace(' ', '_')}.png"
+        save(figure, file)
+        title = figure.axes[0].get_title("left") if figure.axes else name
+        files[title or f"{experiment}, {name}"] = f"{folder.name}/{file.name}"
+    return files
