@@ -66,11 +66,6 @@ class Section:
             f"{self._file}: {where + ': ' if where else ''}{problem}; {self._way_out or way_out}"
         )
 
-    def with_way_out(self, way_out: str) -> Section:
-        """Return this section, with that way out of every problem from now on."""
-        self._way_out = way_out
-        return self
-
     def section(self, key: str) -> Section:
         """Return the mapping under a key."""
         value = self._take(key)
@@ -140,22 +135,17 @@ def read_calibration(
     kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
     cannot be read, is not a YAML mapping, or is of another format or version.
     """
+    file = str(path)
     try:
         content = Path(path).read_bytes()
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", "") or problem
-        raise error(f"{path}: cannot be read ({reason}); check path and permissions") from problem
-    return parse_calibration(str(path), content, kind, error, way_out)
-
-
-def parse_calibration(
-    file: str, content: bytes, kind: str, error: type[CalibrationError], way_out: str = ""
-) -> Section:
-    """Return what `read_calibration` does for a file's content; file is its name for errors."""
-    if len(content) > _LARGEST_FILE:
-        raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
-    try:
+        if len(content) > _LARGEST_FILE:
+            raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
         values = yaml.load(content.decode(), Loader=_StrictLoader)
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise error(f"{file}: cannot be read ({reason}); check path and permissions") from problem
+    except CalibrationError:
+        raise
     except (yaml.YAMLError, RecursionError, ValueError) as problem:
         reason = " ".join(str(problem).split())
         way = way_out or "correct it at that place"
@@ -163,17 +153,15 @@ def parse_calibration(
     if not isinstance(values, dict):
         way = way_out or "start from params/"
         raise error(f"{file}: a YAML mapping is needed, found {_kind(values)}; {way}")
-    return _headed(Section(file, "", values, error), kind).with_way_out(way_out)
-
-
-def _headed(top: Section, kind: str) -> Section:
-    found = top.text("format")
+    head = Section(file, "", values, error)
+    found = head.text("format")
     if found != kind:
-        top.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
-    version = top.number("version")
+        head.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
+    version = head.number("version")
     if version != VERSION:
-        top.fail("version", f"{version:g} is not known here", "convert the file to version 1")
-    return top
+        head.fail("version", f"{version:g} is not known here", "convert the file to version 1")
+    rest = {key: value for key, value in values.items() if key not in ("format", "version")}
+    return Section(file, "", rest, error, way_out)
 
 
 def calibration_identity(path: str | Path) -> str:
