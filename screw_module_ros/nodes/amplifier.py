@@ -14,6 +14,7 @@ from screw_module_ros.control.calibration import calibration_identity
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, load_linearization
+from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
 from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -38,7 +39,8 @@ class AmplifierSettings(NamedTuple):
         bool, Setting("undo the amplifier's dead zone around zero (thesis 4.1.1)")
     ] = True
     linearization_file: Annotated[
-        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm")
+        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
+                     "calibration_file is set")
     ] = ""
     missed_limit: Annotated[
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
@@ -54,6 +56,7 @@ class AmplifierNode(DriverNode):
     def __init__(self):
         super().__init__("amplifier", port=43114)
         self.parameters.declare(AmplifierSettings)
+        self.parameters.declare(CalibrationSettings)
         self.parameters.declare(DriveSettings, without=("rate",))
         self.parameters.declare(GateSettings, "gate")
         self.parameters.declare(TorqueLimits, "torque")
@@ -80,6 +83,7 @@ class AmplifierNode(DriverNode):
         for warning in self._drive.warnings:
             self.get_logger().warning(warning)
         self.check_bus_load(self._drive.traffic)
+        self.get_logger().info(f"linearization: {self._calibration}")
         self._state_period_ns = round(1e9 / own.state_rate)
         self._missed_limit = own.missed_limit
         self._inbox = Inbox(self)
@@ -92,9 +96,14 @@ class AmplifierNode(DriverNode):
         )
 
     def _load_linearization(self, own: AmplifierSettings) -> None:
-        path = own.linearization_file
-        self._linearization, self._calibration = None, "none"
-        if own.linearize:
+        path, settings = own.linearization_file, self.parameters.read(CalibrationSettings)
+        module = chosen_calibration(settings, "linearization_file", path)
+        if not own.linearize:
+            self._linearization, self._calibration = None, "none"
+        elif module is not None:
+            self._linearization = module.linearization
+            self._calibration = module.identity(settings.calibration_file)
+        else:
             self._linearization = load_linearization(path) if path else default_linearization()
             self._calibration = calibration_identity(path) if path else "thesis 4.1.1"
 
@@ -250,7 +259,7 @@ class AmplifierNode(DriverNode):
             "success rate": f"{meter.success_rate:.3f}",
             "state": self._drive.state(now).text,
             "largest force [N]": f"{peak:.0f}",
-            "linearization": self._calibration,
+            "calibration": self._calibration,
             **device_values(self._drive.snapshot()),
             **self.port_values(),
         }

@@ -26,6 +26,11 @@ from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.calibration import calibration_identity
 from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.modes import MODE_NAMES, OFF
+from screw_module_ros.control.module_calibration import (
+    CalibrationSettings,
+    ModuleCalibration,
+    chosen_calibration,
+)
 from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -54,7 +59,8 @@ class ControllerSettings(NamedTuple):
                      "3 FORCE_FEEDBACK, 4 COMBINED", choices=tuple(MODE_NAMES), live=True)
     ] = 1
     friction_file: Annotated[
-        str, Setting("friction model file, empty for the thesis's polynomials")
+        str, Setting("friction model file, empty for the thesis's polynomials or when "
+                     "calibration_file is set")
     ] = ""
     state_rate: Annotated[
         float, Setting("screw/controller_state messages per second", "Hz", 1.0, 500.0)
@@ -67,6 +73,7 @@ class ImpedanceControllerNode(ModuleNode):
     def __init__(self):
         super().__init__("impedance_controller")
         self.parameters.declare(ControllerSettings)
+        self.parameters.declare(CalibrationSettings)
         self.parameters.declare(RateSettings)
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
@@ -75,19 +82,19 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._inbox: Inbox | None = None
+        self._module: ModuleCalibration | None = None
+        self._calibration = ""
         self.create_service(SetImpedance, "~/set_impedance", self._set_impedance)
         self.create_service(SetControlMode, "~/set_mode", self._set_mode)
 
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Load the friction model and make the topics."""
+        """Load the calibration or friction model and make the topics."""
         chosen = self.parameters.read(ControllerSettings)
-        path = chosen.friction_file or resource_path(FRICTION_FILE)
-        self._friction = load_friction_model(path)
-        self._calibration = calibration_identity(path)
-        self._settings = self.parameters.read(VerticalSettings).validated()
+        self.parameters.read(VerticalSettings).validated()
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
+        self._load(chosen.friction_file)
         self._state_period_ns = round(1e9 / chosen.state_rate)
         self._inbox = inbox = Inbox(self)
         self._take_encoder = inbox.subscribe(
@@ -108,10 +115,38 @@ class ImpedanceControllerNode(ModuleNode):
             ImpedanceState, "screw/controller_state", qos.STATE
         )
 
+    def _load(self, friction_file: str) -> None:
+        settings = self.parameters.read(CalibrationSettings)
+        self._module = chosen_calibration(settings, "friction_file", friction_file)
+        if self._module is None:
+            path = friction_file or resource_path(FRICTION_FILE)
+            self._friction = load_friction_model(path)
+            self._calibration = calibration_identity(path)
+            return
+        self._friction = self._module.friction
+        self._file_identity = self._module.identity(settings.calibration_file)
+        before = self.parameters.read(VerticalSettings).gravity
+        refused = self.parameters.write(gravity=self._module.gravity)
+        if refused:
+            raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
+        self._follow_gravity()
+        self.get_logger().info(
+            f"calibration {self._file_identity}: gravity set to {self._module.gravity:g} N "
+            f"(the parameter was {before:g} N)"
+        )
+
+    def _follow_gravity(self) -> None:
+        """Say in the identity when the calibration's gravity was replaced by hand."""
+        if self._module is None:
+            return
+        gravity = self.parameters.read(VerticalSettings).gravity
+        by_hand = "" if gravity == self._module.gravity else f", gravity {gravity:g} N by hand"
+        self._calibration = self._file_identity + by_hand
+
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
         self._controller = VerticalController(
-            self._settings,
+            self.parameters.read(VerticalSettings).validated(),
             self._friction,
             self.parameters.read(WatchSettings, "watch"),
             self.parameters.read(AgreementSettings, "agreement"),
@@ -138,6 +173,8 @@ class ImpedanceControllerNode(ModuleNode):
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
+        if kind is VerticalSettings:
+            self._follow_gravity()
         if not hasattr(self, "_controller"):
             return
         if kind is VerticalSettings:

@@ -129,6 +129,7 @@ class SessionRecorder(ModuleNode):
             if session is None or intake is None:
                 return
             session.put(intake.drain())
+            session.add_metadata("calibration", intake.calibrations())  # told in the last second
             intake.close()
         self._last = session.close()
         self.get_logger().info(self._last.summary())
