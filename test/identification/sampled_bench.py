@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bench with a rotor on a transducer and a current sensor of known poles and delay."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screw_module_ros.control.linearization import IDENTITY
+from screw_module_ros.identification import sampled_models as models
+from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.identification.trials import Samples
+
+KNOWN_DELAY = 60e-6
+
+
+class SampledBench:
+    """Answers a TorqueTrial with the exact sines of its models, and noise."""
+
+    rate = 2000.0
+    name = "fake"
+
+    def __init__(self, damping=5.0, delay=280e-6, noise=0.0012):
+        self.delay, self.noise = delay + KNOWN_DELAY, noise
+        amplifier = models.first_order(1000.0)
+        self.rotor = models.series(amplifier, models.second_order(1.96e-5, damping, 1e4))
+        self.sensor = models.series(amplifier, models.current_sensor())
+        self.asked = []
+
+    def record(self, trial, told):
+        self.asked.append(trial)
+        rate = trial.rate or self.rate
+        time = np.arange(round(trial.duration * rate)) / rate
+        turn = np.exp(2j * np.pi * trial.frequency * time)
+        draw = np.random.default_rng(len(self.asked))
+
+        def answer(chain, per_torque, noise):
+            at = np.array([trial.frequency])
+            value = per_torque * models.sampled_response(chain, at, rate, self.delay)[0]
+            sine = (trial.amplitude * value * turn).imag
+            return sine + draw.normal(0.0, noise, time.size)
+
+        nothing = np.full_like(time, np.nan)
+        return Samples(
+            time, nothing, nothing, nothing,
+            answer(self.rotor, 1.0, self.noise),
+            trial.amplitude * turn.imag,
+            answer(self.sensor, 1.0 / 0.16, 10.0 * self.noise),
+        )  # fmt: skip
+
+
+def keep_linearization(folder):
+    """Leave a result of static_torque that changes nothing."""
+    i = IDENTITY
+    values = {
+        "lower_joint": i.lower_joint, "upper_joint": i.upper_joint,
+        "lower_slope": i.lower_slope, "lower_offset": i.lower_offset,
+        "cubic_3": i.cubic[0], "cubic_2": i.cubic[1], "cubic_1": i.cubic[2], "cubic_0": i.cubic[3],
+        "upper_slope": i.upper_slope, "upper_offset": i.upper_offset,
+    }  # fmt: skip
+    found = tuple(Quantity(name, value, 0.0, "", "") for name, value in values.items())
+    Result("static_torque", found, {}).save(folder)

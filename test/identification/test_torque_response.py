@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Damping and delay of a known rotor are found again; what a wire hides (thesis 4.1.3, 4.1.4)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screw_module_ros.identification import torque_response
+from screw_module_ros.identification.delay_limit import held_wire, wire_profile
+from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.torque_response import Settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+from sampled_bench import SampledBench, keep_linearization
+
+FEW = Settings(count=12, low=5.0)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab")
+    keep_linearization(folder)
+    return torque_response.run(Lab(SampledBench(damping=5.0, delay=280e-6), folder), FEW)
+
+
+@pytest.mark.parametrize("end", ["", "_slow"])
+def test_damping_and_delay_with_honest_errors(result, end):
+    damping, delay = result.quantity(f"damping{end}"), result.quantity(f"delay{end}")
+    assert damping.value == pytest.approx(5.0, rel=0.02)
+    assert delay.value == pytest.approx(280e-6, abs=5e-6)
+    assert abs(damping.value - 5.0) < 4.0 * damping.uncertainty
+    assert abs(delay.value - 280e-6) < 4.0 * delay.uncertainty
+
+
+def test_light_damping_is_not_taken_for_heavy(tmp_path):
+    keep_linearization(tmp_path)
+    bench = SampledBench(damping=0.1, noise=0.0003)
+    result = torque_response.run(Lab(bench, tmp_path), FEW._replace(slow_rate=0.0))
+    assert result.value("damping") == pytest.approx(0.1, rel=0.2)
+    assert "The mode resonates" in result.notes[1]
+
+
+def test_resonance_folds_to_405_hz(result):
+    light = np.abs(result.data["folded_light"])
+    assert result.value("resonance") == pytest.approx(3595.0, abs=1.0)
+    assert result.value("resonance_seen") == pytest.approx(405.0, abs=1.0)
+    assert result.data["folded_frequency"][light.argmax()] == pytest.approx(405.0, abs=10.0)
+
+
+def test_both_rates_are_asked(tmp_path):
+    keep_linearization(tmp_path)
+    bench = SampledBench()
+    torque_response.run(Lab(bench, tmp_path), FEW)
+    assert [trial.rate for trial in bench.asked] == [0.0] * 12 + [1000.0] * 12
+
+
+def test_known_dynamics_tell_the_delay_and_a_wire_does_not(result):
+    delays, rotor, wire = (result.data[f"limit_{name}"] for name in ("delay", "rotor", "wire"))
+    assert delays[rotor.argmin()] == pytest.approx(280e-6, abs=6e-6)
+    assert rotor[delays < 200e-6].min() > 5.0 * rotor.min()
+    same = (delays > 0.0) & (delays < 430e-6)
+    assert np.ptp(wire[same]) < 1e-9
+    assert wire[delays > 450e-6].min() > 0.1
+
+
+def test_wire_profile_is_flat_within_a_sample():
+    frequencies, delays = np.array([10.0, 100.0]), np.array([1e-6, 499e-6, 501e-6, 999e-6])
+    off = wire_profile(frequencies, 2000.0, 250e-6, delays)
+    assert off[:2] == pytest.approx(0.0, abs=1e-12)
+    assert off[2] == pytest.approx(off[3])
+    assert off[2] > 0.2
+
+
+@pytest.mark.parametrize(("delay", "late"), [(0.0, 0), (0.2, 1), (0.9, 1), (1.4, 2)])
+def test_rebuilt_output_is_whole_samples_late(delay, late):
+    """Figures 4-13 and 4-14."""
+    held = held_wire(delay, periods=20, per_period=10)
+    shifted = held.given[: len(held.given) - 10 * late]
+    assert held.rebuilt[10 * late :] == pytest.approx(shifted)
+
+
+def test_linearization_is_wanted_first(tmp_path):
+    with pytest.raises(MissingResult, match="static_torque"):
+        torque_response.run(Lab(SampledBench(), tmp_path), FEW)
+
+
