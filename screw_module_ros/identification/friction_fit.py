@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit of the thesis's friction model to the measured maps (thesis 5.2.5, figs 5-24 to 5-30).
+
+`friction_refine` fits, here are maps and weight taken, the model made and judged: how much of the
+maps it hits within 2 N, and how much the thesis's own coefficients do on the same maps.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control.friction import FrictionBranch, FrictionModel, load_friction_model
+from ..geometry import SCREW
+from ..resources import resource_path
+from ..settings import Setting, validated
+from . import friction_map, gravity
+from .friction_form import branch_of, friction_along, held_force, speed_factor
+from .friction_refine import Fitted, fit_maps
+from .lab import Lab
+from .results import Quantity, Result
+
+NAME = "friction_model"
+THESIS = "params/friction_thesis.yaml"
+WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
+_WAYS = (("up", 1.0), ("down", -1.0))
+
+
+class Settings(NamedTuple):
+    """Of the fit; the data come from friction_map and gravity."""
+
+    ramp_speed: Annotated[
+        float, Setting("below it the controller's model goes to zero in a line", "m/s", 1e-4, 0.02)
+    ] = 0.002
+    flip_gain: Annotated[
+        float, Setting("share of the squared error a flip must save to be kept", "", 0.0, 1.0)
+    ] = 0.1
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Fit the model; needs the results of friction_map and gravity.
+
+    Data: see `friction_model_of`; `centres` [mm], `speeds` [mm/s], `force_up`, `residual_up` and
+    the same down [N], shape (speeds, bins). Raises MissingResult, ValueError for maps with too
+    little in them.
+    """
+    validated(settings)
+    maps, weighed = lab.result(friction_map.NAME).data, lab.result(gravity.NAME)
+    weight = weighed.value("gravity")
+    speeds, z = maps["speeds"] * 1e3, maps["centres"]
+    friction = {"up": maps["up"] - weight, "down": maps["down"] - weight}
+    fitted = fit_maps(z, speeds, friction["up"], friction["down"], settings.flip_gain)
+    model = _model(fitted, speeds, weight, settings)
+    data = {"centres": z, "speeds": speeds, **_as_data(model)}
+    for way, _ in _WAYS:
+        data[f"force_{way}"] = maps[way]
+        data[f"residual_{way}"] = beyond(model, data, way)
+    thesis = load_friction_model(resource_path(THESIS))
+    quantities = _quantities(fitted, model, data, weighed.quantity("gravity"), thesis)
+    return Result(NAME, quantities, settings._asdict(), _notes(model, data), data)
+
+
+def friction_model_of(result: Result) -> FrictionModel:
+    """Return the model for the controller from this experiment's result."""
+    low, high, fastest, ramp, lead, phase, weight = map(float, result.data["common"])
+    branches = (
+        FrictionBranch(
+            tuple(map(float, result.data[f"{way}_trend"])),
+            tuple(map(float, result.data[f"{way}_ripple"])),
+            *map(float, result.data[f"{way}_shape"]),
+        )
+        for way, _ in _WAYS
+    )
+    return FrictionModel(low, high, fastest, ramp, lead, phase, weight, *branches)
+
+
+def _model(
+    fitted: Fitted, speeds: np.ndarray, weight: float, settings: Settings
+) -> FrictionModel:
+    up, down = (branch_of(b, speeds, fitted.low, fitted.high, weight) for b in fitted.branches)
+    phase = float(np.angle(np.exp(1j * fitted.phase)))
+    ramp, lead = settings.ramp_speed * 1e3, SCREW.lead * 1e3
+    return FrictionModel(
+        fitted.low, fitted.high, float(speeds.max()), ramp, lead, phase, weight, up, down
+    )
+
+
+def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
+    """Return the model as arrays; `friction_model_of` reads them."""
+    data = {"common": np.array(model[:7])}
+    for way, _ in _WAYS:
+        trend, ripple, *shape = getattr(model, way)
+        data[f"{way}_trend"], data[f"{way}_ripple"] = np.array(trend), np.array(ripple)
+        data[f"{way}_shape"] = np.array(shape)
+    return data
+
+
+def beyond(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
+    """Return measured minus modelled force [N] of any model on the maps of this result."""
+    velocity = dict(_WAYS)[way] * data["speeds"]
+    return data[f"force_{way}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
+
+
+def share_within(residual: np.ndarray) -> float:
+    """Return the share of the measured cells whose residual is within 2 N."""
+    known = residual[np.isfinite(residual)]
+    return float((np.abs(known) <= WITHIN).mean())
+
+
+def rms(residual: np.ndarray) -> float:
+    """Return the root mean square of the measured cells [N]."""
+    return float(np.sqrt(np.nanmean(residual**2)))
+
+
+def _quantities(
+    fitted: Fitted,
+    model: FrictionModel,
+    data: dict[str, np.ndarray],
+    weight: Quantity,
+    thesis: FrictionModel,
+) -> tuple[Quantity, ...]:
+    nan = float("nan")
+    found = []
+    for label, text, judged in (
+        ("", "our fit", model),
+        ("_thesis", "the thesis's coefficients on this module", thesis),
+    ):
+        left = {way: beyond(judged, data, way) for way, _ in _WAYS}
+        left = {"": np.concatenate(list(left.values())), **left}
+        for way, residual in left.items():
+            end, where = (f"_{way}" if way else "") + label, f"{text}{', ' + way if way else ''}"
+            found += [
+                Quantity(f"within{end}", share_within(residual), nan, "", f"within 2 N, {where}"),
+                Quantity(f"rms{end}", rms(residual), nan, "N", f"rms residual, {where}"),
+            ]
+    ramped = np.concatenate([_ramped(model, data, way) for way, _ in _WAYS])
+    found += [
+        Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
+        Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
+        Quantity("phase", model.phase, float(fitted.errors[-1]), "rad", "phase of the ripple"),
+    ]
+    for way, _ in _WAYS:
+        found += _of_branch(model, data, way)
+    return tuple(found)
+
+
+def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> list[Quantity]:
+    branch: FrictionBranch = getattr(model, way)
+    nan = float("nan")
+    mean = float(np.nanmean(np.abs(data[f"force_{way}"] - model.gravity)))
+    slowest, fastest = speed_factor(branch, np.array([data["speeds"][0], data["speeds"][-1]]))
+    return [
+        Quantity(f"friction_{way}", mean, nan, "N", f"mean friction, {way}"),
+        Quantity(
+            f"viscous_{way}", branch.high_slope * mean * 1e3, nan, "N s/m",
+            f"slope of the line times mean friction, {way}",
+        ),
+        Quantity(f"factor_slowest_{way}", float(slowest), nan, "", f"Fv at the slowest, {way}"),
+        Quantity(f"factor_fastest_{way}", float(fastest), nan, "", f"Fv at the fastest, {way}"),
+        Quantity(f"flip_{way}", branch.flip_below / 1e3, nan, "m", f"ripple turns below, {way}"),
+    ]  # fmt: skip
+
+
+def _ramped(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
+    """Return the residual of what the controller computes, ramp at low speed included [N]."""
+    velocity = dict(_WAYS)[way] * data["speeds"] / 1e3
+    told = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
+    return data[f"force_{way}"] - model.gravity - told
+
+
+def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:
+    slow = int((data["speeds"] < model.ramp_speed).sum())
+    notes = [
+        "Residuals are those of the thesis's form. The controller's ramp to zero below "
+        f"{model.ramp_speed:g} mm/s ({slow} of {len(data['speeds'])} speeds) is left out; "
+        "within_ramped has it.",
+        "What the form cannot follow stays: the ripple of the rollers, and friction that falls with"
+        " speed in one half of the screw and rises in the other.",
+        "Standard errors take the residuals as independent; neighbouring bins are not.",
+    ]
+    for way, _ in _WAYS:
+        if getattr(model, way).flip_below < 0.0:
+            notes.append(f"A turned-over ripple gains nothing {way}: no flip is used.")
+    return tuple(notes)

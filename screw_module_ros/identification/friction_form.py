@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thesis's form of the friction model over arrays, and its parameters as a fit wants them.
+
+`held_force` is the force of thesis 5.2.5 that holds a speed, gravity included. A `BranchFit` has
+the same freedom as `FrictionBranch`, as numbers of one size: Chebyshev coefficients over the range
+of heights in place of powers of millimetres, and a speed factor that is one at `REFERENCE` and
+continuous at its knee, so that no two parameters do the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial.chebyshev import chebvander
+
+from ..control.friction import FrictionBranch, FrictionModel
+
+TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
+REFERENCE = 40.0  # speed at which the speed factor of a fit is one [mm/s]
+NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml
+PARAMETERS = TREND + RIPPLE + 3
+# Lowest and highest: exponent, logarithm of the knee [mm/s], slope [s/mm].
+BOUNDS = ((0.0, np.log(1.0), -0.005), (1.0, np.log(20.0), 0.02))
+
+
+class BranchFit(NamedTuple):
+    """One direction. trend, ripple: Chebyshev coefficients of the friction at `REFERENCE` [N], up
+    the screw positive; flip_below [mm]; exponent; knee [mm/s]; slope [s/mm]."""
+
+    trend: np.ndarray
+    ripple: np.ndarray
+    flip_below: float
+    exponent: float
+    knee: float
+    slope: float
+
+
+class Grid(NamedTuple):
+    """Where a fit is evaluated: heights z [mm] and speeds [mm/s, positive], one per cell;
+    low, high: the range of heights [mm]; lead [mm]."""
+
+    z: np.ndarray
+    speed: np.ndarray
+    low: float
+    high: float
+    lead: float
+
+
+def basis(z: np.ndarray, low: float, high: float, coefficients: int) -> np.ndarray:
+    """Return the Chebyshev polynomials at heights z [mm], shape (len(z), coefficients)."""
+    return chebvander((2.0 * z - low - high) / (high - low), coefficients - 1)
+
+
+def ripple_phase(z: np.ndarray, lead: float, phase: float, flip_below: float) -> np.ndarray:
+    """Return the ripple at amplitude one; below flip_below [mm] it is turned by pi."""
+    return np.where(z > flip_below, 1.0, -1.0) * np.sin(2.0 * np.pi / lead * z + phase)
+
+
+def speed_factor(branch: FrictionBranch, speed: np.ndarray) -> np.ndarray:
+    """Return Fv at speeds above zero [mm/s]."""
+    speed = np.asarray(speed, float)
+    low = branch.low_gain * speed**branch.low_exponent
+    return np.where(
+        speed <= branch.break_speed, low, branch.high_slope * speed + branch.high_offset
+    )
+
+
+def held_force(model: FrictionModel, z: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the force that holds a velocity, gravity included [N].
+
+    z [mm], velocity [mm/s], not zero, of one shape. Height and speed are held in the model's range
+    as in `control.friction`; its ramp at low speed is left out, as in the thesis.
+    """
+    z = np.clip(np.asarray(z, float), model.low, model.high)
+    velocity = np.asarray(velocity, float)
+    speed = np.clip(np.abs(velocity), 1e-9, model.fastest)
+    force = np.empty(np.broadcast(z, velocity).shape)
+    for branch, mine in ((model.up, velocity > 0.0), (model.down, velocity <= 0.0)):
+        place = np.polyval(branch.trend, z) + np.polyval(branch.ripple, z) * ripple_phase(
+            z, model.lead, model.phase, branch.flip_below
+        )
+        held = speed_factor(branch, speed) * (place - model.gravity) + model.gravity
+        force = np.where(mine, held, force)
+    return force
+
+
+def friction_along(model: FrictionModel, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return `control.friction.friction_force` of arrays [N]: position [m], velocity [m/s]."""
+    velocity = np.asarray(velocity, float) * 1e3
+    way, speed = np.sign(velocity), np.abs(velocity)
+    moving = np.where(velocity > 0.0, 1.0, -1.0) * np.maximum(speed, model.ramp_speed)
+    force = held_force(model, np.asarray(position, float) * 1e3, moving) - model.gravity
+    return way * np.maximum(way * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed)
+
+
+def unpacked(values: np.ndarray, flip_below: float) -> BranchFit:
+    """Return one direction's fit from the numbers an optimiser moves."""
+    trend, ripple, rest = np.split(values, (TREND, TREND + RIPPLE))
+    return BranchFit(
+        trend, ripple, flip_below, float(rest[0]), float(np.exp(rest[1])), float(rest[2])
+    )
+
+
+def packed(fit: BranchFit) -> np.ndarray:
+    """Return the numbers of `unpacked`."""
+    return np.concatenate((fit.trend, fit.ripple, (fit.exponent, np.log(fit.knee), fit.slope)))
+
+
+def fit_factor(fit: BranchFit, speed: np.ndarray) -> np.ndarray:
+    """Return the fit's speed factor at speeds above zero [mm/s]."""
+    line = 1.0 + fit.slope * (np.maximum(speed, fit.knee) - REFERENCE)
+    return line * np.minimum(speed / fit.knee, 1.0) ** fit.exponent
+
+
+def fit_friction(fit: BranchFit, grid: Grid, phase: float) -> np.ndarray:
+    """Return the fit's friction at the cells of a grid [N], up the screw positive."""
+    place = basis(grid.z, grid.low, grid.high, TREND) @ fit.trend
+    amplitude = basis(grid.z, grid.low, grid.high, RIPPLE) @ fit.ripple
+    place += amplitude * ripple_phase(grid.z, grid.lead, phase, fit.flip_below)
+    return fit_factor(fit, grid.speed) * place
+
+
+def branch_of(
+    fit: BranchFit, speeds: np.ndarray, low: float, high: float, gravity: float
+) -> FrictionBranch:
+    """Return the fit as the controller and the thesis have it: powers of millimetres.
+
+    Its speed factor has the mean one over `speeds` [mm/s], so that trend and ripple are those of
+    the mean curve, as in the thesis. low, high [mm], gravity [N].
+    """
+    mean = float(fit_factor(fit, np.asarray(speeds)).mean())
+    at_knee = float(fit_factor(fit, np.array([fit.knee]))[0])
+    trend = _powers(fit.trend * mean, low, high, TREND)
+    trend[-1] += gravity
+    return FrictionBranch(
+        trend=tuple(map(float, trend)),
+        ripple=tuple(map(float, _powers(fit.ripple * mean, low, high, RIPPLE))),
+        flip_below=fit.flip_below,
+        break_speed=fit.knee,
+        low_gain=at_knee / mean / fit.knee**fit.exponent,
+        low_exponent=fit.exponent,
+        high_slope=fit.slope / mean,
+        high_offset=(1.0 - fit.slope * REFERENCE) / mean,
+    )
+
+
+def _powers(coefficients: np.ndarray, low: float, high: float, count: int) -> np.ndarray:
+    """Return Chebyshev coefficients as those of powers of z [mm], highest first."""
+    plain = Chebyshev(coefficients, domain=[low, high]).convert(kind=Polynomial).coef
+    return np.pad(plain, (0, count - len(plain)))[::-1].copy()
