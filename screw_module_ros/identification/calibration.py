@@ -34,8 +34,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     weight = lab.result(gravity.NAME).quantity("gravity")
     mass = lab.result(inertia.NAME).quantity("mass")
     residuals = {
-        "friction_rms_N": friction.value("residual_rms"),
-        "friction_within_2N": friction.value("within_2N"),
+        "friction_rms_N": friction.value("rms"),
+        "friction_within_2N": friction.value("within"),
         "linearization_correlation": torque.value("correlation"),
         "gravity_sd_N": weight.uncertainty,
         "mass_sd_kg": mass.uncertainty,

@@ -72,6 +72,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     quantities = (
         _asymptotes(torque, command, settings, _fewer(raw, settings))
         + _check(raw, desired, linear["torque"])
+        + _largest(linear, fit, settings)
         + _found(fit)
     )
     return Result(NAME, quantities, settings._asdict(), _notes(fit, settings), data)
@@ -187,6 +188,15 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
         Quantity("slope", float(slope), error, "", "torque per desired torque, linearized"),
         Quantity("left_over", left, left / math.sqrt(2.0) / count, "Nm",
                  "standard deviation of torque about that line, noise included"),
+    )  # fmt: skip
+
+
+def _largest(linear: Part, fit: Pieces, settings: Settings) -> tuple[Quantity, ...]:
+    torque, command = _smoothed(linear, settings)
+    off = np.abs(torque - desired_torque(fit.linearization, command))
+    return (
+        Quantity("largest_left", float(off.max()), math.nan, "Nm",
+                 "largest difference of smoothed torque from desired torque, linearized"),
     )  # fmt: skip
 
 

@@ -99,7 +99,7 @@ WANTED = (
     Wanted("torque_response", "damping", lambda m: m.world.transducer.damping, 0.10, True),
     Wanted("gravity", "gravity", lambda m: true_weight(m.world), 0.3),
     Wanted("gravity", "play", lambda m: m.world.vertical.play, 2e-5),
-    Wanted("friction_model", "within_2N", None, 0.9),
+    Wanted("friction_model", "within", None, 0.9),
     Wanted("inertia", "mass", lambda m: true_mass(m.world), 0.10, True),
 )
 """The issue's list: gravity 0.3 N, mass 10 %, friction 90 % within 2 N, r 0.9999, pole 5 %, delay

@@ -114,7 +114,7 @@ def misses_of(
     for module in modules:
         result = module.result("compensation")
         if result and result.value("ratio") >= 1.0:
-            yield f"{module_name(module)} module: the identified model is no better than the default"
+            yield f"{module_name(module)} module: identified is no better than default"
 
 
 def markdown_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterable[str]:

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The in-process bench does what the world of the rig does, in any pieces, its zero taken off."""
+
+import math
+
+import numpy as np
+import pytest
+
+from screw_module_ros.compiled import packed
+from screw_module_ros.control import modes
+from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.identification.force_position import Spring, offsets
+from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
+from screw_module_ros.identification.loop import COLUMNS, run_ticks
+from screw_module_ros.identification.trials import (
+    AnalyzerTrial,
+    Arm,
+    Cancelled,
+    MotionTrial,
+    NotPossible,
+    StageTrial,
+    TorqueTrial,
+    duration_of,
+)
+from screw_module_ros.plant.world import World
+
+
+def quietly(share):
+    """Be told and say nothing."""
+
+
+def without_noise(module):
+    """Return the module with a perfect transducer."""
+    return module._replace(sensor=type(module.sensor)(*(0.0,) * 6, 900.0))
+
+
+def test_stage_run_shows_what_the_rigs_world_shows(module):
+    perfect = without_noise(module)
+    samples = InProcessBench(perfect).record(StageTrial(0.05, 0.1, 0.16), quietly)
+    world = World(perfect)
+    world.place(0.1)
+    world.set_fixture("stage", speed=0.05)
+    shown = []
+    for _ in range(len(samples.time)):
+        shown.append((world.encoder_count * 9.525e-7, world.truth().patient_force))
+        world.advance(0.0005)
+    there, forces = np.array(shown).T
+    before_end = samples.position < 0.159
+    assert np.abs(samples.position - there)[before_end].max() < 3e-6
+    # The world's encoder and force are read before the last substep of another rounding.
+    assert np.abs(samples.force - forces)[before_end].mean() < 0.01
+
+
+def test_compiled_loop_is_the_plain_one(bench):
+    trial = MotionTrial(modes.COMBINED, VerticalSettings())
+    params = bench._params(trial)
+    start = bench._placed(trial, bench._start(params))
+    plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
+    run_ticks([params], start, plain)
+    bench._run(packed(params), start, quick)
+    assert quick == pytest.approx(plain, abs=1e-9)
+
+
+def test_chunks_do_not_matter(bench, monkeypatch):
+    trial = StageTrial(0.1, 0.1, 0.14)
+    whole = bench.record(trial, quietly)
+    monkeypatch.setattr("screw_module_ros.identification.in_process._CHUNK", 137)
+    pieces = bench.record(trial, quietly)
+    assert np.array_equal(whole.force, pieces.force)
+
+
+def test_same_seed_same_samples_another_seed_another_noise(module):
+    trial = StageTrial(0.1, 0.1, 0.12)
+    first, again, other = (InProcessBench(module, seed=s).record(trial, quietly) for s in (4, 4, 5))
+    assert np.array_equal(first.force, again.force)
+    assert not np.array_equal(first.force, other.force)
+    assert np.abs(first.force.mean() - other.force.mean()) < 0.1, "the zero is taken off"
+
+
+def test_drift_of_the_transducer_is_taken_off(module):
+    # Ten minutes of drift; a plateau of zero force stays where it is.
+    drifting = without_noise(module)
+    drifting = drifting._replace(sensor=drifting.sensor._replace(force_drift=5.0, drift_time=100.0))
+    level = without_noise(module)
+    trial = StageTrial(0.002, 0.1, 0.2)
+    shown = InProcessBench(drifting).record(trial, quietly).force
+    true = InProcessBench(level).record(trial, quietly).force
+    # What is left is how far the exponential bends away from the straight line between both zeros.
+    assert np.abs(shown - true)[[50, -50]].max() < 0.15
+    assert np.abs(shown - true).max() < 0.6
+
+
+@pytest.mark.parametrize(
+    ("mode", "low", "high"),
+    [
+        (modes.IMPEDANCE, 7.0, 13.0),
+        (modes.FRICTION_COMPENSATION, 0.2, 3.0),
+        (modes.FORCE_FEEDBACK, 0.5, 3.0),
+        (modes.COMBINED, 0.0, 1.0),
+    ],
+)
+def test_offsets_of_the_modes(bench, mode, low, high):
+    samples = bench.record(MotionTrial(mode, VerticalSettings()), quietly)
+    found = offsets(samples.position, samples.velocity, samples.force, Spring(100.0, 0.18))
+    assert low < found.mean < high
+    assert found.samples_up > 5000
+    assert found.samples_down > 5000
+
+
+def test_mode_off_commands_nothing(bench):
+    samples = bench.record(
+        MotionTrial(modes.OFF, VerticalSettings(), arm=Arm(stiffness=1000.0), duration=2.0), quietly
+    )
+    assert not samples.command.any()
+    assert np.abs(samples.velocity).max() > 0.02
+
+
+def test_preloaded_nut_has_no_play_to_cross(module):
+    perfect = InProcessBench(without_noise(module))
+    force = {}
+    for preloaded in (False, True):
+        trial = MotionTrial(
+            modes.FORCE_FEEDBACK, VerticalSettings(force_gain=20.0), duration=4.0,
+            preloaded=preloaded,
+        )  # fmt: skip
+        force[preloaded] = np.diff(perfect.record(trial, quietly).force).std()
+    assert force[True] < 0.5 * force[False]
+
+
+def test_torque_sine_reaches_the_transducer_in_per_mille_of_the_rated_torque(bench):
+    trial = TorqueTrial(1.0, 0.3, 1.0, default_linearization())
+    samples = bench.record(trial, quietly)
+    steps = samples.command / 0.42 * 1000.0
+    assert np.abs(steps - np.round(steps)).max() < 1e-6
+    assert samples.torque.max() == pytest.approx(0.3, abs=0.01)
+    assert np.isfinite(samples.current).all()
+
+
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
+def test_other_rates(bench, rate):
+    samples = bench.record(TorqueTrial(5.0, 0.1, 0.4, rate=rate), quietly)
+    assert np.diff(samples.time) == pytest.approx(1.0 / rate)
+    assert len(samples.time) == round(0.4 * rate)
+
+
+def test_rate_that_does_not_fit_is_refused(bench):
+    with pytest.raises(NotPossible, match="3000 samples per second: a whole number of substeps"):
+        bench.record(TorqueTrial(5.0, 0.1, 0.1, rate=3000.0), quietly)
+
+
+def test_loop_settings_are_checked(module):
+    with pytest.raises(ValueError, match="rate = 1000000.0 Hz: above"):
+        InProcessBench(module, LoopSettings(rate=1e6))
+
+
+def test_cancel_ends_a_trial(bench):
+    def stop(share):
+        if share > 0.0:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        bench.record(StageTrial(0.001, 0.0, 0.355), stop)
+
+
+def test_zero_of_the_transducer(bench):
+    assert all(map(math.isfinite, bench.zero()))
+    assert len(bench.zero()) == 6
+
+
+def test_duration_of_trials():
+    assert duration_of(StageTrial(-0.05, 0.3, 0.1)) == pytest.approx(4.0)
+    assert duration_of(AnalyzerTrial(10.0, 1.0, 0.5)) == 0.5

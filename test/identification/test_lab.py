@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lab keeps what is finished, whoever interrupts it; results come back as they were saved."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from screw_module_ros.identification.friction_bins import binned
+from screw_module_ros.identification.in_process import InProcessBench
+from screw_module_ros.identification.lab import Job, Lab, MissingResult
+from screw_module_ros.identification.pool import PoolLab, worker_pool
+from screw_module_ros.identification.results import Quantity, Result, load_result
+from screw_module_ros.identification.trials import Cancelled, Samples, StageTrial
+
+SPEEDS = (0.01, 0.02, 0.05)
+
+
+class CountingBench:
+    """Gives a sample per trial and counts."""
+
+    rate, name = 1000.0, "counting"
+
+    def __init__(self):
+        self.done = []
+
+    def record(self, trial, told):
+        told(0.5)
+        self.done.append(trial.speed)
+        return Samples(*(np.full(3, trial.speed) for _ in Samples._fields))
+
+    def zero(self):
+        return (0.0,) * 6
+
+
+def mean_force(trial, samples, scale=1.0):
+    """Reduce a run to one number."""
+    return {"force": np.array(scale * samples.force.mean())}
+
+
+def jobs(reduce=mean_force):
+    return [Job(f"speed_{v:g}", StageTrial(v, 0.1, 0.12), reduce) for v in SPEEDS]
+
+
+def test_interrupted_run_resumes_where_it_was(tmp_path):
+    bench = CountingBench()
+
+    def stop_in_the_third(doing, done, total):
+        if len(bench.done) == 2 and done > 2.5:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        Lab(bench, tmp_path, stop_in_the_third).run("friction", jobs())
+    finished = list(bench.done)
+    assert 0 < len(finished) < len(SPEEDS)
+    parts = Lab(bench, tmp_path).run("friction", jobs())
+    assert bench.done == list(SPEEDS), "what was finished was not done again"
+    assert [float(parts[f"speed_{v:g}"]["force"]) for v in SPEEDS] == pytest.approx(SPEEDS)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda lab: lab.run("friction", jobs(functools.partial(mean_force, scale=2.0))),
+        lambda lab: lab.run("other", jobs()),
+        lambda lab: Lab(lab.bench, lab.folder, fingerprint="newer").run("friction", jobs()),
+    ],
+)
+def test_parts_of_something_else_are_not_taken(tmp_path, change):
+    bench = CountingBench()
+    lab = Lab(bench, tmp_path)
+    lab.run("friction", jobs())
+    change(lab)
+    assert len(bench.done) == 2 * len(SPEEDS)
+
+
+def test_part_cut_off_by_a_crash_is_done_again(tmp_path):
+    bench = CountingBench()
+    Lab(bench, tmp_path).run("friction", jobs())
+    for file in tmp_path.rglob("*.npz"):
+        file.write_bytes(file.read_bytes()[:40])
+    Lab(bench, tmp_path).run("friction", jobs())
+    assert len(bench.done) == 2 * len(SPEEDS)
+
+
+def test_progress_counts_what_was_kept(tmp_path):
+    bench, told = CountingBench(), []
+    lab = Lab(bench, tmp_path, lambda doing, done, total: told.append(done / total))
+    lab.run("friction", jobs())
+    assert told == sorted(told)
+    assert told[-1] == pytest.approx(1.0)
+    told.clear()
+    lab.run("friction", jobs())
+    assert told == [pytest.approx(1.0)]
+
+
+def test_pool_gives_what_one_process_gives(tmp_path, bench):
+    alone = Lab(bench, tmp_path / "alone").run("friction", jobs(binned))
+    with worker_pool(2) as pool:
+        shared = PoolLab(bench, tmp_path / "shared", pool).run("friction", jobs(binned))
+    assert list(alone) == list(shared)
+    for name in alone:
+        assert np.isfinite(alone[name]["force"]).any()
+        assert np.array_equal(alone[name]["force"], shared[name]["force"], equal_nan=True)
+
+
+def test_error_in_a_worker_reaches_the_caller(tmp_path, bench):
+    too_short = [Job("short", StageTrial(0.5, 0.1, 0.1005), binned)]
+    with worker_pool(1) as pool, pytest.raises(ValueError, match="samples|strays"):
+        PoolLab(bench, tmp_path, pool).run("friction", too_short)
+
+
+def test_result_comes_back(tmp_path):
+    result = Result(
+        "weighing",
+        (Quantity("gravity", 10.04, 0.1, "N", "weight"), Quantity("n", 3.0, float("nan"), "", "n")),
+        {"speeds": (0.1, 0.2), "count": np.int64(3)},
+        ("a note",),
+        {"curve": np.arange(4.0)},
+    )
+    result.save(tmp_path)
+    back = load_result(tmp_path, "weighing")
+    assert back.value("gravity") == 10.04
+    assert back.settings == {"speeds": [0.1, 0.2], "count": 3}
+    assert back.notes == ("a note",)
+    assert np.isnan(back.quantity("n").uncertainty)
+    assert np.array_equal(back.data["curve"], result.data["curve"])
+    with pytest.raises(KeyError, match="weighing has no 'mass'; there are gravity, n"):
+        back.value("mass")
+
+
+def test_missing_and_damaged_results_are_told(tmp_path):
+    lab = Lab(InProcessBench.__new__(InProcessBench), tmp_path)
+    with pytest.raises(MissingResult, match="the result of gravity is needed .* run it first"):
+        lab.result("gravity")
+    (tmp_path / "gravity.yaml").write_text("quantities: [1, 2]\n")
+    with pytest.raises(ValueError, match="not the result of an experiment"):
+        lab.result("gravity")
