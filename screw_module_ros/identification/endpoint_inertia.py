@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inertia that a hand feels in the plane (thesis appendix D, fig 3), as ellipses.
+
+With joint inertia M(q) and Jacobian J the tip feels J^-T M J^-1, and a module of mass m at the tip
+adds m in every direction. The axes of the ellipse are the eigenvalues [kg], anisotropy is the ratio
+of the greater to the smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry import MANUS, PlanarArm, inverse, jacobian
+
+
+class JointInertia(NamedTuple):
+    """M(q) = [[shoulder, coupling cos D], [coupling cos D, elbow]] [kg m^2].
+
+    D is the angle between the links, elbow - shoulder.
+    """
+
+    shoulder: float
+    elbow: float
+    coupling: float
+
+
+def tensor(
+    x: float, y: float, joints: JointInertia, mass: float = 0.0, arm: PlanarArm = MANUS
+) -> np.ndarray:
+    """Return the inertia at the tip [kg], shape (2, 2), at x, y [m] from the workspace centre.
+
+    mass: of the module at the tip [kg]. Raises ValueError when the point is out of reach.
+    """
+    reach = math.hypot(x - arm.base_x, y - arm.base_y)
+    if not abs(arm.forearm - arm.upper_arm) < reach < arm.forearm + arm.upper_arm:
+        raise ValueError(f"x = {x:g}, y = {y:g} m is out of reach of the planar arm")
+    shoulder, elbow = inverse(x, y, arm)
+    back = np.linalg.inv(np.reshape(jacobian(shoulder, elbow, arm), (2, 2)))
+    across = joints.coupling * math.cos(elbow - shoulder)
+    matrix = np.array([[joints.shoulder, across], [across, joints.elbow]])
+    return back.T @ matrix @ back + mass * np.eye(2)
+
+
+def tensors(points: np.ndarray, joints: JointInertia, mass: float = 0.0) -> np.ndarray:
+    """Return the inertia [kg], shape (n, 2, 2), at points x, y [m], shape (n, 2)."""
+    return np.array([tensor(float(x), float(y), joints, mass) for x, y in points])
+
+
+def grid(half_width: float, half_depth: float, columns: int, rows: int) -> np.ndarray:
+    """Return points x, y [m], shape (columns * rows, 2), over the workspace, its edge included."""
+    x, y = np.meshgrid(
+        np.linspace(-half_width, half_width, columns), np.linspace(-half_depth, half_depth, rows)
+    )
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def anisotropy(inertia: np.ndarray) -> np.ndarray:
+    """Return the ratio of the axes, shape (n,), of inertias of shape (n, 2, 2)."""
+    minor, major = np.linalg.eigvalsh(inertia).T
+    return major / minor
+
+
+def least_anisotropy(joints: JointInertia, arm: PlanarArm = MANUS) -> float:
+    """Return the least anisotropy anywhere in the arm's reach; only the reach matters, not the way
+    the arm points."""
+    angles = np.radians(np.linspace(1.0, 179.0, 357))
+    reach = np.sqrt(
+        arm.upper_arm**2 + arm.forearm**2 + 2.0 * arm.upper_arm * arm.forearm * np.cos(angles)
+    )
+    points = np.column_stack([np.full_like(reach, arm.base_x), arm.base_y + reach])
+    inertia = np.array([tensor(float(x), float(y), joints, arm=arm) for x, y in points])
+    return float(anisotropy(inertia).min())

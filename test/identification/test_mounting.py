@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from screw_module_ros.identification import mounting
+from screw_module_ros.identification.figures.analysis import mounting_figures
+from screw_module_ros.identification.mounting import (
+    Settings,
+    absorber,
+    antiresonances,
+    half_length_for,
+    profile,
+    resonances,
+    response,
+)
+from screw_module_ros.identification.results import load_result
+from screw_module_ros.identification.screw_geometry import Bar, candidates
+
+DEFAULT = Settings()
+THIN = Bar(0.6, 0.5, 0.0)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return mounting.run(None, DEFAULT)
+
+
+def test_a_thin_bar_on_equal_springs_has_the_textbook_frequencies():
+    stiffness = 2e6
+    found = profile(THIN, np.array([0.0, THIN.half_length]), stiffness, stiffness).frequency
+    centre, end = math.sqrt(6 * stiffness / THIN.mass), math.sqrt(3 * stiffness / THIN.mass)
+    assert found == pytest.approx(np.array([centre, end]) / (2 * math.pi))
+
+
+def test_the_mass_on_top_weighs_most_with_the_nut_at_the_bottom(result):
+    inertia = result.data["case1_inertia"]
+    assert (np.diff(inertia, axis=1) < 0).all()
+    assert result.value("case1_inertia_greatest") == pytest.approx(inertia[0, 0])
+
+
+def test_case_1_reaches_the_wanted_frequency_with_little_to_spare(result):
+    assert 500.0 <= result.value("case1_frequency_least") < 520.0
+    assert 0.0 < result.value("case1_worst_position") < 0.18
+
+
+def test_the_default_screw_is_the_one_with_least_to_spare(result):
+    least = {
+        name: result.value(f"case1_frequency_least_{name}") for name in result.data["screws"]
+    }
+    enough = {name: value for name, value in least.items() if value >= DEFAULT.wanted}
+    assert min(enough, key=enough.get) == DEFAULT.screw
+
+
+def test_case_2_is_symmetric_and_highest_at_the_centre(result):
+    frequency = result.data["case2_frequency"]
+    assert frequency == pytest.approx(frequency[:, ::-1])
+    assert (frequency.argmax(1) == frequency.shape[1] // 2).all()
+
+
+def test_the_softest_springs_of_case_2_give_the_wanted_frequency(result):
+    softest = result.value("case2_softest")
+    again = mounting.run(None, DEFAULT._replace(case2_top=softest, case2_bottom=softest))
+    assert again.value("case2_frequency_least") == pytest.approx(DEFAULT.wanted)
+
+
+def test_the_half_length_for_500_hz_gives_500_hz():
+    half = half_length_for(DEFAULT)
+    thin = Bar(3 * DEFAULT.inertia_across / half**2, 2 * half, 0.0)
+    assert mounting.case1(thin, mounting.positions(DEFAULT), DEFAULT).frequency.min() == (
+        pytest.approx(500.0)
+    )
+
+
+def test_the_dip_is_where_the_top_mass_resonates_on_its_two_springs(result):
+    expected = math.sqrt((DEFAULT.case3_top + DEFAULT.case3_ground) / DEFAULT.top_mass)
+    assert result.value("case3_antiresonance") == pytest.approx(expected)
+    assert result.value("case3_resonance_low") < expected < result.value("case3_resonance_high")
+
+
+@pytest.mark.parametrize("z", [0.0, 0.1, -0.15])
+def test_peaks_are_those_of_two_masses_on_three_springs(z):
+    settings = DEFAULT._replace(case3_top=4e6, case3_bottom=1e6, case3_ground=2e6, case3_nut=z)
+    up, down = THIN.half_length - z, THIN.half_length + z
+    stiffness = [[4e6 * up**2 + 1e6 * down**2, -4e6 * up], [-4e6 * up, 6e6]]
+    inertia = np.diag([THIN.mass * (THIN.length**2 / 12 + z**2), settings.top_mass])
+    expected = np.sqrt(eigh(stiffness, inertia, eigvals_only=True))
+    assert resonances(absorber(THIN, settings)) == pytest.approx(expected)
+
+
+def test_damping_takes_energy_out_and_fills_the_dip():
+    settings = DEFAULT._replace(damping_top=500.0, damping_bottom=300.0, damping_ground=200.0)
+    poles = np.linalg.eigvals(absorber(THIN, settings).A)
+    poles = poles[np.abs(poles) > 1e-3 * np.abs(poles).max()]
+    assert (poles.real < -1.0).all()
+    at = antiresonances(absorber(THIN, DEFAULT))
+    damped = np.abs(response(absorber(THIN, settings), at))
+    assert damped > 1e3 * np.abs(response(absorber(THIN, DEFAULT), at))
+
+
+def test_the_response_is_that_of_the_state_space():
+    settings = DEFAULT._replace(damping_top=500.0, damping_ground=200.0)
+    system, omega = absorber(THIN, settings), np.array([150.0, 1500.0, 4000.0])
+    expected = [
+        (system.C @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B))[0, 0] for w in omega
+    ]
+    assert response(system, omega) == pytest.approx(np.array(expected))
+
+
+def test_damping_beyond_critical_leaves_no_dip():
+    result = mounting.run(None, DEFAULT._replace(damping_top=1e5, damping_ground=1e5))
+    assert math.isnan(result.value("case3_antiresonance"))
+    mounting_figures(result)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"screw": "wooden"}, "one of 'grooved'"),
+        ({"top_mass": -1.0}, "top_mass"),
+        ({"wanted": 5e4}, "no screw of this inertia"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        mounting.run(None, DEFAULT._replace(**change))
+
+
+def test_result_is_kept(result, tmp_path):
+    result.save(tmp_path)
+    kept = load_result(tmp_path, mounting.NAME)
+    assert [q.value for q in kept.quantities] == [q.value for q in result.quantities]
+    assert set(mounting_figures(kept)) == {"A-2", "A-3", "A-4", "A-7"}
+
+
+def test_figures_name_axes_with_units(result):
+    for name, figure in mounting_figures(result).items():
+        assert name in figure.axes[0].get_title("left")
+        assert all(axes.get_ylabel().endswith("]") for axes in figure.axes)
+        assert figure.axes[-1].get_xlabel().endswith("]")
+
+
+def test_all_candidates_are_told(result):
+    assert all(any(f"'{name}'" in note for note in result.notes) for name in candidates())
