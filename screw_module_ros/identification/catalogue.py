@@ -10,7 +10,18 @@ from typing import Any, NamedTuple, get_args
 import yaml
 
 from ..settings import Field, declared, problem
-from . import curves, force_gain
+from . import (
+    amplifier_response,
+    compensation,
+    current_response,
+    curves,
+    force_gain,
+    friction_fit,
+    friction_map,
+    gravity,
+    static_torque,
+    torque_response,
+)
 from .lab import Lab
 from .results import Result
 
@@ -49,8 +60,16 @@ def _of(module: ModuleType, fixture: str, *needs: ModuleType) -> Experiment:
 EXPERIMENTS: dict[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
+        _of(static_torque, LOCKED_ROTOR),
+        _of(amplifier_response, ANALYZER),
+        _of(current_response, LOCKED_ROTOR),
+        _of(torque_response, LOCKED_ROTOR),
+        _of(friction_map, STAGE),
+        _of(gravity, STAGE, friction_map),
+        _of(friction_fit, NOTHING, friction_map, gravity),
         _of(curves, HUMAN_ARM),
         _of(force_gain, HUMAN_ARM),
+        _of(compensation, HUMAN_ARM, static_torque, gravity, friction_fit),
     )
 }
 
