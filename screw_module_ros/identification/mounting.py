@@ -78,7 +78,7 @@ def absorber(screw: Bar, settings: Settings) -> signal.StateSpace:
     """Return case 3: torque on the screw about the nut [Nm] -> its angular velocity [rad/s].
 
     States: that velocity, the velocity of the top mass and the forces in k1, k2, k3. Derived from
-    the forces on either mass; eq A.3 as printed lacks a square in its first and b1 in its second
+    the forces on either mass; eq A.3 in our text lacks a square in its first and b1 in its second
     element, and its inertia is that about the nut only at z = 0.
     """
     up = screw.half_length - settings.case3_nut
