@@ -96,15 +96,16 @@ def linearization_of(result: Result) -> Linearization:
 
 
 def _smoothed(raw: Part, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
-    """Return smoothed torque and command [Nm] of whole periods.
+    """Return smoothed torque and command [Nm] of whole periods in the middle of the record.
 
-    What lags then counts alike on the way up and down.
+    What lags then counts alike on the way up and down, and the filter's ends are left out.
     """
     time = raw["time"]
     sections = butter(_ORDER, settings.cutoff, fs=_rate(raw), output="sos")
     period = 2.0 * math.pi / settings.omega
-    whole = math.floor((time[-1] - time[0]) / period + 1e-6) * period
-    kept = time >= time[-1] - whole
+    length = time[-1] - time[0]
+    spare = 0.5 * (length - math.floor(length / period + 1e-6) * period)
+    kept = (time >= time[0] + spare) & (time <= time[-1] - spare)
     return sosfiltfilt(sections, raw["torque"])[kept], raw["command"][kept]
 
 
@@ -147,9 +148,9 @@ def _asymptotes(
     return (
         Quantity("torque_constant", constant, float(constant * error / slope), "Nm/A",
                  "torque per ampere of command beyond the dead zone"),
-        Quantity("dead_zone", float(0.5 * (high_offset - low_offset)),
-                 0.5 * math.hypot(low_at, high_at), "Nm",
-                 "command lost on each side of zero: where the straight ends meet zero torque"),
+        Quantity("dead_zone", float(0.5 * (high_offset - low_offset) / slope),
+                 float(0.5 * math.hypot(low_at, high_at) / slope), "Nm",
+                 "torque lost on each side of zero: between the straight ends"),
     )  # fmt: skip
 
 

@@ -55,14 +55,15 @@ def result(tmp_path_factory):
 def test_torque_constant_and_dead_zone(result):
     constant, dead = result.quantity("torque_constant"), result.quantity("dead_zone")
     assert constant.value == pytest.approx(0.16 * 0.95, rel=0.003)
-    assert dead.value == pytest.approx(DEAD, rel=0.02)
+    assert dead.value == pytest.approx(0.95 * DEAD, rel=0.02)
     assert abs(constant.value - 0.152) < 4.0 * constant.uncertainty < 0.002
-    assert abs(dead.value - DEAD) < 4.0 * dead.uncertainty < 0.002
+    assert abs(dead.value - 0.95 * DEAD) < 4.0 * dead.uncertainty < 0.002
 
 
 def test_linearized_torque_is_a_line(result):
     assert result.value("correlation") >= 0.9999
     assert result.value("correlation_raw") < 0.9995
+    assert result.value("largest_left") < 0.005
     assert result.value("slope") == pytest.approx(1.0, abs=0.002)
 
 
