@@ -108,8 +108,9 @@ def notes(
         f"({dip / 2 / math.pi:.0f} Hz) whatever the screw is. The printed 'close to 200 rad/sec' "
         f"would take k1 + k3 = {_PRINTED_DIP**2 * settings.top_mass:.3g} N/m instead of "
         f"{stiffness:.3g} N/m; 2000 is probably meant.",
-        "Eq A.3 in our text of the thesis (by OCR) lacks the square in b1 (l1 - z)^2 of its first element and the factor "
-        "b1 in its second; its inertia is about the screw's centre, which is right at z = 0 only. "
+        "Eq A.3 in our text of the thesis (by OCR) lacks the square in b1 (l1 - z)^2 of its "
+        "first element and the factor b1 in its second; its inertia is about the screw's centre, "
+        "which is right at z = 0 only. "
         "Derived anew here. With b = 0 that second element would make the system very "
         "slightly unstable (real parts of +-0.17 rad/s with the default screw); peaks and dip "
         "stay where they are.",
