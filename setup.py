@@ -18,6 +18,7 @@ NODES = (
     "sim_rig",
     "bringup",
     "demo",
+    "characterize",
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"session = {NAME}.recording.cli:main")

@@ -83,8 +83,12 @@ class Robot(Client):
 
     def clear_faults(self) -> None:
         """Clear latched faults of the drives until they answer and none is left."""
-        self._clear("amplifier", AmplifierState, lambda state: (state.state,))
+        self.clear_amplifier()
         self._clear("manus", PlanarState, lambda state: state.drive_state)
+
+    def clear_amplifier(self) -> None:
+        """Clear latched faults of the vertical drive alone, like `clear_faults`."""
+        self._clear("amplifier", AmplifierState, lambda state: (state.state,))
 
     def _clear(self, node: str, kind: type, drives: Callable[[Any], Any]) -> None:
         refusal = ""

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the client of an experiment hears meanwhile: how far it is, how long still, what is done."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+_EVERY_S = 0.2
+
+
+class Feedback:
+    """Publishes feedback of one goal; `watch` is called each time and may raise to end it."""
+
+    def __init__(
+        self,
+        goal: Any,
+        kind: type,
+        watch: Callable[[], None],
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._goal, self._message, self._watch, self._clock = goal, kind(), watch, clock
+        self._due = 0.0
+        self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
+
+    def say(self, doing: str) -> None:
+        """Tell what is being done now, at once."""
+        self._message.doing = doing
+        self._goal.publish_feedback(self._message)
+
+    def progress(self, experiment: str, done: float, total: float) -> None:
+        """Take seconds of excitation done and all there are, as `Lab` tells them."""
+        self._watch()
+        now = self._clock()
+        if self._first is None or done < self._first[1]:
+            self._first = (now, done)
+        self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0
+        self._message.remaining = self._remaining(now, done, total)
+        if now >= self._due:
+            self._due = now + _EVERY_S
+            self._goal.publish_feedback(self._message)
+
+    def _remaining(self, now: float, done: float, total: float) -> float:
+        """Return the estimate: excitation left, times what each second has taken so far."""
+        begun, before = self._first
+        pace = (now - begun) / (done - before) if done > before else 1.0
+        return (total - done) * max(pace, 1.0)

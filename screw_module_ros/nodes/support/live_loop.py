@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hot loop of `characterize`: takes every sample, notes it, answers it in a torque trial.
+
+The node's main thread runs `step`; everything else is called by the experiment's thread, which
+hands over one object at a time and reads what comes back.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, ImpedanceState
+
+from screw_module_ros.control.modes import OFF
+from screw_module_ros.control.watch import WatchSettings
+
+from . import qos
+from .live_samples import Recording
+from .live_torque_source import TorqueSource
+from .realtime import Inbox
+
+# Unlike a controller a recorder wants the samples that came while it was kept from running, too.
+EVERY_SAMPLE = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=50,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+_STATE_PERIOD_NS = 10_000_000
+_PASS_S = 2.0
+_IDLE_S = 0.05
+
+
+class LiveLoop:
+    """Encoder and force samples in, recordings out; in the controller's place also force commands.
+
+    sample: the newest EncoderSample, None before the first.
+    """
+
+    def __init__(self, node: Node):
+        self.sample: EncoderSample | None = None
+        self._node = node
+        self._inbox = inbox = Inbox(node)
+        self._takes = (
+            inbox.subscribe(EncoderSample, "screw/encoder", EVERY_SAMPLE, wakes=True),
+            inbox.subscribe(ForceSample, "handle/force", EVERY_SAMPLE, wakes=True),
+            inbox.subscribe(ForceCommand, "screw/force_command", EVERY_SAMPLE),
+        )
+        self._awake = threading.Event()
+        self._recording: Recording | None = None
+        self._source: TorqueSource | None = None
+        self._publishers: tuple[Any, Any] | None = None
+        self._command = ForceCommand(mode=OFF)
+        self._state = ImpedanceState(mode=OFF, calibration="characterize")
+        self._state.header.frame_id = "manus_base"
+        self._state_due_ns = 0
+        self._passes = 0
+
+    # Main thread ---------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """One pass: wait for samples, at most some periods, and do with them what is wanted."""
+        if not self._awake.wait(_IDLE_S):
+            return
+        self._inbox.wait(2_000_000)
+        now = time.monotonic_ns()
+        recording, source = self._recording, self._source
+        self._take_forces(recording, source, now)
+        newest = self._take_encoder(recording)
+        if source is not None:
+            self._answer(source, newest, now)
+        self._take_commands(recording)
+        self._passes += 1
+
+    def _take_forces(
+        self, recording: Recording | None, source: TorqueSource | None, now: int
+    ) -> None:
+        while (force := self._takes[1]()) is not None:
+            if recording is not None:
+                recording.note_force(force)
+            if source is not None:
+                source.force(force, now)
+
+    def _take_encoder(self, recording: Recording | None) -> EncoderSample | None:
+        newest = None
+        while (sample := self._takes[0]()) is not None:
+            newest = sample
+            if recording is not None:
+                recording.note_encoder(sample)
+        if newest is not None:
+            self.sample = newest
+        return newest
+
+    def _take_commands(self, recording: Recording | None) -> None:
+        while (command := self._takes[2]()) is not None:
+            if recording is not None and self._source is None:
+                recording.note_command(command)
+
+    def _answer(self, source: TorqueSource, sample: EncoderSample | None, now: int) -> None:
+        force = source.answer(sample, now) if sample is not None else None
+        if force is not None:
+            self._send(sample, force)
+            if self._recording is not None:
+                self._recording.note_command(self._command)
+        elif source.idle(now) and self.sample is not None:
+            self._send(self.sample, 0.0)
+        if now >= self._state_due_ns:
+            self._state_due_ns = now + _STATE_PERIOD_NS
+            self._publish_state(source)
+
+    def _send(self, sample: EncoderSample, force: float) -> None:
+        command = self._command
+        command.stamp = sample.stamp
+        command.sequence, command.monotonic_ns = sample.sequence, sample.monotonic_ns
+        command.force = force
+        self._publishers[0].handle.publish(command)
+
+    def _publish_state(self, source: TorqueSource) -> None:
+        message, sample = self._state, self.sample
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.faulted, message.reason = bool(source.fault), source.fault
+        message.active = source.out != 0.0
+        message.commanded_force = source.out
+        if sample is not None:
+            message.position, message.velocity = sample.position, sample.velocity
+        self._publishers[1].publish(message)
+
+    def close(self) -> None:
+        """Leave the topics; the loop no longer runs."""
+        self._inbox.close()
+        self._destroy_publishers()
+
+    # The experiment's thread ---------------------------------------------------------------
+
+    def wake(self) -> None:
+        """Take samples from now on."""
+        self.sample = None
+        self._awake.set()
+
+    def sleep(self) -> None:
+        """Take no more samples."""
+        self._awake.clear()
+
+    def record(self, recording: Recording | None) -> None:
+        """Note the samples from now on, None: no longer."""
+        self._recording = recording
+
+    def take_place(self, watch: WatchSettings, period_ns: int) -> TorqueSource:
+        """Be the one who commands the amplifier, for now with zero; return the source to ask."""
+        self._publishers = (
+            self._node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND),
+            self._node.create_publisher(ImpedanceState, "screw/controller_state", qos.STATE),
+        )
+        self._source = source = TorqueSource(watch, period_ns)
+        return source
+
+    def halt(self) -> None:
+        """Ask for zero from the next sample on, and record no more."""
+        if self._source is not None:
+            self._source.halt()
+        self._recording = None
+
+    def leave_place(self) -> None:
+        """Send no more commands and give the topics back."""
+        self._source = None
+        self._wait_for_a_pass()
+        self._destroy_publishers()
+
+    def _wait_for_a_pass(self) -> None:
+        """Wait until the loop has surely seen what was changed before."""
+        seen, end = self._passes, time.monotonic() + _PASS_S
+        while self._passes < seen + 2 and time.monotonic() < end:
+            time.sleep(0.002)
+
+    def _destroy_publishers(self) -> None:
+        if self._publishers is not None:
+            for publisher in self._publishers:
+                self._node.destroy_publisher(publisher)
+            self._publishers = None

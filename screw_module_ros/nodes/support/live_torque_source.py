@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The excitation of the locked rotor, one answer per encoder sample; zero whenever in doubt.
+
+What stands in the controller's place during a torque trial. No ROS here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from screw_module_ros.control.linearization import Linearization, torque_command
+from screw_module_ros.control.watch import EncoderLike, ForceLike, VerticalWatch, WatchSettings
+from screw_module_ros.geometry import torque_to_force
+from screw_module_ros.samples import sequence_gap
+
+LARGEST_MOVE = 0.001
+"""A locked rotor does not turn: further than this [m at the nut] the torque goes off."""
+
+
+class Sine(NamedTuple):
+    """A sine of motor torque: amplitude [Nm], frequency [Hz], ticks it lasts, ticks a second.
+
+    linearization: undoes the amplifier's dead zone, None = the command goes out as it is.
+    """
+
+    amplitude: float
+    frequency: float
+    ticks: int
+    rate: float
+    linearization: Linearization | None = None
+
+    @property
+    def peak(self) -> float:
+        """Largest torque command [Nm]."""
+        if self.linearization is None:
+            return self.amplitude
+        ends = (torque_command(self.linearization, s * self.amplitude) for s in (-1.0, 1.0))
+        return max(map(abs, ends))
+
+    def torque(self, tick: int) -> float:
+        """Return the torque command [Nm] at a tick since the begin."""
+        wanted = self.amplitude * math.sin(2.0 * math.pi * self.frequency * tick / self.rate)
+        return torque_command(self.linearization, wanted) if self.linearization else wanted
+
+
+class TorqueSource:
+    """Force asked of the amplifier, sample by sample. All times are passed in [ns].
+
+    fault: latched reason for zero, empty while all is well. `begin`, `halt` and `clear` are for
+    another thread: each sets one reference, which the loop reads once per sample.
+    """
+
+    def __init__(self, watch: WatchSettings, period_ns: int):
+        self.fault = ""
+        self.out = 0.0
+        self._watch_settings, self._period_ns = watch, period_ns
+        self._watch = VerticalWatch(watch, period_ns)
+        self._sine: Sine | None = None
+        self._begun: Callable[[int], None] = lambda tick: None
+        self._first: tuple[Sine, int, float] | None = None  # sine, its first tick, height then
+
+    def begin(self, sine: Sine, begun: Callable[[int], None]) -> None:
+        """Answer from the next sample on with this sine; `begun` is told that sample's number."""
+        self._begun = begun
+        self._sine = sine
+
+    @property
+    def busy(self) -> bool:
+        """Whether a sine is being played or about to begin."""
+        return self._sine is not None
+
+    def halt(self) -> None:
+        """Answer with zero from now on."""
+        self._sine = None
+
+    def clear(self) -> None:
+        """Forget the latched fault, nothing seen; only with the torque off."""
+        self._sine = self._first = None
+        self._watch = VerticalWatch(self._watch_settings, self._period_ns)
+        self.fault = ""
+
+    def force(self, sample: ForceLike, now_ns: int) -> None:
+        """Take a force sample."""
+        self._watch.force(sample, now_ns)
+
+    def answer(self, sample: EncoderLike, now_ns: int) -> float | None:
+        """Return the force [N] in answer to a sample, None when it is not to be acted upon."""
+        if not self._watch.encoder(sample, now_ns):
+            return None
+        self.out = self._force_at(sample, now_ns)
+        return self.out
+
+    def idle(self, now_ns: int) -> bool:
+        """Return whether a zero must go out now, because samples fail to come."""
+        if self.out == 0.0:
+            return False
+        self._doubt(self._watch.check(now_ns))
+        if not self.fault and self._sine is not None:
+            return False
+        self.out = 0.0
+        return True
+
+    def _force_at(self, sample: EncoderLike, now_ns: int) -> float:
+        sine = self._sine
+        if sine is None:
+            self._first = None
+            return 0.0
+        self._doubt(self._watch.check(now_ns))
+        if self.fault:
+            return 0.0
+        if self._first is None or self._first[0] is not sine:
+            self._first = (sine, sample.sequence, sample.position)
+            self._begun(sample.sequence)
+        _, first, height = self._first
+        if abs(sample.position - height) > LARGEST_MOVE:
+            moved = 1e3 * (sample.position - height)
+            self._doubt(f"the nut has moved by {moved:.1f} mm: the rotor is not locked")
+            return 0.0
+        tick = 1 + sequence_gap(first, sample.sequence)
+        if tick >= sine.ticks:
+            self._sine = None
+            return 0.0
+        return torque_to_force(sine.torque(tick))
+
+    def _doubt(self, reason: str | None) -> None:
+        if reason and not self.fault:
+            self.fault = reason
+            self._sine = None
