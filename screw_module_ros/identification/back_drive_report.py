@@ -117,10 +117,11 @@ def notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     share = np.mean(major > settings.heaviest)
     return (
         "Appendix D gives no geometry for its screw; here it is the module's, with the effective "
-        "diameter and the groove of 3.1.1. Its losses (30 %, less than 5 %) and its 40 % are those "
-        "of the motor driving the nut; by its own eq 4 the handle driving the screw loses more "
-        "with plastic. The 40 % is taken as the ratio of the forces left for one input force; how "
-        "far the acceleration follows depends on the inertias on either side.",
+        "diameter and the groove of 3.1.1. The paper does not say which side drives; of the two "
+        "reported here its losses (30 %, less than 5 %) and its 40 % match the motor driving the "
+        "nut. By its own eq 4 the handle driving the screw loses more with plastic. The 40 % is "
+        "taken as the ratio of the forces left for one input force; how far the acceleration "
+        "follows depends on the inertias on either side.",
         f"With the project's M(q) the anisotropy without module is {bare.min():.2f} to "
         f"{bare.max():.2f}, not 1.23 to 1.53. No choice of the workspace helps: the least anywhere "
         f"in the arm's reach is {float(data['anisotropy_possible']):.2f}; square roots "
@@ -133,6 +134,7 @@ def notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
         "where it is least; the far corners are near the stretched arm.",
         "Belt drive: the paper prints no parameters; all are chosen to give the printed 3 Hz, 10.6 "
         "Hz, 0.446 and 40 Hz (see belt_drive.py). Only the bandwidth with belt damping, and that "
-        "no resonance is left in the last two cases, is found and not put in.",
+        "no resonance is left in the last two cases, is found and not put in; what 'bandwidth' "
+        "means is our reading, kept because that one comes out near.",
     )
 

@@ -6,9 +6,10 @@ and the inertia from the resonance, from the damping factor at a tenth of the be
 from the bandwidth without damping; the damping to ground, the same on both sides, from the
 bandwidth of the whole. What is left to compare is the bandwidth with the belt's damping only.
 
-The bandwidth meant must be where the load's speed per motor torque falls through a fixed level: an
-undamped system that turns freely has no level at rest to fall from. The level, 1 rad/s per Nm
-here, only scales the inertia.
+The paper does not define its bandwidth. An undamped system that turns freely has no gain at rest to
+fall 3 dB from, so it is read here as where the load's speed per motor torque falls through a fixed
+level, 1 rad/s per Nm, which only scales the inertia. That reading is ours: it was kept because the
+bandwidth left to compare then comes near the paper's.
 """
 
 from __future__ import annotations
