@@ -106,6 +106,9 @@ def _quantities(
     weight: Weight | None, by_maps: ByMaps | None, crossings: list[Crossing]
 ) -> tuple[Quantity, ...]:
     quantities = []
+    if weight is None:
+        widest = max(abs(c.width) for c in crossings)
+        quantities.append(Quantity("play", 0.0, widest, "m", "backlash, none was seen"))
     if weight:
         play = play_width(crossings, SCREW.lead / SCREW.counts_per_turn)
         quantities += [

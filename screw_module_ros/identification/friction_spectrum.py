@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Spectrum of the force at constant speed: screw and rollers (thesis 5.2.4, figs 5-7 and 5-8)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy.signal import detrend, find_peaks, periodogram
+
+from ..settings import Setting, validated
+from .friction_bins import period_of, steady_part, turn_rate_hz
+from .lab import Job, Lab, Part
+from .results import Quantity, Result
+from .trials import Samples, StageTrial
+
+NAME = "friction_spectrum"
+ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
+_WAYS = (("up", 1.0), ("down", -1.0))
+_MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
+_LOWEST = 0.6  # of the screw's rate: slower is the trend along the screw
+_HIGHEST = 6.0  # of the screw's rate, where modes are looked for
+_ABOVE_FLOOR = 6.0  # a mode stands out of the noise so many times
+
+
+class Settings(NamedTuple):
+    """The run."""
+
+    speed: Annotated[float, Setting("of the stage", "m/s", 1e-3, 0.15)] = 0.020
+    low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.2)] = 0.0
+    high: Annotated[float, Setting("highest height of the handle", "m", 0.1, 0.36)] = 0.36
+
+
+class Peak(NamedTuple):
+    """A line of the spectrum: frequency [Hz], half of its width [Hz], amplitude [N]."""
+
+    frequency: float
+    width: float
+    amplitude: float
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Find the modes, moving up and down.
+
+    Data, each way: `frequency_up` [Hz], `amplitude_up` [N]; `peaks_up` rows of `Peak`. Raises
+    ValueError for settings that do not fit together, and what `Lab.run` raises.
+    """
+    validated(settings)
+    if settings.high - settings.low < 0.08:
+        raise ValueError("high must lie above low by 0.08 m or more: four turns of the screw")
+    jobs = []
+    for way, sign in _WAYS:
+        ends = (float(settings.low), float(settings.high))[:: int(sign)]
+        jobs.append(Job(way, StageTrial(sign * float(settings.speed), *ends), spectrum))
+    parts = lab.run(NAME, jobs)
+    data, quantities, notes = {}, [], []
+    turn = turn_rate_hz(settings.speed)
+    for way, _ in _WAYS:
+        frequency, amplitude = parts[way]["frequency"], parts[way]["amplitude"]
+        found = modes(frequency, amplitude, turn)
+        data[f"frequency_{way}"], data[f"amplitude_{way}"] = frequency, amplitude
+        data[f"peaks_{way}"] = np.array(found).reshape(-1, 3)
+        for name, rate, what in _MODES:
+            peak = nearest(found, rate * turn)
+            if peak is None:
+                notes.append(f"No line of the {what} stands out, {way}.")
+                peak = Peak(*(float("nan"),) * 3)
+            quantities += _of_peak(name, what, way, peak, float(np.median(amplitude)))
+    notes.append(
+        "Amplitudes are means along the screw: a ripple that grows with height, or turns over half "
+        "way, shows less than its largest swing and wider lines."
+    )
+    return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
+
+
+def spectrum(trial: StageTrial, samples: Samples) -> Part:
+    """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, trend removed; for `Job`."""
+    steady = steady_part(trial, samples)
+    force = detrend(samples.force[steady.begin : steady.end])
+    frequency, power = periodogram(
+        force, fs=1.0 / period_of(samples), window="hann", scaling="spectrum"
+    )
+    return {"frequency": frequency, "amplitude": np.sqrt(2.0 * power)}
+
+
+def modes(frequency: np.ndarray, amplitude: np.ndarray, turn: float) -> list[Peak]:
+    """Return the lines that stand out near the screw's rate `turn` [Hz] and its low multiples.
+
+    frequency [Hz], evenly spaced; amplitude [N].
+    """
+    step = float(frequency[1] - frequency[0])
+    band = (frequency >= _LOWEST * turn) & (frequency <= _HIGHEST * turn)
+    floor = float(np.median(amplitude[frequency > _HIGHEST * turn]))
+    at, _ = find_peaks(
+        np.where(band, amplitude, 0.0),
+        prominence=_ABOVE_FLOOR * floor,
+        distance=max(1, round(0.3 * turn / step)),
+    )
+    return [Peak(float(frequency[i]), step, float(amplitude[i])) for i in at]
+
+
+def nearest(peaks: list[Peak], frequency: float) -> Peak | None:
+    """Return the largest line within a tenth of a frequency [Hz], None when there is none."""
+    near = [peak for peak in peaks if abs(peak.frequency - frequency) <= 0.1 * frequency]
+    return max(near, key=lambda peak: peak.amplitude, default=None)
+
+
+def _of_peak(name: str, what: str, way: str, peak: Peak, floor: float) -> list[Quantity]:
+    return [
+        Quantity(f"{name}_{way}", peak.frequency, peak.width, "Hz", f"frequency, {what}, {way}"),
+        Quantity(f"{name}_force_{way}", peak.amplitude, floor, "N", f"amplitude, {what}, {way}"),
+    ]

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How alike two runs of the stage at one speed are, bin by bin (thesis 5.2.4, fig 5-15)."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..settings import Setting, validated
+from .friction_bins import CENTRES_MM, binned
+from .lab import Job, Lab
+from .results import Quantity, Result
+from .trials import StageTrial
+
+NAME = "repeatability"
+_WAYS = (("up", 1.0), ("down", -1.0))
+
+
+class Settings(NamedTuple):
+    """The two runs, each way."""
+
+    speed: Annotated[float, Setting("of the stage", "m/s", 1e-4, 0.5)] = 0.050
+    low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
+    high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
+    apart: Annotated[
+        float, Setting("the second run begins this much further in", "m", 0.0, 0.01)
+    ] = 0.001
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Compare two runs up, and two down.
+
+    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN where not measured. Raises
+    ValueError for settings that do not fit together, and what `Lab.run` raises.
+    """
+    validated(settings)
+    if settings.high - settings.low < 0.03:
+        raise ValueError("high must lie above low by 0.03 m or more")
+    jobs = [_job(settings, way, sign, number) for way, sign in _WAYS for number in (1, 2)]
+    parts = lab.run(NAME, jobs)
+    data = {"centres": CENTRES_MM}
+    quantities = []
+    for way, _ in _WAYS:
+        first, second = (parts[f"{way}_{number}"] for number in (1, 2))
+        data[way] = np.array([first["force"], second["force"]])
+        quantities += _compared(way, first, second)
+    notes = (
+        "On a simulated module friction repeats exactly: what differs is the transducer's noise "
+        "and zero, and how much of a bin at the ends a run filled. On a real one this is the floor "
+        "of every map.",
+    )
+    return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
+
+
+def _job(settings: Settings, way: str, sign: float, number: int) -> Job:
+    ends = [float(settings.low), float(settings.high)][:: int(sign)]
+    ends[0] += sign * settings.apart * (number - 1)
+    trial = StageTrial(sign * float(settings.speed), ends[0], ends[1])
+    return Job(f"{way}_{number}", trial, binned)
+
+
+def _compared(way: str, first: dict, second: dict) -> list[Quantity]:
+    beyond = second["force"] - first["force"]
+    noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))
+    known = np.isfinite(beyond)
+    count = int(known.sum())
+    spread = float(beyond[known].std(ddof=1))
+    return [
+        Quantity(
+            f"deviation_{way}", spread, spread / np.sqrt(2.0 * (count - 1)), "N",
+            f"standard deviation of the difference, {way}",
+        ),
+        Quantity(
+            f"difference_{way}", float(beyond[known].mean()), spread / np.sqrt(count), "N",
+            f"mean difference, second minus first, {way}",
+        ),
+        Quantity(f"noise_{way}", noise, float("nan"), "N", f"difference that noise makes, {way}"),
+    ]  # fmt: skip
