@@ -22,6 +22,7 @@ NODES = (
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"session = {NAME}.recording.cli:main")
+EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")
 
 setup(
     name=NAME,

@@ -12,13 +12,16 @@ import yaml
 from ..settings import Field, declared, problem
 from . import (
     amplifier_response,
+    back_drive,
     compensation,
+    component_masses,
     current_response,
     curves,
     force_gain,
     friction_fit,
     friction_map,
     gravity,
+    mounting,
     static_torque,
     torque_response,
 )
@@ -62,14 +65,17 @@ EXPERIMENTS: dict[str, Experiment] = {
     for experiment in (
         _of(static_torque, LOCKED_ROTOR),
         _of(amplifier_response, ANALYZER),
-        _of(current_response, LOCKED_ROTOR),
-        _of(torque_response, LOCKED_ROTOR),
+        _of(current_response, LOCKED_ROTOR, static_torque),
+        _of(torque_response, LOCKED_ROTOR, static_torque),
         _of(friction_map, STAGE),
         _of(gravity, STAGE, friction_map),
         _of(friction_fit, NOTHING, friction_map, gravity),
         _of(curves, HUMAN_ARM),
         _of(force_gain, HUMAN_ARM),
         _of(compensation, HUMAN_ARM, static_torque, gravity, friction_fit),
+        _of(mounting, NOTHING),
+        _of(component_masses, NOTHING),
+        _of(back_drive, NOTHING),
     )
 }
 

@@ -204,5 +204,6 @@ def _period(
         )  # fmt: skip
         hand += hand_velocity * dt
         if p.fixture == LOCKED_ROTOR:
-            volts, sensor = current_sensor_step(p.sensor, sensor, module.current)
+            mean = module.torque / p.plant.torque_constant
+            volts, sensor = current_sensor_step(p.sensor, sensor, mean)
     return module, sensor, volts

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from ..figures import analysis, torque
 from ..figures import curves as chapter_6
 from ..figures.style import save
 from ..results import Result
@@ -15,8 +16,14 @@ from ..results import Result
 Drawn = dict[str, Figure]
 
 _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
+    "static_torque": torque.static_torque_figures,
+    "amplifier_response": torque.amplifier_figures,
+    "current_response": torque.current_figures,
+    "torque_response": torque.torque_figures,
     "force_position": chapter_6.force_position_figures,
     "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
+    "compliant_mounting": analysis.mounting_figures,
+    "back_drive": analysis.back_drive_figures,
     "compensation": lambda result: {"compensation": chapter_6.compensation_figure(result)},
 }
 

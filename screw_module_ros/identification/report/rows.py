@@ -8,23 +8,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..results import Quantity
+from .published import PUBLISHED, Published
 from .study import Module
 from .truth import true_mass, true_weight
-
-
-class Published(NamedTuple):
-    """One figure of the thesis.
-
-    value: in the quantity's unit; where: section or figure; near: a difference up to this counts as
-    agreement; why: what explains a larger one.
-    """
-
-    experiment: str
-    quantity: str
-    value: float
-    where: str
-    near: float
-    why: str = ""
 
 
 class Compared(NamedTuple):
@@ -105,12 +91,14 @@ WANTED = (
 """The issue's list: gravity 0.3 N, mass 10 %, friction 90 % within 2 N, r 0.9999, pole 5 %, delay
 half a sample; the others are ours."""
 
-PUBLISHED: tuple[Published, ...] = ()
-
 
 def compared(module: Module) -> list[Compared]:
-    """Return the thesis's figures beside those found on a module."""
-    return [Compared(row, _found(module, row.experiment, row.quantity)) for row in PUBLISHED]
+    """Return the thesis's figures beside those found on a module, of the experiments it had."""
+    return [
+        Compared(row, _found(module, row.experiment, row.quantity))
+        for row in PUBLISHED
+        if row.experiment in module.outcomes
+    ]
 
 
 def checked(module: Module) -> list[Checked]:
