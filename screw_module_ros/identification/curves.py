@@ -110,10 +110,13 @@ def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
 
 
 def reduced(trial: MotionTrial, samples: Samples, stiffness: float) -> Part:
-    """Return the curve, thinned, and its offsets from the spring, from the whole of it."""
-    found = offsets(
-        samples.position, samples.velocity, samples.force, Spring(stiffness, trial.centre)
-    )
+    """Return the curve, thinned, and its offsets from the spring, from the whole of it.
+
+    Where the law's force limits hold the spring back (fig 6-2's bulge) no offset is taken.
+    """
+    spring = Spring(stiffness, trial.centre)
+    free = _free(trial, samples, spring)
+    found = offsets(samples.position[free], samples.velocity[free], samples.force[free], spring)
     return {
         "position": samples.position[::_EVERY],
         "velocity": samples.velocity[::_EVERY],
@@ -121,14 +124,21 @@ def reduced(trial: MotionTrial, samples: Samples, stiffness: float) -> Part:
         "offset": np.array(found.mean),
         "up": np.array(found.bias_up),
         "down": np.array(found.bias_down),
-        "spread": np.array(_spread(samples, Spring(stiffness, trial.centre))),
+        "spread": np.array(_spread(samples.position[free], samples.force[free], spring)),
         "largest": np.array(np.abs(samples.velocity).max()),
     }
 
 
-def _spread(samples: Samples, spring: Spring) -> float:
-    """Return the standard deviation of the mean offset over the cycles' quarters [N]."""
-    beyond = np.abs(samples.force - spring.stiffness * (samples.position - spring.centre))
+def _free(trial: MotionTrial, samples: Samples, spring: Spring) -> np.ndarray:
+    """Return which samples lie where spring and gravity together are within the force limits."""
+    law = trial.settings
+    pull = -spring.stiffness * (samples.position - spring.centre) + law.gravity
+    return (pull > -law.force_down) & (pull < law.force_up)
+
+
+def _spread(position: np.ndarray, force: np.ndarray, spring: Spring) -> float:
+    """Return the standard error of the mean offset by its scatter over eight parts [N]."""
+    beyond = np.abs(force - spring.stiffness * (position - spring.centre))
     parts = [part.mean() for part in np.array_split(beyond, 8)]
     return float(np.std(parts) / math.sqrt(len(parts)))
 

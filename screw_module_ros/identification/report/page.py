@@ -14,6 +14,7 @@ from ..catalogue import EXPERIMENTS
 from ..results import Result
 from .drawings import draw
 from .html import html_page
+from .misses import Miss, misses_of
 from .rows import Checked, Compared, checked, compared
 from .study import Module
 from .tables import (
@@ -24,7 +25,6 @@ from .tables import (
     closing_row,
     compared_rows,
     markdown_table,
-    misses_of,
     module_name,
     terminal_table,
     value_text,
@@ -40,20 +40,21 @@ class Report(NamedTuple):
     compared: list[Compared]
     checked: list[tuple[Module, Checked]]
     closing: list[tuple[str, ...]]
-    misses: list[str]
+    misses: list[Miss]
 
     def tables(self) -> list[Table | str]:
         """Return the tables for a terminal."""
-        thesis = terminal_table("Thesis and ours", COMPARED_HEAD, compared_rows(self.compared))
+        rows = compared_rows(self.compared, brief=True)
+        thesis = terminal_table("Thesis and ours", COMPARED_HEAD, rows)
         truth = terminal_table(
             "Identified and hidden truth",
             ("module", *CHECKED_HEAD),
-            [(module_name(m), *row) for m, c in self.checked for row in checked_rows([c])],
+            [(module_name(m), *row) for m, c in self.checked for row in checked_rows([c], True)],
         )
         found: list[Table | str] = [thesis, truth]
         if self.closing:
             found.append(terminal_table("The loop closed", CLOSING_HEAD, self.closing))
-        found.append("\n".join(f"missed: {miss}" for miss in self.misses) or "Nothing missed.")
+        found.append("\n".join(f"missed: {miss.text}" for miss in self.misses) or "Nothing missed.")
         return found
 
 
@@ -80,7 +81,7 @@ def _text(
     rows: list[Compared],
     checks: list[tuple[Module, Checked]],
     closing: list[tuple[str, ...]],
-    misses: list[str],
+    misses: list[Miss],
     drawn: dict[str, dict[str, str]],
     seconds: float,
 ) -> Iterable[str]:
@@ -99,7 +100,13 @@ def _text(
     yield ""
     yield f"- {agree} of {len(rows)} published figures agree within the tolerance given for each."
     yield f"- {met} of {len(checks)} hidden values and marks were reached ({len(modules)} modules)."
-    yield f"- {len(misses)} misses, all under [Misses](#misses)."
+    serious = sum(miss.serious for miss in misses)
+    yield (
+        f"- {len(misses)} misses, all under [Misses](#misses); {len(misses) - serious} of them are "
+        "explained differences from the thesis."
+    )
+    seeds = ", ".join(str(module.seed) for module in modules[1:]) or "none"
+    yield f"- Perturbed modules by seed: {seeds}. Noise: seed 1, or the module's own."
     yield ""
     yield from markdown_table("Thesis and ours", COMPARED_HEAD, compared_rows(rows))
     yield (
@@ -132,7 +139,7 @@ def _text(
         yield ""
     yield "## Misses"
     yield ""
-    yield from [f"- {miss}" for miss in misses] or ["None."]
+    yield from [f"- {miss.text}" for miss in misses] or ["None."]
     yield ""
     for name, outcome in thesis.outcomes.items():
         if outcome.result:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cells of the report's tables, for the page and for a terminal, and the sentences on misses."""
+"""Cells of the report's tables, for the page and for a terminal."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 
 from rich.table import Table
@@ -12,25 +13,27 @@ from ..results import Quantity
 from .rows import Checked, Compared
 from .study import Module
 
+_THESIS_SAYS = re.compile(r" \((?:thesis|appendix|Table|fig|[A-D0-9]\.)[^)]*\)$")
+
 COMPARED_HEAD = ("experiment", "figure", "thesis", "ours", "difference", "verdict")
 CHECKED_HEAD = ("quantity", "truth", "identified", "wanted", "verdict")
 CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with feedback")
 
 
-def compared_rows(rows: Iterable[Compared]) -> list[tuple[str, ...]]:
-    """Return the cells of the table of the thesis's figures and ours."""
+def compared_rows(rows: Iterable[Compared], brief: bool = False) -> list[tuple[str, ...]]:
+    """Return the cells of the table of the thesis's figures and ours; brief: names for texts."""
     cells = []
     for row in rows:
         p = row.published
         if row.ours is None:
-            cells.append((p.experiment, p.where, _number(p.value), "no result", "", "missed"))
+            cells.append((p.experiment, p.where, number(p.value), "no result", "", "missed"))
             continue
         verdict = "agrees" if row.agrees else "differs"
         cells.append(
             (
-                f"{p.experiment}: {row.ours.text}",
+                _label(p.experiment, row.ours, brief),
                 p.where,
-                f"{_number(p.value)} {row.ours.unit}".strip(),
+                f"{number(p.value)} {row.ours.unit}".strip(),
                 value_text(row.ours),
                 f"{row.difference:+.3g}",
                 verdict,
@@ -39,12 +42,14 @@ def compared_rows(rows: Iterable[Compared]) -> list[tuple[str, ...]]:
     return cells
 
 
-def checked_rows(rows: Iterable[Checked]) -> list[tuple[str, ...]]:
+def checked_rows(rows: Iterable[Checked], brief: bool = False) -> list[tuple[str, ...]]:
     """Return the cells of the table of hidden values and identified ones."""
     return [
         (
-            f"{row.wanted.experiment}: {row.ours.text if row.ours else row.wanted.quantity}",
-            "" if math.isnan(row.truth) else _number(row.truth),
+            _label(row.wanted.experiment, row.ours, brief)
+            if row.ours
+            else f"{row.wanted.experiment}: {row.wanted.quantity}",
+            "" if math.isnan(row.truth) else number(row.truth),
             value_text(row.ours) if row.ours else "no result",
             row.limit_text,
             "recovered" if row.met else "MISSED",
@@ -72,10 +77,10 @@ def value_text(quantity: Quantity) -> str:
     """Return value, uncertainty and unit as people write them."""
     value, spread = quantity.value, quantity.uncertainty
     if math.isnan(spread) or spread <= 0.0 or not math.isfinite(value):
-        return f"{_number(value)} {quantity.unit}".strip()
+        return f"{number(value)} {quantity.unit}".strip()
     digits = max(0, 1 - math.floor(math.log10(spread)))
     if digits > 6 or abs(value) >= 1e5:
-        return f"{_number(value)} ± {spread:.1g} {quantity.unit}".strip()
+        return f"{number(value)} ± {spread:.1g} {quantity.unit}".strip()
     return f"{value:.{digits}f} ± {spread:.{digits}f} {quantity.unit}".strip()
 
 
@@ -84,37 +89,16 @@ def module_name(module: Module) -> str:
     return "the thesis's" if module.seed is None else f"seed {module.seed}"
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """Return a value with as many digits as a table needs."""
     return f"{value:.6g}" if abs(value) < 10.0 and abs(value - 1.0) < 0.01 else f"{value:.4g}"
 
 
-def misses_of(
-    modules: Sequence[Module], rows: list[Compared], checks: list[tuple[Module, Checked]]
-) -> Iterable[str]:
-    """Yield a sentence for everything that is not as it should be."""
-    for module in modules:
-        for name, outcome in module.outcomes.items():
-            if outcome.failure:
-                yield f"{module_name(module)} module, {name}: {outcome.failure}"
-    for module, row in checks:
-        if not row.met and row.ours:
-            truth = "" if math.isnan(row.truth) else f", truth {_number(row.truth)}"
-            yield (
-                f"{module_name(module)} module, {row.wanted.experiment}, {row.ours.text}: "
-                f"{value_text(row.ours)}{truth}, wanted {row.limit_text}"
-            )
-    for row in rows:
-        if row.ours and not row.agrees:
-            p = row.published
-            why = p.why or "no explanation is known"
-            yield (
-                f"{p.experiment}, {row.ours.text}: thesis {_number(p.value)}, ours "
-                f"{value_text(row.ours)}: {why}"
-            )
-    for module in modules:
-        result = module.result("compensation")
-        if result and result.value("ratio") >= 1.0:
-            yield f"{module_name(module)} module: identified is no better than default"
+def _label(experiment: str, quantity: Quantity, brief: bool) -> str:
+    """Return what a table calls a quantity; what the thesis says has a column of its own."""
+    if brief:
+        return f"{experiment} {quantity.name}"
+    return f"{experiment}: {_THESIS_SAYS.sub('', quantity.text)}"
 
 
 def markdown_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterable[str]:
