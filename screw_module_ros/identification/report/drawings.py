@@ -8,7 +8,14 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from ..figures import analysis, torque
+from ..figures import (
+    analysis,
+    friction_maps,
+    friction_model,
+    friction_spectrum,
+    inertia,
+    torque,
+)
 from ..figures import curves as chapter_6
 from ..figures.style import save
 from ..results import Result
@@ -22,6 +29,12 @@ _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
     "torque_response": torque.torque_figures,
     "force_position": chapter_6.force_position_figures,
     "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
+    "friction_spectrum": friction_spectrum.spectrum_figures,
+    "friction_map": friction_maps.friction_map_figures,
+    "gravity": friction_model.gravity_figures,
+    "friction_model": friction_model.friction_model_figures,
+    "repeatability": friction_spectrum.repeatability_figures,
+    "inertia": inertia.inertia_figures,
     "compliant_mounting": analysis.mounting_figures,
     "back_drive": analysis.back_drive_figures,
     "compensation": lambda result: {"compensation": chapter_6.compensation_figure(result)},
