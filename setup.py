@@ -11,6 +11,7 @@ NODES = (
     "force_sensor",
     "impedance_controller",
     "amplifier",
+    "module",
     "manus",
     "endpoint_state",
     "supervisor",
@@ -19,6 +20,7 @@ NODES = (
     "bringup",
     "demo",
     "characterize",
+    "bench",
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"session = {NAME}.recording.cli:main")

@@ -16,6 +16,10 @@ from screw_module_ros.resources import resource_path
 
 ARGUMENTS = (
     DeclareLaunchArgument("bench", default_value="false", description="Real hardware, no sim_rig."),
+    DeclareLaunchArgument(
+        "composed", default_value="false",
+        description="One process `module` for encoder, force sensor, controller and amplifier.",
+    ),  # fmt: skip
     DeclareLaunchArgument("params", default_value="", description="Parameter file."),
     DeclareLaunchArgument("namespace", default_value="", description="For a second robot."),
     DeclareLaunchArgument("without", default_value="", description="Nodes to leave out, by comma."),
@@ -25,7 +29,7 @@ ARGUMENTS = (
 def nodes(context):
     """Return the Node actions the launch arguments ask for."""
     value = {a.name: LaunchConfiguration(a.name).perform(context) for a in ARGUMENTS}
-    bench = value["bench"].lower() in ("true", "1", "yes")
+    bench, composed = (_is_true(value[name]) for name in ("bench", "composed"))
     packaged = BENCH_PARAMETERS if bench else SIMULATION_PARAMETERS
     params = value["params"] or str(resource_path(packaged))
     without = [name for name in value["without"].split(",") if name]
@@ -33,13 +37,17 @@ def nodes(context):
         Node(
             package=PACKAGE,
             executable=entry.executable,
-            name=entry.executable,
+            name=None if entry.parts else entry.executable,  # a name given is given to every part
             namespace=value["namespace"],
             parameters=[params],
             output="screen",
         )
-        for entry in chosen(not bench, without=without)
+        for entry in chosen(not bench, without=without, composed=composed)
     ]
+
+
+def _is_true(text):
+    return text.lower() in ("true", "1", "yes")
 
 
 def generate_launch_description():

@@ -7,12 +7,18 @@ comes after it, lost when there is none for a tick number; both are missed.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, insort
 from collections import deque
+from collections.abc import Sequence
 
 from ..samples import sequence_gap
 
 SUCCESS_WINDOW = 1000  # ticks
+LEAST_SUCCESS = 0.99
+"""Share of the last 1000 deadlines below which the timing contract counts as broken."""
+BIN_NS = 5000
+_BINS = 1000  # the last one takes whatever is longer
 _SECOND_NS = 1_000_000_000
 
 
@@ -20,7 +26,8 @@ class DeadlineMeter:
     """Counts for one stream of ticks.
 
     samples: ticks acted upon; late: of these, done after the deadline; lost: tick numbers missing;
-    consecutive_missed: deadlines missed in a row up to the last tick.
+    consecutive_missed: deadlines missed in a row up to the last tick; histogram: latencies of all
+    samples, counted in bins of BIN_NS. Not thread-safe: one thread ticks it and asks it.
     """
 
     def __init__(self, period_ns: int):
@@ -29,6 +36,7 @@ class DeadlineMeter:
         self.late = 0
         self.lost = 0
         self.consecutive_missed = 0
+        self.histogram = [0] * _BINS
         self._period_ns = period_ns
         self._sequence: int | None = None
         self._acquired_ns = 0
@@ -62,6 +70,7 @@ class DeadlineMeter:
         else:
             self.consecutive_missed = 0
         self._note(missed)
+        self.histogram[min(max(0, latency_ns) // BIN_NS, _BINS - 1)] += 1
         self._recent.append((done_ns, latency_ns))
         insort(self._sorted, latency_ns)
         self._forget(done_ns)
@@ -102,3 +111,33 @@ class DeadlineMeter:
         while recent and now_ns - recent[0][0] >= _SECOND_NS:
             _, latency_ns = recent.popleft()
             del in_order[bisect_left(in_order, latency_ns)]
+
+
+def quantile(histogram: Sequence[int], share: float) -> float:
+    """Return the latency [s] that this share of a histogram stayed within, by the end of its bin.
+
+    Infinite when it lies beyond the last bin, 0 for an empty histogram.
+    """
+    wanted = share * sum(histogram)
+    reached = 0
+    for number, count in enumerate(histogram):
+        reached += count
+        if count and reached >= wanted:
+            return math.inf if number == len(histogram) - 1 else (number + 1) * BIN_NS * 1e-9
+    return 0.0
+
+
+def histogram_text(histogram: Sequence[int]) -> str:
+    """Return the bins that are not empty as `number:count`, separated by blanks."""
+    return " ".join(f"{number}:{count}" for number, count in enumerate(histogram) if count)
+
+
+def histogram_of(text: str) -> list[int]:
+    """Return the histogram that `histogram_text` wrote. Raises ValueError for anything else."""
+    histogram = [0] * _BINS
+    for entry in text.split():
+        number, count = map(int, entry.split(":"))
+        if not 0 <= number < _BINS or count < 0:
+            raise ValueError(f"{entry!r} is no bin of a latency histogram")
+        histogram[number] = count
+    return histogram

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
@@ -15,7 +16,7 @@ from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, load_linearization
 from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
-from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.control.timing import LEAST_SUCCESS, DeadlineMeter
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
@@ -24,9 +25,10 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.realtime import Inbox
+from .support.realtime import Inbox, Tick
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
+from .support.timing_report import broken_contract, timing_values
 
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
@@ -86,7 +88,7 @@ class AmplifierNode(DriverNode):
         self.get_logger().info(f"linearization: {self._calibration}")
         self._state_period_ns = round(1e9 / own.state_rate)
         self._missed_limit = own.missed_limit
-        self._inbox = Inbox(self)
+        self._inbox = Inbox(self, self.direct)
         self._take_command = self._inbox.subscribe(
             ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
         )
@@ -118,6 +120,7 @@ class AmplifierNode(DriverNode):
             self._linearization,
         )
         self._meter = DeadlineMeter(self.period_ns)
+        self._state.success_rate = self._meter.success_rate
         self._force = 0.0
         self._look_every = max(1, round(_LOOK_S * 1e9 / self.period_ns))
         self._pumped_ns = 0
@@ -145,42 +148,55 @@ class AmplifierNode(DriverNode):
 
     def step(self) -> None:
         """Wait for a command or the tick and do what is due."""
-        self._inbox.wait(self.ticker.due_ns() - time.monotonic_ns())
-        now = time.monotonic_ns()
-        try:
-            command = self._take_command()
-            if command is not None:
-                self._act(command, now)
-            if now >= self.ticker.due_ns():
-                self._tick(now)
-        except DeviceError:
-            return  # latched by the driver, shown by state and diagnostics
+        due_ns = self.ticker.due_ns()
+        self.listen(due_ns)
+        if time.monotonic_ns() >= due_ns:
+            tick = self.ticker.take()
+            self.begin_tick(tick)
+            self.end_tick(tick)
 
-    def _act(self, command: ForceCommand, now: int) -> None:
+    def listen(self, until_ns: int) -> None:
+        """Wait for a command on the topic until `until_ns` and act upon it."""
+        self._inbox.wait(until_ns - time.monotonic_ns())
+        command = self._take_command()
+        if command is not None:
+            now = time.monotonic_ns()
+            self.act(command.sequence, command.monotonic_ns, command.force, now)
+
+    def act(self, sequence: int, monotonic_ns: int, force: float, now: int) -> None:
+        """Turn a command [N] into torque at once; sequence, monotonic_ns: of the sample behind."""
         # Torque first: the status read last time is one period old, ten are allowed.
-        self._force = command.force
-        acted = self._axis.command(command.sequence, command.monotonic_ns, command.force, now)
-        if acted:
-            self._meter.tick(command.sequence, command.monotonic_ns, time.monotonic_ns())
-        self._pump(now)
+        self._force = force
+        with suppress(DeviceError):  # latched by the driver, shown by state and diagnostics
+            if self._axis.command(sequence, monotonic_ns, force, now):
+                self._meter.tick(sequence, monotonic_ns, time.monotonic_ns())
+            self._pump(now)
 
     def _pump(self, now: int) -> None:
         self._pumped_ns = now
         self.port.pump(0.0)
 
-    def _tick(self, now: int) -> None:
-        tick = self.ticker.take()
+    def begin_tick(self, tick: Tick) -> None:
+        """Send what goes out on the tick: SYNC and, when due, the heartbeat."""
         self.skipped += tick.skipped
-        self._drive.sync(now)
-        self._drive.heartbeat(now)
+        with suppress(DeviceError):
+            self._drive.sync(tick.monotonic_ns)
+            self._drive.heartbeat(tick.monotonic_ns)
+
+    def end_tick(self, tick: Tick) -> AmplifierState | None:
+        """Look after gate, drive and state; return the state when one was published."""
+        now = tick.monotonic_ns
         if tick.sequence % self._look_every == 0:
             self._look_around(now)
-        if now - self._pumped_ns > self.period_ns:
-            self._pump(now)  # no command came that would have done it
-        self._axis.idle(now)
-        if now >= self._state_due_ns:
-            self._state_due_ns = now + self._state_period_ns
-            self._publish_state(now)
+        with suppress(DeviceError):
+            if now - self._pumped_ns > self.period_ns:
+                self._pump(now)  # no command came that would have done it
+            self._axis.idle(now)
+        if now < self._state_due_ns:
+            return None
+        self._state_due_ns = now + self._state_period_ns
+        self._publish_state(now)
+        return self._state
 
     def _look_around(self, now: int) -> None:
         safety = self._take_safety()
@@ -248,16 +264,11 @@ class AmplifierNode(DriverNode):
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
-        now, meter, drives = time.monotonic_ns(), self._meter, self._axis.drives
+        told, meter, drives = self._state, self._meter, self._axis.drives
         peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak)
         values = {
-            "rate [1/s]": meter.rate(now),
-            "latency p50 [us]": f"{meter.latency(0.5) * 1e6:.0f}",
-            "latency p99 [us]": f"{meter.latency(0.99) * 1e6:.0f}",
-            "late": meter.late,
-            "lost": meter.lost,
-            "success rate": f"{meter.success_rate:.3f}",
-            "state": self._drive.state(now).text,
+            **timing_values(told, meter),
+            "state": self._drive.state(time.monotonic_ns()).text,
             "largest force [N]": f"{peak:.0f}",
             "calibration": self._calibration,
             **device_values(self._drive.snapshot()),
@@ -267,8 +278,8 @@ class AmplifierNode(DriverNode):
             return Health(ERROR, drives.reason, values)
         if self._drive.warnings:
             return Health(WARN, self._drive.warnings[0], values)
-        if drives.enabled and meter.success_rate < 0.99:
-            return Health(WARN, "deadlines are being missed", values)
+        if drives.enabled and told.success_rate < LEAST_SUCCESS:
+            return Health(WARN, broken_contract(told), values)
         return Health(OK, "enabled" if drives.enabled else drives.reason, values)
 
 

@@ -90,18 +90,21 @@ def start(
     only: list[str] = (),
     without: list[str] = (),
     extra: list[str] = (),
+    composed: bool = False,
 ) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
-    `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args.
+    `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args;
+    `composed` starts `module` in place of its four parts.
     """
     default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
     file = params or str(resource_path(default))
-    placed = placement(len(os.sched_getaffinity(0))) if simulation else []
+    placed = placement(len(os.sched_getaffinity(0)), composed) if simulation else []
     arguments = ["--ros-args", "--params-file", file, *placed, *extra]
     if namespace:
         arguments += ["-r", f"__ns:={namespace}"]
-    return [Process(entry.executable, arguments) for entry in chosen(simulation, only, without)]
+    entries = chosen(simulation, only, without, composed)
+    return [Process(entry.executable, arguments) for entry in entries]
 
 
 def stop(processes: list[Process]) -> dict[str, int]:
@@ -114,17 +117,25 @@ def stop(processes: list[Process]) -> dict[str, int]:
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.option("--bench", is_flag=True, help="Real hardware: no sim_rig, params/bench.yaml.")
+@click.option(
+    "--composed", is_flag=True,
+    help="One process `module` in place of encoder, force_sensor, impedance_controller, amplifier.",
+)
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--namespace", default="", help="For a second robot, like /second.")
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")
 @click.option("--without", multiple=True, help="Leave this node out (repeat for more).")
-def command(bench: bool, params: str | None, namespace: str, only, without) -> None:
+def command(
+    bench: bool, composed: bool, params: str | None, namespace: str, only, without
+) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     try:
-        processes = start(not bench, params, namespace, list(only), list(without))
+        processes = start(
+            not bench, params, namespace, list(only), list(without), composed=composed
+        )
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
     codes = _watch(processes, stopping)

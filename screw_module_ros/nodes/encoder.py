@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.samples import EncoderReading
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
@@ -28,7 +29,7 @@ class EncoderNode(DriverNode):
         self.parameters.declare(EncoderSettings, without=("rate",))
         self._message = EncoderSample()
         self._rate = RateMeter()
-        self._device: Encoder | None = None
+        self.device: Encoder | None = None
         self.create_service(Trigger, "~/home", self._home)
 
     def connect(self) -> None:
@@ -36,39 +37,42 @@ class EncoderNode(DriverNode):
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(EncoderSettings)._replace(rate=rate)
         port = self.open_port(f"encoder node {settings.node_id}")
-        self._device = Encoder(port, settings)
-        self._device.configure()
-        self.hardware_id = self._device.identity
-        self.check_bus_load(self._device.traffic)
+        self.device = Encoder(port, settings)
+        self.device.configure()
+        self.hardware_id = self.device.identity
+        self.check_bus_load(self.device.traffic)
         self._publisher = self.create_publisher(EncoderSample, "screw/encoder", qos.SAMPLE)
         self._publish = self._publisher.handle.publish
 
     def begin(self) -> None:
         """Let the samples flow."""
-        self._device.start()
+        self.device.start()
         self.start_clock()
 
     def end(self) -> None:
         """Stop the samples."""
         self.stop_clock()
         try:
-            self._device.stop()
+            self.device.stop()
         except DeviceError as error:
             self.get_logger().warning(f"encoder not stopped: {error}")
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self._device is not None and hasattr(self, "_publisher"):
+        if self.device is not None and hasattr(self, "_publisher"):
             self.destroy_publisher(self._publisher)
             del self._publisher
-        self._device = None
+        self.device = None
         self.close_port()
 
     def step(self) -> None:
         """One tick: SYNC out, position in, sample out."""
-        reading = self.sample(self._device)
-        if reading is None:
-            return
+        reading = self.sample(self.device)
+        if reading is not None:
+            self.publish(reading)
+
+    def publish(self, reading: EncoderReading) -> EncoderSample:
+        """Publish a reading; return the message, which is used again for the next."""
         message = self._message
         fill_stamp(message, reading.stamp_ns)
         message.sequence = reading.sequence
@@ -78,19 +82,20 @@ class EncoderNode(DriverNode):
         message.velocity = reading.velocity
         message.homed = reading.homed
         self._publish(message)
+        return message
 
     def poll_slow(self) -> None:
         """Read alarms and warnings of the device."""
-        self._device.poll_slow()
+        self.device.poll_slow()
 
     def _home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:
             response.message = "the node is not active"
             return response
         try:
-            if self._device.fault:
-                self._device.clear_fault()
-            height = self._device.home()
+            if self.device.fault:
+                self.device.clear_fault()
+            height = self.device.home()
         except DeviceError as error:
             response.message = str(error)
             return response
@@ -100,7 +105,7 @@ class EncoderNode(DriverNode):
 
     def health(self) -> Health:
         """Rate, faults, counters."""
-        device = self._device
+        device = self.device
         counters = device.snapshot()
         rate = self._rate.rate(counters.received, time.monotonic_ns())
         values = {

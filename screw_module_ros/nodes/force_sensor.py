@@ -45,7 +45,7 @@ class ForceSensorNode(DriverNode):
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
         self._rate = RateMeter()
-        self._device: ForceSensor | None = None
+        self.device: ForceSensor | None = None
         self._taring: list[ForceReading] | None = None
         self._tared = threading.Event()
         self.create_service(Trigger, "~/tare", self._tare)
@@ -56,10 +56,10 @@ class ForceSensorNode(DriverNode):
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(ForceSensorSettings)._replace(rate=rate)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
-        self._device = ForceSensor(port, settings)
-        self._device.configure()
-        self.hardware_id = self._device.identity
-        self.check_bus_load(self._device.traffic)
+        self.device = ForceSensor(port, settings)
+        self.device.configure()
+        self.hardware_id = self.device.identity
+        self.check_bus_load(self.device.traffic)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
         self._publisher = self.create_publisher(ForceSample, "handle/force", qos.SAMPLE)
@@ -68,15 +68,15 @@ class ForceSensorNode(DriverNode):
 
     def begin(self) -> None:
         """Let the samples flow; a fault latched before is cleared, it was asked for."""
-        if self._device.fault:
-            self._device.clear_fault()
-        self._device.start()
+        if self.device.fault:
+            self.device.clear_fault()
+        self.device.start()
         self.start_clock()
 
     def end(self) -> None:
         """Stop asking."""
         self.stop_clock()
-        self._device.stop()
+        self.device.stop()
 
     def disconnect(self) -> None:
         """Close the bus."""
@@ -84,14 +84,17 @@ class ForceSensorNode(DriverNode):
             self.destroy_publisher(self._publisher)
             self.destroy_publisher(self._wrench_publisher)
             del self._publisher
-        self._device = None
+        self.device = None
         self.close_port()
 
     def step(self) -> None:
         """One tick: ask, wait for both halves, publish."""
-        reading = self.sample(self._device)
-        if reading is None:
-            return
+        reading = self.sample(self.device)
+        if reading is not None:
+            self.publish(reading)
+
+    def publish(self, reading: ForceReading) -> None:
+        """Publish a reading, and collect it while taring."""
         message = self._message
         fill_stamp(message, reading.stamp_ns)
         message.sequence = reading.sequence
@@ -115,7 +118,7 @@ class ForceSensorNode(DriverNode):
 
     def _collect(self, reading: ForceReading) -> None:
         self._taring.append(reading)
-        if len(self._taring) >= self._device.settings.tare_samples:
+        if len(self._taring) >= self.device.settings.tare_samples:
             self._tared.set()
 
     def _tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -123,9 +126,9 @@ class ForceSensorNode(DriverNode):
             response.message = "the node is not active"
             return response
         try:
-            if self._device.fault:
-                self._device.clear_fault()
-            bias = self._device.tare(self._gathered())
+            if self.device.fault:
+                self.device.clear_fault()
+            bias = self.device.tare(self._gathered())
         except DeviceError as error:
             response.message = str(error)
             return response
@@ -142,20 +145,20 @@ class ForceSensorNode(DriverNode):
         return readings
 
     def _untare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._device is None:
+        if self.device is None:
             response.message = "the node is not configured"
             return response
         response.success = True
-        response.message = f"back to removing {_told(self._device.untare())}"
+        response.message = f"back to removing {_told(self.device.untare())}"
         return response
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""
-        self._device.poll_slow()
+        self.device.poll_slow()
 
     def health(self) -> Health:
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
-        device = self._device
+        device = self.device
         counters = device.snapshot()
         rate = self._rate.rate(counters.received, time.monotonic_ns())
         values = {

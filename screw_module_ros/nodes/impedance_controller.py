@@ -31,19 +31,20 @@ from screw_module_ros.control.module_calibration import (
     ModuleCalibration,
     chosen_calibration,
 )
-from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.control.timing import LEAST_SUCCESS, DeadlineMeter
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.control.watch import EncoderLike, ForceLike, WatchSettings
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import RateSettings, period_of
 from .support.freshness import Newest
-from .support.realtime import Inbox
+from .support.realtime import Inbox, fill_stamp
 from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.timing_report import broken_contract, timing_values
 
 FRICTION_FILE = "params/friction_thesis.yaml"
 _AMPLIFIER_AGE_NS = 200_000_000
@@ -96,7 +97,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
         self._state_period_ns = round(1e9 / chosen.state_rate)
-        self._inbox = inbox = Inbox(self)
+        self._inbox = inbox = Inbox(self, self.direct)
         self._take_encoder = inbox.subscribe(
             EncoderSample, "screw/encoder", qos.SAMPLE, wakes=True
         )
@@ -154,14 +155,15 @@ class ImpedanceControllerNode(ModuleNode):
             self.parameters.read(ControllerSettings).mode,
         )
         self._meter = DeadlineMeter(self._period_ns)
-        self._encoder: EncoderSample | None = None
+        self._state_message.success_rate = self._meter.success_rate
+        self._encoder: EncoderLike | None = None
         self._resets: int | None = None
         self._state_due_ns = 0
 
     def end(self) -> None:
         """Send one last zero, so that nobody goes on with the last force."""
         if self._inbox is not None and self._encoder is not None:
-            self._send(self._encoder, NO_FORCE)
+            self.tell(NO_FORCE)
 
     def disconnect(self) -> None:
         """Remove the topics."""
@@ -188,24 +190,27 @@ class ImpedanceControllerNode(ModuleNode):
         """Wait for an encoder sample and answer it with a command."""
         self._inbox.wait(2 * self._period_ns)
         now = time.monotonic_ns()
-        controller = self._controller
         force = self._take_force()
         if force is not None:
-            controller.force(force, now)
+            self.feel(force, now)
         sample = self._take_encoder()
         if sample is not None:
-            self._act(sample, now)
+            output = self.respond(sample, now)
+            if output is not None:
+                self._command.stamp = sample.stamp
+                self.tell(output)
+                self.count()
         else:
-            zero = controller.idle(now)
-            if zero is not None:
-                self._send(self._encoder, zero)
-        self._follow_amplifier(now)
-        if now >= self._state_due_ns:
-            self._state_due_ns = now + self._state_period_ns
-            self._follow_supervisor(now)
-            self._publish_state(now)
+            self.idle(now)
+        self._hear_amplifier(now)
+        self.follow(now)
 
-    def _act(self, sample: EncoderSample, now: int) -> None:
+    def feel(self, force: ForceLike, now: int) -> None:
+        """Take a force sample."""
+        self._controller.force(force, now)
+
+    def respond(self, sample: EncoderLike, now: int) -> VerticalOutput | None:
+        """Return the force for an encoder sample, None when it is not to be acted upon."""
         self._setpoint.update(now)
         wanted = self._setpoint.message
         setpoint = (math.nan, 0.0)
@@ -213,15 +218,26 @@ class ImpedanceControllerNode(ModuleNode):
             moving = not self._setpoint.stale(now)
             setpoint = (wanted.position.z, wanted.velocity.z if moving else 0.0)
         output = self._controller.act(sample, setpoint, now)
-        if output is None:
-            return
-        self._encoder = sample
-        self._send(sample, output)
+        if output is not None:
+            self._encoder = sample
+        return output
+
+    def count(self) -> None:
+        """Count the newest sample as answered now."""
+        sample = self._encoder
         self._meter.tick(sample.sequence, sample.monotonic_ns, time.monotonic_ns())
 
-    def _send(self, sample: EncoderSample, output: VerticalOutput) -> None:
-        command = self._command
-        command.stamp = sample.stamp
+    def idle(self, now: int) -> None:
+        """Do what is due without a sample: publish zero when they have ceased to come."""
+        zero = self._controller.idle(now)
+        if zero is not None:
+            self.tell(zero)
+
+    def tell(self, output: VerticalOutput, stamp_ns: int | None = None) -> None:
+        """Publish the answer to the newest sample; stamp_ns: of the sample, None = as it is."""
+        command, sample = self._command, self._encoder
+        if stamp_ns is not None:
+            fill_stamp(command, stamp_ns)
         command.sequence = sample.sequence
         command.monotonic_ns = sample.monotonic_ns
         command.force = output.force
@@ -233,12 +249,24 @@ class ImpedanceControllerNode(ModuleNode):
         command.saturated = output.saturated
         self._publish(command)
 
-    def _follow_amplifier(self, now: int) -> None:
-        if self._amplifier.update(now) is not None:
-            state = self._amplifier.message
+    def _hear_amplifier(self, now: int) -> None:
+        state = self._amplifier.update(now)
+        if state is not None:
             self._controller.amplifier(state.enabled, state.position, now)
-        elif self._amplifier.stale(now):
+
+    def hear_amplifier(self, state: AmplifierState, now: int) -> None:
+        """Take the amplifier's state as if it had come by the topic."""
+        self._amplifier.put(state, now)
+        self._controller.amplifier(state.enabled, state.position, now)
+
+    def follow(self, now: int) -> None:
+        """Follow amplifier and supervisor; publish the state when due."""
+        if self._amplifier.stale(now):
             self._controller.amplifier(None, math.nan, now)
+        if now >= self._state_due_ns:
+            self._state_due_ns = now + self._state_period_ns
+            self._follow_supervisor(now)
+            self._publish_state(now)
 
     def _follow_supervisor(self, now: int) -> None:
         """A reset there clears a fault here."""
@@ -295,24 +323,18 @@ class ImpedanceControllerNode(ModuleNode):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        now, meter, controller = time.monotonic_ns(), self._meter, self._controller
+        told, controller = self._state_message, self._controller
         values = {
-            "rate [1/s]": meter.rate(now),
-            "latency p50 [us]": f"{meter.latency(0.5) * 1e6:.0f}",
-            "latency p99 [us]": f"{meter.latency(0.99) * 1e6:.0f}",
-            "late": meter.late,
-            "lost": meter.lost,
-            "success rate": f"{meter.success_rate:.3f}",
-            "age [s]": self._age_text(now),
+            **timing_values(told, self._meter),
+            "age [s]": self._age_text(time.monotonic_ns()),
             "mode": MODE_NAMES[controller.mode],
             "calibration": self._calibration,
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
-        if meter.success_rate < 0.99:
-            return Health(WARN, "deadlines are being missed", values)
+        if told.success_rate < LEAST_SUCCESS:
+            return Health(WARN, broken_contract(told), values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
-
 
     def _age_text(self, now: int) -> str:
         if self._encoder is None:

@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The meter counts late, lost and missed-in-a-row, and its second forgets."""
+"""The meter counts late, lost and missed-in-a-row, its second forgets, its histogram does not."""
+
+import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.control.timing import (
+    BIN_NS,
+    DeadlineMeter,
+    histogram_of,
+    histogram_text,
+    quantile,
+)
 
 PERIOD_NS = 1_000_000
 
@@ -89,3 +97,29 @@ def test_samples_and_lost_make_up_all_ticks(latencies_ns):
     assert meter.lost == (seen[-1] - seen[0] + 1 - len(seen) if seen else 0)
     assert meter.late == sum(1 for i in seen if latencies_ns[i] > PERIOD_NS)
     assert meter.success_rate == pytest.approx(1 - (meter.late + meter.lost) / 1000)
+
+
+def test_the_histogram_keeps_what_the_second_forgets():
+    meter = run([100_000] * 9000 + [300_000] * 990 + [900_000] * 10)
+    assert sum(meter.histogram) == meter.samples == 10_000
+    assert quantile(meter.histogram, 0.5) == pytest.approx(1e-4, abs=1.01e-9 * BIN_NS)
+    assert quantile(meter.histogram, 0.99) == pytest.approx(3e-4, abs=1.01e-9 * BIN_NS)
+    assert quantile(meter.histogram, 0.9995) == pytest.approx(9e-4, abs=1.01e-9 * BIN_NS)
+
+
+def test_a_quantile_is_never_told_too_small():
+    assert quantile(run([7_000]).histogram, 0.5) == pytest.approx(10e-6)
+    assert quantile(run([0, 0, 60_000_000]).histogram, 0.99) == math.inf
+    assert quantile(run([]).histogram, 0.99) == 0.0
+
+
+@given(st.lists(st.integers(0, 8_000_000), max_size=50))
+def test_a_histogram_survives_its_text(latencies_ns):
+    histogram = run(latencies_ns).histogram
+    assert histogram_of(histogram_text(histogram)) == histogram
+
+
+@pytest.mark.parametrize("text", ["1000:1", "-1:1", "1:-1", "1", "a:b"])
+def test_what_is_no_histogram_is_refused(text):
+    with pytest.raises(ValueError):
+        histogram_of(text)

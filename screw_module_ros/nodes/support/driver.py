@@ -81,20 +81,28 @@ class DriverNode(ModuleNode):
 
     def sample(self, device):
         """Sleep until the tick, ask `device` and return its reading, None when it does not come."""
-        tick = self.next_tick()
+        if not self.ask(device, self.next_tick()):
+            return None
+        return self.answer(device, self.ticker.due_ns())
+
+    def ask(self, device, tick: Tick) -> bool:
+        """Ask `device` for its reading of `tick`; return whether the bus took it."""
         try:
             device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
-            return self._await_reading(device)
         except DeviceError:
-            return None  # counted by the driver, shown by the diagnostics
+            return False  # counted by the driver, shown by the diagnostics
+        return True
 
-    def _await_reading(self, device):
-        due = self.ticker.due_ns()
-        while (reading := device.reading()) is None:
-            left = due - time.monotonic_ns()
-            if left <= 0:
-                return None
-            self.port.pump(left * 1e-9)
+    def answer(self, device, until_ns: int):
+        """Return the reading asked for, None when it has not come by `until_ns`."""
+        try:
+            while (reading := device.reading()) is None:
+                left = until_ns - time.monotonic_ns()
+                if left <= 0:
+                    return None
+                self.port.pump(left * 1e-9)
+        except DeviceError:
+            return None
         return reading
 
     def poll_slow(self) -> None:

@@ -24,9 +24,13 @@ class Newest:
         """Take what has come; return it when there was something new, else None."""
         message = self._take()
         if message is not None:
-            self.message = message
-            self.arrival_ns = now_ns
+            self.put(message, now_ns)
         return message
+
+    def put(self, message: Any, now_ns: int) -> None:
+        """Note a message that came otherwise than by the subscription."""
+        self.message = message
+        self.arrival_ns = now_ns
 
     def fresh(self, now_ns: int) -> Any:
         """Take what has come; return the newest message while it is fresh, else None."""

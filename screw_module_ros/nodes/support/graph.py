@@ -12,17 +12,24 @@ PACKAGE = "screw_module_ros"
 
 
 class Entry(NamedTuple):
-    """One node of the graph.
+    """One executable of the graph.
 
-    executable: name of the executable and of the node
+    executable: its name, and that of its node
     simulation: started only against the simulated rig
     core: processor core on a machine with two of them, None for either: the chain from encoder to
     amplifier keeps one core and its caches, the rig and the force sensor the other
+    parts: names of the nodes in it where there are several
     """
 
     executable: str
     simulation: bool = False
     core: int | None = None
+    parts: tuple[str, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of its nodes."""
+        return self.parts or (self.executable,)
 
 
 GRAPH = (
@@ -37,30 +44,51 @@ GRAPH = (
     Entry("session_recorder"),
 )
 
+COMPOSED = Entry(
+    "module", core=0, parts=("encoder", "force_sensor", "impedance_controller", "amplifier")
+)
+"""One process with one hot loop in place of its four parts."""
+
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
 BENCH_PARAMETERS = "params/bench.yaml"
 
 
-def chosen(simulation: bool, only: list[str] = (), without: list[str] = ()) -> list[Entry]:
+def table(composed: bool) -> list[Entry]:
+    """Return the whole graph, `composed`: with `module` in place of its four parts."""
+    if not composed:
+        return list(GRAPH)
+    left = [entry for entry in GRAPH if entry.executable not in COMPOSED.parts]
+    left.insert([entry.executable for entry in GRAPH].index(COMPOSED.parts[0]), COMPOSED)
+    return left
+
+
+def nodes_of(executable: str) -> tuple[str, ...]:
+    """Return the names of the nodes in an executable."""
+    return COMPOSED.nodes if executable == COMPOSED.executable else (executable,)
+
+
+def chosen(
+    simulation: bool, only: list[str] = (), without: list[str] = (), composed: bool = False
+) -> list[Entry]:
     """Return the entries to start, in order.
 
     Raises ValueError naming an executable that is not in the table.
     """
-    known = [entry.executable for entry in GRAPH]
+    known = [entry.executable for entry in table(composed)]
     for name in (*only, *without):
         if name not in known:
             raise ValueError(f"no node {name!r} in the graph; there are {', '.join(known)}")
     return [
         entry
-        for entry in GRAPH
+        for entry in table(composed)
         if (simulation or not entry.simulation)
         and (not only or entry.executable in only)
         and entry.executable not in without
     ]
 
 
-def placement(cores: int) -> list[str]:
+def placement(cores: int, composed: bool = False) -> list[str]:
     """Return the --ros-args that fit the graph to a machine with `cores` processor cores.
 
     With two, rig and robot together are more than they can do in time: the plane then runs at
@@ -70,9 +98,10 @@ def placement(cores: int) -> list[str]:
     if cores > 2:
         return []
     words = ["-p", f"manus:rate:={PLANE_RATE_ON_TWO_CORES}"]
-    for entry in GRAPH:
+    for entry in table(composed):
         if entry.core is not None and entry.core < cores:
-            words += ["-p", f"{entry.executable}:realtime.cores:=[{entry.core}]"]
+            for node in entry.nodes:
+                words += ["-p", f"{node}:realtime.cores:=[{entry.core}]"]
     return words
 
 

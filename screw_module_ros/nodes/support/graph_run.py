@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from .. import bringup
+from .graph import nodes_of
 from .isolation import Place, own_place
 from .leftovers import remove_orphans
 from .robot import Robot, RobotError
@@ -40,9 +41,10 @@ class GraphRun:
         extra: Sequence[str] = (),
         only: Sequence[str] = (),
         without: Sequence[str] = (),
+        composed: bool = False,
     ):
-        """Prepare; `params` replaces the parameter file, `extra` goes to every --ros-args."""
-        self._params, self._extra = params, list(extra)
+        """Prepare; `params`, `extra`, `composed`: as of `bringup.start`."""
+        self._params, self._extra, self._composed = params, list(extra), composed
         self._only, self._without = list(only), list(without)
         self._stopping = threading.Event()
         self._processes: list[bringup.Process] = []
@@ -62,6 +64,7 @@ class GraphRun:
                 only=self._only,
                 without=self._without,
                 extra=[*self._place.arguments(), *self._extra],
+                composed=self._composed,
             )
         except BaseException:
             self._leave()
@@ -81,7 +84,12 @@ class GraphRun:
     @property
     def names(self) -> list[str]:
         """The nodes, in the order they were started."""
-        return [process.name for process in self._processes]
+        return [node for process in self._processes for node in nodes_of(process.name)]
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The process id of each executable."""
+        return {process.name: process.pid for process in self._processes}
 
     def watch(self) -> None:
         """Raise Interrupted after Ctrl-C, RobotError when a node has ended."""

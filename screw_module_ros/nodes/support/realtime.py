@@ -14,6 +14,7 @@ import os
 import struct
 import sys
 import time
+from collections.abc import Collection
 from typing import Annotated, Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
@@ -150,10 +151,15 @@ class HotGroup(CallbackGroup):
 
 
 class Inbox:
-    """Subscriptions of the hot loop, waited for together and taken one by one."""
+    """Subscriptions of the hot loop, waited for together and taken one by one.
 
-    def __init__(self, node: Node):
+    direct: topics whose content another part of this process hands over by calls; they are not
+    subscribed to, and taking from them gives None.
+    """
+
+    def __init__(self, node: Node, direct: Collection[str] = ()):
         self._node = node
+        self._direct = direct
         self._group = HotGroup()
         self._subscriptions: list[Subscription] = []
         self._waking: list[Any] = []
@@ -164,6 +170,8 @@ class Inbox:
 
         `wakes`: `wait` returns when a message of this subscription is there.
         """
+        if topic in self._direct:
+            return _nothing
         subscription = self._node.create_subscription(
             kind, topic, _never, qos, callback_group=self._group
         )
@@ -200,6 +208,10 @@ class Inbox:
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._subscriptions = []
+
+
+def _nothing() -> None:
+    return None
 
 
 def _never(message) -> None:

@@ -12,7 +12,7 @@ import logging
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Annotated, NamedTuple
 
 import rclpy
@@ -26,10 +26,11 @@ from screw_module_ros.settings import Setting
 
 from .parameters import ParameterError, Parameters
 from .realtime import RealtimeSettings, prepare
-from .single import AlreadyRunning, lock_node
+from .single import AlreadyRunning, Lock, lock_node
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
+_IDLE_S = 0.05
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -77,6 +78,9 @@ class ModuleNode(LifecycleNode):
     # What subclasses fill in ---------------------------------------------------------------
 
     hardware_id = ""
+
+    direct: Collection[str] = ()
+    """Topics that other parts of this process hand over by calls (see `Inbox`)."""
 
     def connect(self) -> None:
         """Open what is needed (lifecycle configure). Raise with a clear sentence on failure."""
@@ -188,15 +192,33 @@ class ModuleNode(LifecycleNode):
 
     def run(self) -> None:
         """Run `step` while active, until `stop`; an error in it ends the process."""
-        while not self.stopping.is_set():
-            if not self._active.wait(0.05):
-                continue
-            self._outside_step.clear()
-            try:
-                while self._active.is_set() and not self.stopping.is_set():
+        try:
+            while not self.stopping.is_set():
+                if self.takes_part():
                     self.step()
-            finally:
-                self._outside_step.set()
+                else:
+                    self._active.wait(_IDLE_S)
+        finally:
+            self.leaves()
+
+    def takes_part(self) -> bool:
+        """Return whether the loop may run this node's part now.
+
+        The loop's thread asks before each step; until it asks again, or calls `leaves`, nothing
+        the step uses is taken away.
+        """
+        if self._active.is_set():
+            if not self._outside_step.is_set():
+                return True
+            self._outside_step.clear()
+            if self._active.is_set():  # whoever clears it waits for us from now on
+                return True
+        self._outside_step.set()
+        return False
+
+    def leaves(self) -> None:
+        """Tell that the loop has ended its last step."""
+        self._outside_step.set()
 
     # Diagnostics and parameters ------------------------------------------------------------
 
@@ -225,52 +247,93 @@ def main(factory: Callable[[], ModuleNode], args: list[str] | None = None) -> in
 
     0 after a signal, 1 after an error of the loop, 2 when a parameter or the start was refused.
     """
+    return run_together(factory.__name__, lambda: [factory()], lambda nodes: nodes[0].run(), args)
+
+
+def run_together(
+    name: str,
+    make: Callable[[], list[ModuleNode]],
+    loop: Callable[[list[ModuleNode]], None],
+    args: list[str] | None = None,
+) -> int:
+    """Run the nodes that `make` returns in this process, with one hot loop; like `main`.
+
+    loop: runs until `stopping` of the nodes, which is one event, is set. Each node has services,
+    parameters, lifecycle and diagnostics of its own, served by a thread of its own; scheduling is
+    that of the highest priority among them, on the cores of the first. name: begins what is told
+    when the start is refused.
+    """
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     # What canopen logs, our errors say with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    node, lock = None, None
+    nodes: list[ModuleNode] = []
+    locks: list[Lock] = []
     try:
-        node = factory()
-        node.stopping = stopping
-        node.parameters.finish()
-        lock = lock_node(node.get_fully_qualified_name())
-        _live(node)
+        nodes += make()
+        for node in nodes:
+            node.stopping = stopping
+            node.parameters.finish()
+            locks.append(lock_node(node.get_fully_qualified_name()))
+        _live(nodes, loop)
         return 0
     except (ParameterError, AlreadyRunning) as error:
-        print(f"{factory.__name__}: {error}", file=sys.stderr)
+        print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
-        if node is not None:
+        for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-        if lock is not None:
+        for lock in locks:
             lock.release()
 
 
-def _live(node: ModuleNode) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> None:
     ended = threading.Event()
-    serving = threading.Thread(target=_serve, args=(executor, node, ended), daemon=True)
-    serving.start()
+    served = [_Served(node, ended) for node in nodes]
+    first = nodes[0]
     try:
-        executor.create_task(node.start_by_itself)
-        scheduling = node.parameters.read(RealtimeSettings, "realtime")
-        for refused in prepare(scheduling):
-            node.get_logger().warning(refused)
-        node.run()
+        for one in served:
+            one.executor.create_task(one.node.start_by_itself)
+        for refused in prepare(_scheduling(nodes)):
+            first.get_logger().warning(refused)
+        loop(nodes)
     except Exception as error:
-        node.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
+        first.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
         raise
     finally:
         ended.set()
-        executor.wake()
-        serving.join(timeout=_LEAVE_STEP_S)
-        node.close()
-        executor.shutdown(timeout_sec=0.0)
+        for one in served:
+            one.join()
+        for node in reversed(nodes):  # the drive goes off while its controller is still there
+            node.close()
+        for one in served:
+            one.executor.shutdown(timeout_sec=0.0)
+
+
+def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
+    asked = [node.parameters.read(RealtimeSettings, "realtime") for node in nodes]
+    return asked[0]._replace(priority=max(settings.priority for settings in asked))
+
+
+class _Served:
+    """A node with the thread that serves its services, timers and parameters."""
+
+    def __init__(self, node: ModuleNode, ended: threading.Event):
+        self.node = node
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(node)
+        self._thread = threading.Thread(
+            target=_serve, args=(self.executor, node, ended), daemon=True
+        )
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait until the thread has seen the end."""
+        self.executor.wake()
+        self._thread.join(timeout=_LEAVE_STEP_S)
 
 
 def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.Event) -> None:
