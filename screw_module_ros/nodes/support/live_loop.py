@@ -67,23 +67,20 @@ class LiveLoop:
         if not self._awake.wait(_IDLE_S):
             return
         self._inbox.wait(2_000_000)
-        now = time.monotonic_ns()
         recording, source = self._recording, self._source
-        self._take_forces(recording, source, now)
+        self._take_forces(recording, source)
         newest = self._take_encoder(recording)
         if source is not None:
-            self._answer(source, newest, now)
+            self._answer(source, newest, time.monotonic_ns())
         self._take_commands(recording)
         self._passes += 1
 
-    def _take_forces(
-        self, recording: Recording | None, source: TorqueSource | None, now: int
-    ) -> None:
+    def _take_forces(self, recording: Recording | None, source: TorqueSource | None) -> None:
         while (force := self._takes[1]()) is not None:
             if recording is not None:
                 recording.note_force(force)
             if source is not None:
-                source.force(force, now)
+                source.force(force, time.monotonic_ns())  # one that came just now is not ahead
 
     def _take_encoder(self, recording: Recording | None) -> EncoderSample | None:
         newest = None

@@ -31,6 +31,7 @@ from .robot import Robot
 
 _THESIS_FRICTION = "params/friction_thesis.yaml"
 _LIVE = {name for name, field in declared(VerticalSettings).items() if field.setting.live}
+_SAG = 0.05  # that a hand lets the handle sag [m]
 _CALM = 1e-3  # [m/s]
 _CALM_S, _SETTLE_S, _PATIENCE_S = 0.5, 1.5, 5.0
 _SPARE_S = 5.0
@@ -58,7 +59,7 @@ class Motion:
         before = session.unloaded_zero()
         session.say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
         stand.hand_at(trial.arm, trial.centre)
-        session.check_height(trial.centre)
+        session.check_height(trial.centre, _SAG)
         self._prepare(trial)
         if trial.mode != OFF:
             session.say("torque on")

@@ -27,7 +27,10 @@ _FRESH_S = 1.0
 _PLACING_S = 20.0
 _SETTLE_S = 0.3
 _RETURN_S = 1.0
+_PLACING_SPEED = 0.1  # of the rig, carrying the handle [m/s]
 _THERE = 1e-4  # [m]
+_CREEP = 2e-3  # [m/s]; the bench waits for rest once the law is at work
+_SAG = 0.05  # that a hand lets the handle sag [m]
 _STILL = 1e-4  # [m/s]
 _TRAVEL = 0.36  # [m]
 _ACCELERATION = 2.0  # of the rig's stage [m/s^2]
@@ -106,11 +109,13 @@ class RigStand:
         self._fix("stage", position=height)
         self._wait_until_at(height)
 
-    def _wait_until_at(self, height: float) -> None:
+    def _wait_until_at(
+        self, height: float, within: float = _THERE, slower: float = _STILL
+    ) -> None:
         def there() -> bool:
             truth = self.truth()
-            near = abs(truth.handle_position - height) < _THERE
-            return near and abs(truth.handle_velocity) < _STILL
+            near = abs(truth.handle_position - height) < within
+            return near and abs(truth.handle_velocity) < slower
 
         self._robot.wait_until(there, _PLACING_S, f"the handle did not come to {height:g} m")
         self._robot.pause(_SETTLE_S)
@@ -149,9 +154,11 @@ class RigStand:
 
     def hand_at(self, hand: Arm, centre: float) -> None:
         """Carry the handle to the centre [m], where the hand takes hold of it and rests."""
+        way = abs(self.truth().handle_position - centre)
         self._fix("human_arm", position=centre)
         self._robot.set_arm(arm(kind="active", **hand._asdict()))
-        self._wait_until_at(centre)
+        self._robot.pause(way / _PLACING_SPEED + _SETTLE_S)
+        self._wait_until_at(centre, _SAG, _CREEP)
 
     def hand_moves(self, trial: MotionTrial) -> None:
         """Begin the sine, on the vertical axis only."""

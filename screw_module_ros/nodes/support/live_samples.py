@@ -140,26 +140,29 @@ class Zero(NamedTuple):
 def evenly(recording: Recording, rate: float) -> Track:
     """Return the recording at every tick of `rate` [1/s] that both sensors cover.
 
-    Between samples values go in straight lines, the force command stays. Raises SamplesLost when a
-    gap is longer than LONGEST_GAP or more than LARGEST_LOSS of the ticks are missing.
+    Ticks come a little late, now more, now less: values are taken at even times by straight lines
+    between the samples' own, so that a moving handle does not seem to tremble; the force command
+    goes by tick and stays until the next. Raises SamplesLost when a gap is longer than LONGEST_GAP
+    or more than LARGEST_LOSS of the ticks are missing.
     """
     origin = recording.encoder.origin()
     recording.force.origin()
     ticks, stamps, encoder = recording.encoder.by_tick(origin)
-    force_ticks, _, force = recording.force.by_tick(origin)
+    force_ticks, force_stamps, force = recording.force.by_tick(origin)
     first, last = max(ticks[0], force_ticks[0]), min(ticks[-1], force_ticks[-1])
     if last <= first:
         raise SamplesLost("encoder and force sensor were never heard at one time")
-    grid = np.arange(first, last + 1)
     for name, there in (("encoder", ticks), ("force sensor", force_ticks)):
         _check_losses(name, there[(there >= first) & (there <= last)], rate)
-    begin_ns = np.interp(first, ticks, stamps - stamps[0]) + stamps[0]
+    grid, start_ns = np.arange(first, last + 1), stamps[0]
+    when, force_when = ((s - start_ns) * 1e-9 * rate for s in (stamps, force_stamps))  # in ticks
+    late = float(np.median(when - ticks))
     return Track(
         int(origin + first) % _ROUND,
-        float(begin_ns),
-        *(np.interp(grid, ticks, column) for column in encoder.T),
-        np.interp(grid, force_ticks, force[:, _FZ]),
-        np.interp(grid, force_ticks, force[:, _TZ]),
+        float(start_ns + (first + late) * 1e9 / rate),
+        *(np.interp(grid + late, when, column) for column in encoder.T),
+        np.interp(grid + late, force_when, force[:, _FZ]),
+        np.interp(grid + late, force_when, force[:, _TZ]),
         _held(recording.command, origin, grid),
     )
 

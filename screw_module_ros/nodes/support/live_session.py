@@ -26,7 +26,6 @@ _SILENT_S = 2.0
 _PERMIT_S = 10.0
 _POLL_S = 0.05
 _CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
-_OFF_HEIGHT = 1e-3  # [m]
 _SENSORS = ("encoder", "force_sensor")
 
 
@@ -110,10 +109,10 @@ class Session:
                 f"ros2 service call {home} std_srvs/srv/Trigger"
             )
 
-    def check_height(self, height: float) -> None:
-        """Raise NotPossible when the encoder shows another height [m] than the stage has."""
+    def check_height(self, height: float, within: float = 1e-3) -> None:
+        """Raise NotPossible when the encoder shows another height [m] than the handle is at."""
         shown = self.loop.sample.position
-        if abs(shown - height) > _OFF_HEIGHT:
+        if abs(shown - height) > within:
             raise NotPossible(
                 f"the handle is at {1e3 * height:.1f} mm, the encoder shows {1e3 * shown:.1f} mm: "
                 "home the encoder at the reference mark"
