@@ -14,7 +14,7 @@ from .lab import Lab
 from .results import Quantity, Result
 
 NAME = "calibration"
-FILE = "calibration.yaml"
+FILE = "module_calibration.yaml"
 
 
 class Settings(NamedTuple):

@@ -22,9 +22,9 @@ from screw_module_ros.identification.report.tables import (
     checked_rows,
     compared_rows,
     markdown_table,
-    value_text,
 )
 from screw_module_ros.identification.report.truth import true_map, true_mass, true_weight
+from screw_module_ros.identification.report.words import value_text
 from screw_module_ros.identification.results import Quantity, Result
 
 
@@ -40,7 +40,7 @@ def test_published_figure_agrees_within_its_tolerance(value, verdict):
     row = Compared(Published("gravity", "gravity", 10.0, "5.2.4", 0.5), quantity(value))
     (cells,) = compared_rows([row])
     assert cells[-1] == verdict
-    assert cells[0] == "gravity: weight", "the thesis's figure stands in its own column"
+    assert cells[1] == "*gravity*: weight", "the thesis's figure stands in its own column"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 from .rows import Checked, Compared
 from .study import Module
-from .tables import module_name, number, value_text
+from .tables import module_name
+from .words import like, value_text
 
 
 class Miss(NamedTuple):
@@ -31,7 +32,7 @@ def misses_of(
     for row in sorted(differing, key=lambda row: bool(row.published.why)):
         p = row.published
         text = (
-            f"{p.experiment}, {row.ours.text}: thesis {number(p.value)}, ours "
+            f"{p.experiment}, {row.ours.text}: thesis {like(row.ours, p.value)}, ours "
             f"{value_text(row.ours)}: {p.why or 'no explanation is known'}"
         )
         yield Miss(text, not p.why)
@@ -48,7 +49,7 @@ def _unrecovered(checks: list[tuple[Module, Checked]]) -> Iterator[Miss]:
     for module, row in checks:
         if row.met or row.ours is None:
             continue
-        truth = "" if math.isnan(row.truth) else f", truth {number(row.truth)}"
+        truth = "" if math.isnan(row.truth) else f", truth {like(row.ours, row.truth)}"
         text = (
             f"{module_name(module)} module, {row.wanted.experiment}, {row.ours.text}: "
             f"{value_text(row.ours)}{truth}, wanted {row.limit_text}"

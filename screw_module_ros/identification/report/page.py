@@ -27,8 +27,8 @@ from .tables import (
     markdown_table,
     module_name,
     terminal_table,
-    value_text,
 )
+from .words import value_text
 
 PAGE, TEXT = "report.html", "report.md"
 

@@ -11,6 +11,7 @@ from ..results import Quantity
 from .published import PUBLISHED, Published
 from .study import Module
 from .truth import true_mass, true_weight
+from .words import like
 
 
 class Compared(NamedTuple):
@@ -68,8 +69,9 @@ class Checked(NamedTuple):
             return f"at least {self.wanted.limit:g}"
         if self.wanted.relative:
             return f"within {100.0 * self.wanted.limit:g} %"
-        unit = f" {self.ours.unit}" if self.ours else ""
-        return f"within {self.wanted.limit:g}{unit}"
+        if self.ours is None:
+            return f"within {self.wanted.limit:g}"
+        return f"within {like(self.ours, self.wanted.limit)}"
 
 
 WANTED = (

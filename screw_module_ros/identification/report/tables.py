@@ -12,11 +12,12 @@ from rich.table import Table
 from ..results import Quantity
 from .rows import Checked, Compared
 from .study import Module
+from .words import like, number, scaled, value_text
 
 _THESIS_SAYS = re.compile(r" \((?:thesis|appendix|Table|fig|[A-D0-9]\.)[^)]*\)$")
 
-COMPARED_HEAD = ("experiment", "figure", "thesis", "ours", "difference", "verdict")
-CHECKED_HEAD = ("quantity", "truth", "identified", "wanted", "verdict")
+COMPARED_HEAD = ("experiment", "quantity", "figure", "thesis", "ours", "difference", "verdict")
+CHECKED_HEAD = ("experiment", "quantity", "truth", "identified", "wanted", "verdict")
 CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with feedback")
 
 
@@ -26,16 +27,18 @@ def compared_rows(rows: Iterable[Compared], brief: bool = False) -> list[tuple[s
     for row in rows:
         p = row.published
         if row.ours is None:
-            cells.append((p.experiment, p.where, number(p.value), "no result", "", "missed"))
+            given = (p.experiment, p.quantity, p.where, number(p.value))
+            cells.append((*given, "no result", "", "missed"))
             continue
         verdict = "agrees" if row.agrees else "differs"
         cells.append(
             (
-                _label(p.experiment, row.ours, brief),
+                p.experiment,
+                _label(row.ours, brief),
                 p.where,
-                f"{number(p.value)} {row.ours.unit}".strip(),
+                like(row.ours, p.value),
                 value_text(row.ours),
-                f"{row.difference:+.3g}",
+                _difference(row),
                 verdict,
             )
         )
@@ -46,10 +49,9 @@ def checked_rows(rows: Iterable[Checked], brief: bool = False) -> list[tuple[str
     """Return the cells of the table of hidden values and identified ones."""
     return [
         (
-            _label(row.wanted.experiment, row.ours, brief)
-            if row.ours
-            else f"{row.wanted.experiment}: {row.wanted.quantity}",
-            "" if math.isnan(row.truth) else number(row.truth),
+            row.wanted.experiment,
+            _label(row.ours, brief) if row.ours else row.wanted.quantity,
+            _truth(row),
             value_text(row.ours) if row.ours else "no result",
             row.limit_text,
             "recovered" if row.met else "MISSED",
@@ -73,32 +75,27 @@ def closing_row(module: Module) -> tuple[str, ...] | None:
     return (module_name(module), *(value_text(result.quantity(name)) for name in names))
 
 
-def value_text(quantity: Quantity) -> str:
-    """Return value, uncertainty and unit as people write them."""
-    value, spread = quantity.value, quantity.uncertainty
-    if math.isnan(spread) or spread <= 0.0 or not math.isfinite(value):
-        return f"{number(value)} {quantity.unit}".strip()
-    digits = max(0, 1 - math.floor(math.log10(spread)))
-    if digits > 6 or abs(value) >= 1e5:
-        return f"{number(value)} ± {spread:.1g} {quantity.unit}".strip()
-    return f"{value:.{digits}f} ± {spread:.{digits}f} {quantity.unit}".strip()
-
-
 def module_name(module: Module) -> str:
     """Return what the tables call a module."""
     return "the thesis's" if module.seed is None else f"seed {module.seed}"
 
 
-def number(value: float) -> str:
-    """Return a value with as many digits as a table needs."""
-    return f"{value:.6g}" if abs(value) < 10.0 and abs(value - 1.0) < 0.01 else f"{value:.4g}"
-
-
-def _label(experiment: str, quantity: Quantity, brief: bool) -> str:
+def _label(quantity: Quantity, brief: bool) -> str:
     """Return what a table calls a quantity; what the thesis says has a column of its own."""
     if brief:
-        return f"{experiment} {quantity.name}"
-    return f"{experiment}: {_THESIS_SAYS.sub('', quantity.text)}"
+        return quantity.name
+    return f"*{quantity.name}*: {_THESIS_SAYS.sub('', quantity.text)}"
+
+
+def _difference(row: Compared) -> str:
+    times, _ = scaled(row.ours.value, row.ours.unit)
+    return f"{row.difference * times:+.3g}"
+
+
+def _truth(row: Checked) -> str:
+    if math.isnan(row.truth) or row.ours is None:
+        return ""
+    return like(row.ours, row.truth)
 
 
 def markdown_table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterable[str]:
