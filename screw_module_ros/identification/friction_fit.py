@@ -138,7 +138,7 @@ def _quantities(
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
-        Quantity("phase", model.phase, float(fitted.errors[-1]), "rad", "phase of the ripple"),
+        Quantity("phase", model.phase, fitted.phase_error, "rad", "phase of the ripple"),
     ]
     for way, _ in _WAYS:
         found += _of_branch(model, data, way)

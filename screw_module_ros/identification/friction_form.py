@@ -37,17 +37,6 @@ class BranchFit(NamedTuple):
     slope: float
 
 
-class Grid(NamedTuple):
-    """Where a fit is evaluated: heights z [mm] and speeds [mm/s, positive], one per cell;
-    low, high: the range of heights [mm]; lead [mm]."""
-
-    z: np.ndarray
-    speed: np.ndarray
-    low: float
-    high: float
-    lead: float
-
-
 def basis(z: np.ndarray, low: float, high: float, coefficients: int) -> np.ndarray:
     """Return the Chebyshev polynomials at heights z [mm], shape (len(z), coefficients)."""
     return chebvander((2.0 * z - low - high) / (high - low), coefficients - 1)
@@ -95,31 +84,10 @@ def friction_along(model: FrictionModel, position: np.ndarray, velocity: np.ndar
     return way * np.maximum(way * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed)
 
 
-def unpacked(values: np.ndarray, flip_below: float) -> BranchFit:
-    """Return one direction's fit from the numbers an optimiser moves."""
-    trend, ripple, rest = np.split(values, (TREND, TREND + RIPPLE))
-    return BranchFit(
-        trend, ripple, flip_below, float(rest[0]), float(np.exp(rest[1])), float(rest[2])
-    )
-
-
-def packed(fit: BranchFit) -> np.ndarray:
-    """Return the numbers of `unpacked`."""
-    return np.concatenate((fit.trend, fit.ripple, (fit.exponent, np.log(fit.knee), fit.slope)))
-
-
-def fit_factor(fit: BranchFit, speed: np.ndarray) -> np.ndarray:
-    """Return the fit's speed factor at speeds above zero [mm/s]."""
-    line = 1.0 + fit.slope * (np.maximum(speed, fit.knee) - REFERENCE)
-    return line * np.minimum(speed / fit.knee, 1.0) ** fit.exponent
-
-
-def fit_friction(fit: BranchFit, grid: Grid, phase: float) -> np.ndarray:
-    """Return the fit's friction at the cells of a grid [N], up the screw positive."""
-    place = basis(grid.z, grid.low, grid.high, TREND) @ fit.trend
-    amplitude = basis(grid.z, grid.low, grid.high, RIPPLE) @ fit.ripple
-    place += amplitude * ripple_phase(grid.z, grid.lead, phase, fit.flip_below)
-    return fit_factor(fit, grid.speed) * place
+def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) -> np.ndarray:
+    """Return a fit's speed factor at speeds above zero [mm/s]; knee [mm/s], slope [s/mm]."""
+    line = 1.0 + slope * (np.maximum(speed, knee) - REFERENCE)
+    return line * np.minimum(speed / knee, 1.0) ** exponent
 
 
 def branch_of(
@@ -130,8 +98,9 @@ def branch_of(
     Its speed factor has the mean one over `speeds` [mm/s], so that trend and ripple are those of
     the mean curve, as in the thesis. low, high [mm], gravity [N].
     """
-    mean = float(fit_factor(fit, np.asarray(speeds)).mean())
-    at_knee = float(fit_factor(fit, np.array([fit.knee]))[0])
+    shape = (fit.exponent, fit.knee, fit.slope)
+    mean = float(fit_factor(*shape, np.asarray(speeds)).mean())
+    at_knee = float(fit_factor(*shape, np.array([fit.knee]))[0])
     trend = _powers(fit.trend * mean, low, high, TREND)
     trend[-1] += gravity
     return FrictionBranch(

@@ -80,10 +80,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             "mass_thesis_strict", strict_mean, strict_deviation, "kg",
             "the same, accelerations of 2.5 m/s^2 and more",
         ),
-        Quantity(
-            "shift", float(np.mean([r.shift for r in strict])),
-            float(np.std([r.shift for r in strict])), "s", "best time shift of the strict ratio",
-        ),
+        Quantity("shift", *_shift(strict), "s", "best time shift of the strict ratio"),
         Quantity("viscous_left", fit.viscous, nan, "N s/m", "viscous friction beyond the model"),
         Quantity("coulomb_left", fit.coulomb, nan, "N", "dry friction beyond the model"),
         Quantity("constant_left", fit.constant, nan, "N", "weight and zero beyond the model"),
@@ -109,9 +106,20 @@ def kept(trial: MotionTrial, samples: Samples) -> Part:
 
 
 def pooled(ratios: list[Ratio]) -> tuple[float, float]:
-    """Return mean and standard deviation of all samples of all records [kg] (5.3.3)."""
+    """Return mean and standard deviation of all samples of all records [kg] (5.3.3).
+
+    NaN when no record has a usable sample.
+    """
     masses = np.concatenate([r.mass[np.isfinite(r.mass)] for r in ratios])
+    if not len(masses):
+        return float("nan"), float("nan")
     return float(masses.mean()), float(masses.std())
+
+
+def _shift(ratios: list[Ratio]) -> tuple[float, float]:
+    """Return mean and standard deviation of the shifts [s] of the records that have one."""
+    shifts = [r.shift for r in ratios if np.isfinite(r.shift)]
+    return (float(np.mean(shifts)), float(np.std(shifts))) if shifts else (float("nan"),) * 2
 
 
 def _jobs(settings: Settings) -> list[Job]:
@@ -164,7 +172,7 @@ def _ratio(record: Record, settings: Settings, times: float) -> Ratio:
 
 def _notes(ratios: list[Ratio], strict: list[Ratio]) -> tuple[str, ...]:
     mean, deviation = pooled(ratios)
-    shifts = ", ".join(f"{r.shift * 1e3:.1f}" for r in strict)
+    shifts = ", ".join(f"{r.shift * 1e3:.1f}" for r in strict if np.isfinite(r.shift)) or "no"
     return (
         "The uncertainty of the mass holds what the load term changes and the spread when records "
         "are left out; not an error of the sensor's gain.",

@@ -48,16 +48,6 @@ class Ratio(NamedTuple):
     shift: float
     mass: np.ndarray
 
-    @property
-    def mean(self) -> float:
-        """Mean of the samples used [kg]."""
-        return float(np.nanmean(self.mass))
-
-    @property
-    def deviation(self) -> float:
-        """Standard deviation of the samples used [kg]."""
-        return float(np.nanstd(self.mass))
-
 
 class Regression(NamedTuple):
     """mass [kg]; viscous [N s/m], coulomb [N], constant [N], load (share of the force beyond that
@@ -111,13 +101,12 @@ def ratio(
     """Return the thesis's mass: inertial force over acceleration, best shift of the two.
 
     inertial: force minus friction and weight [N]. The shift is the one, up to widest_shift [s]
-    either way, at which the ratio has the least standard deviation.
-    Raises ValueError when no sample is usable.
+    either way, at which the ratio has the least standard deviation; NaN without usable samples.
     """
     period = (record.time[-1] - record.time[0]) / (len(record.time) - 1)
     widest = round(widest_shift / period)
     middle = slice(widest, len(inertial) - widest)
-    best, least = None, np.inf
+    best, least = Ratio(float("nan"), np.full(len(inertial), np.nan)), np.inf
     for shift in range(-widest, widest + 1):
         moved = record.acceleration[widest - shift : len(inertial) - widest - shift]
         use = usable(record.velocity[middle], moved, least_speed, least_acceleration)
@@ -129,8 +118,6 @@ def ratio(
             mass = np.full(len(inertial), np.nan)
             mass[middle][use] = found
             best = Ratio(shift * period, mass)
-    if best is None:
-        raise ValueError("no sample of the motion is fast and accelerated enough to tell a mass")
     return best
 
 

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+
+from screw_module_ros.identification.friction_bins import (
+    BINS,
+    CENTRES_MM,
+    binned,
+    cutoff_hz,
+    lowpass_taps,
+    steady_part,
+    zero_phase,
+)  # fmt: skip
+from screw_module_ros.identification.trials import Samples, StageTrial
+
+RATE = 2000.0
+COUNT = 0.01905 / 20_000
+
+
+def stage_run(
+    speed: float, force_of=lambda z: 0.0 * z, noise: float = 0.0, play: float = 1e-4
+) -> tuple[StageTrial, Samples]:
+    """A stage that gets going at 2 m/s^2, crosses the play, and brakes; force of the height."""
+    start, end = (0.0, 0.36) if speed > 0.0 else (0.36, 0.0)
+    time = np.arange(round(0.36 / abs(speed) * RATE) + 100) / RATE
+    fast, ramp = abs(speed), abs(speed) / 2.0
+    gone = np.where(time < ramp, time**2, fast * time - 0.5 * fast * ramp)
+    left = np.maximum(0.36 - gone, 0.0)
+    gone = np.minimum(np.maximum(gone - play, 0.0), 0.36)
+    rough = np.random.default_rng(1).normal(0.0, noise, len(time)) if noise else 0.0
+    position = start + np.sign(speed) * gone
+    force = force_of(position) + 11.0 * np.sign(speed) * (time < ramp) + rough
+    counted = np.floor(position / COUNT) * COUNT
+    nothing = np.zeros_like(time)
+    assert left[-1] < 0.01
+    samples = Samples(time, counted, nothing, force, nothing, nothing, nothing)
+    return StageTrial(speed, start, end), samples
+
+
+def ripple(z: np.ndarray) -> np.ndarray:
+    return 15.0 + 20.0 * z + 2.0 * np.sin(2.0 * np.pi * z / 0.01905)
+
+
+def ripple_in_bins() -> np.ndarray:
+    edges = np.linspace(CENTRES_MM - 1.25, CENTRES_MM + 1.25, 101) / 1e3
+    return ripple(edges).mean(axis=0)
+
+
+@pytest.mark.parametrize("speed", [0.005, -0.02, 0.15, -0.15])
+def test_bins_hold_the_mean_force_of_their_height(speed):
+    part = binned(*stage_run(speed, ripple, noise=0.05))
+    known = np.isfinite(part["force"])
+    assert known.mean() > 0.95
+    beyond = np.abs(part["force"] - ripple_in_bins())[known]
+    assert beyond.max() < 0.1
+    assert np.median(beyond) < 0.02
+
+
+def test_getting_going_is_left_out_not_smeared():
+    trial, samples = stage_run(0.15, lambda z: 12.0 + 0.0 * z)
+    part = binned(trial, samples)
+    assert np.isnan(part["force"][:2]).all()  # 5.6 mm to reach the speed
+    assert part["force"][np.isfinite(part["force"])] == pytest.approx(12.0, abs=1e-6)
+    assert steady_part(trial, samples).begin / RATE > 0.075
+
+
+def test_error_is_the_noise_over_the_root_of_the_count():
+    part = binned(*stage_run(0.02, ripple, noise=0.05))
+    middle = slice(20, 120)
+    assert part["error"][middle] == pytest.approx(0.05 / np.sqrt(part["count"][middle]), rel=0.1)
+    assert part["count"][middle] == pytest.approx(250, abs=2)
+    assert part["force"].shape == part["count"].shape == (BINS,)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 2000.0, 4000.0])
+@pytest.mark.parametrize("speed", [0.0005, 0.025, 0.15])
+def test_the_filter_passes_a_decade_and_stops_30_hz_above(speed, rate):
+    taps = lowpass_taps(speed, rate)
+    assert len(taps) == pytest.approx(400 * rate / 2000.0, rel=0.03)
+    frequency = np.array([0.0, cutoff_hz(speed), cutoff_hz(speed) + 30.0, 0.49 * rate])
+    time = np.arange(len(taps)) / rate
+    gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, time)) @ taps)
+    assert gain == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-3)
+
+
+def test_the_cutoff_of_25_mm_per_second_is_that_of_fig_5_9():
+    assert cutoff_hz(0.025) == pytest.approx(13.1, abs=0.1)
+    assert cutoff_hz(0.15) == pytest.approx(78.7, abs=0.1)
+
+
+def test_the_filter_does_not_delay():
+    time = np.arange(8000) / RATE
+    slow = np.sin(2.0 * np.pi * 3.0 * time)
+    smooth = zero_phase(slow, lowpass_taps(0.02, RATE))
+    assert smooth[300:-300] == pytest.approx(slow[300:-300], abs=1e-4)
+
+
+def test_a_rate_too_low_for_the_speed_is_refused():
+    with pytest.raises(ValueError, match="samples per second are too few"):
+        lowpass_taps(0.15, 200.0)
+
+
+def test_a_nut_that_does_not_follow_the_stage_is_refused():
+    trial, samples = stage_run(0.05)
+    with pytest.raises(ValueError, match="is the stage coupled"):
+        binned(trial, samples._replace(position=0.5 * samples.position))
+
+
+def test_a_run_too_short_is_refused():
+    trial, samples = stage_run(0.05)
+    with pytest.raises(ValueError, match="samples"):
+        binned(trial, Samples(*(values[:300] for values in samples)))

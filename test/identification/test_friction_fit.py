@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps made from a known model give that model back, whatever its phase and flip."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+
+from screw_module_ros.control.friction import (
+    FORMAT,
+    friction_force,
+    load_friction_model,
+)  # fmt: skip
+from screw_module_ros.identification import friction_fit, friction_map, gravity
+from screw_module_ros.identification.figures.friction_model import friction_model_figures
+from screw_module_ros.identification.friction_fit import Settings, friction_model_of
+from screw_module_ros.identification.friction_form import friction_along, held_force
+from screw_module_ros.identification.friction_map import SPEEDS
+from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.resources import resource_path
+
+THESIS = load_friction_model(resource_path("params/friction_thesis.yaml"))
+Z = 2.5 * (np.arange(142) + 0.5)
+WEIGHT = 9.3
+
+
+def another(phase: float, flip: float):
+    """The thesis's module with another phase, flip, weight and level."""
+    def stronger(branch, side):
+        trend = [1.2 * c for c in branch.trend]
+        trend[-1] += WEIGHT - 1.2 * THESIS.gravity
+        return branch._replace(
+            trend=tuple(trend), ripple=tuple(1.3 * c for c in branch.ripple), flip_below=side
+        )
+
+    return THESIS._replace(
+        phase=phase, gravity=WEIGHT, up=stronger(THESIS.up, -1.0), down=stronger(THESIS.down, flip)
+    )
+
+
+def keep_maps(folder, model, noise: float = 0.1, missing: bool = True) -> None:
+    """Write maps and weight of a model, as the experiments before would."""
+    random = np.random.default_rng(3)
+    speeds = np.array(SPEEDS)
+    data = {"centres": Z, "speeds": speeds}
+    for way, sign in (("up", 1.0), ("down", -1.0)):
+        data[way] = held_force(model, *np.meshgrid(Z, sign * speeds * 1e3))
+        data[way] += random.normal(0.0, noise, data[way].shape)
+        if missing:
+            data[way][-3:, :3] = np.nan
+    Result(friction_map.NAME, (), {}, (), data).save(folder)
+    weight = Quantity("gravity", model.gravity, 0.01, "N", "weight")
+    Result(gravity.NAME, (weight,), {}).save(folder)
+
+
+def fitted(folder, model, **keep):
+    keep_maps(folder, model, **keep)
+    return friction_fit.run(Lab(None, folder), Settings())
+
+
+@pytest.mark.parametrize(("phase", "flip"), [(0.385, 212.5), (-2.6, -1.0)])
+def test_the_model_is_found_again(tmp_path, phase, flip):
+    truth = another(phase, flip)
+    result = fitted(tmp_path, truth)
+    model = friction_model_of(result)
+    for velocity in (2.0, 60.0, -2.0, -60.0):
+        there = held_force(model, Z, np.full_like(Z, velocity))
+        assert there == pytest.approx(held_force(truth, Z, np.full_like(Z, velocity)), abs=0.25)
+    assert abs(math.remainder(model.phase - phase, 2.0 * math.pi)) < 0.03
+    assert result.value("flip_up") < 0.0
+    assert result.value("flip_down") * 1e3 == pytest.approx(flip, abs=5.1)
+    assert result.value("within") > 0.999
+    assert result.value("rms") == pytest.approx(0.1, rel=0.1)
+    assert model.gravity == WEIGHT
+    assert any("no flip" in note for note in result.notes)
+
+
+def test_the_thesis_s_coefficients_do_worse_on_another_module(tmp_path):
+    result = fitted(tmp_path, another(1.5, 150.0))
+    assert result.value("within_thesis") < 0.9 < result.value("within")
+    assert result.value("rms_thesis") > result.value("rms")
+
+
+def test_the_thesis_s_own_maps_give_the_thesis_s_figures(tmp_path):
+    result = fitted(tmp_path, THESIS, noise=0.01)
+    assert result.value("within_thesis") == 1.0
+    assert result.value("factor_fastest_up") == pytest.approx(1.3, abs=0.08)  # 5.2.5: "about 1.3"
+    assert result.value("factor_slowest_up") == pytest.approx(0.7, abs=0.08)  # "roughly 0.75"
+
+
+def test_the_model_s_file_is_accepted_by_the_controller(tmp_path):
+    model = friction_model_of(fitted(tmp_path, another(1.0, 200.0)))
+    units = {"phase": "_rad", "gravity": "_N"}
+    units |= dict.fromkeys(("low", "high", "lead", "flip_below"), "_mm")
+    units |= dict.fromkeys(("fastest", "ramp_speed", "break_speed"), "_mm_s")
+
+    def plain(record):
+        return {
+            name + units.get(name, ""): plain(value) if hasattr(value, "_fields")
+            else list(value) if isinstance(value, tuple) else value
+            for name, value in record._asdict().items()
+        }  # fmt: skip
+
+    file = tmp_path / "friction.yaml"
+    file.write_text(yaml.safe_dump({"format": FORMAT, "version": 1, **plain(model)}))
+    assert load_friction_model(file) == model
+
+
+def test_the_arrays_agree_with_the_controller_s_function():
+    position = np.linspace(-0.01, 0.37, 60)
+    velocity = np.linspace(-0.3, 0.3, 60)
+    wanted = [friction_force(THESIS, z, v) for z, v in zip(position, velocity, strict=True)]
+    assert friction_along(THESIS, position, velocity) == pytest.approx(wanted, abs=1e-9)
+    slow = np.array([-0.001, 0.0, 0.0005])
+    wanted = [friction_force(THESIS, 0.2, v) for v in slow]
+    assert friction_along(THESIS, np.full(3, 0.2), slow) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_the_ramp_of_the_controller_costs_the_slowest_speeds(tmp_path):
+    result = fitted(tmp_path, THESIS)
+    assert result.value("within_ramped") < result.value("within")
+
+
+def test_figures_carry_the_thesis_s_numbers(tmp_path):
+    figures = friction_model_figures(fitted(tmp_path, THESIS))
+    assert set(figures) == {"5-24", "5-25", "5-26", "5-27", "5-28", "5-29", "5-30"}
+    for number, figure in figures.items():
+        assert figure.axes[0].get_title("left").startswith(f"Fig. {number}:")
+
+
+def test_maps_with_too_little_in_them_are_refused(tmp_path):
+    keep_maps(tmp_path, THESIS)
+    maps = Lab(None, tmp_path).result(friction_map.NAME)
+    maps.data["down"][3:] = np.nan
+    maps.save(tmp_path)
+    with pytest.raises(ValueError, match="map down has too few cells"):
+        friction_fit.run(Lab(None, tmp_path), Settings())
+
+
+def test_what_it_needs_must_be_there(tmp_path):
+    with pytest.raises(MissingResult, match="friction_map"):
+        friction_fit.run(Lab(None, tmp_path), Settings())
