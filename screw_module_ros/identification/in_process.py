@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import zlib
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -88,7 +89,7 @@ class InProcessBench:
         if isinstance(trial, AnalyzerTrial):
             return _analyzed(self.world, trial)
         params = self._params(trial)
-        state = self._start(params)
+        state = self._start(trial, params)
         force, torque, state = self._zero(params, state)
         params = _tared(params, force, torque)
         state = self._placed(trial, state)
@@ -164,13 +165,17 @@ class InProcessBench:
             own.drift_time, self.loop.force_counts, self.loop.torque_counts,
         )  # fmt: skip
 
-    def _start(self, params: LoopParams) -> LoopState:
-        """Return the state after power-on, the module hung where friction holds it."""
+    def _start(self, trial: Trial, params: LoopParams) -> LoopState:
+        """Return the state after power-on, the module hung where friction holds it.
+
+        Every trial has noise of its own, the same each time it is done.
+        """
+        noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
         law = initial_state(params.law)
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
             0, 0.0, module, law, lowpass_settled(0.0), _HUNG_AT, 0.0, 0.0,
-            CurrentSensorState(), 0.0, *seeded(self.seed),
+            CurrentSensorState(), 0.0, *noise,
         )  # fmt: skip
 
     def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
@@ -190,7 +195,7 @@ class InProcessBench:
         module = state.module
         height = _HUNG_AT
         if position:
-            height = getattr(trial, position)
+            height = float(getattr(trial, position))
             upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
             module = resting_state(self.world.vertical, height, upright)
         return state._replace(
@@ -219,7 +224,7 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
         return quiet._replace(
             kind=SINE,
             fixture=LOCKED_ROTOR,
-            amplitude=trial.amplitude,
+            amplitude=float(trial.amplitude),
             omega=2.0 * math.pi * trial.frequency,
             linearized=trial.linearization is not None,
             linearization=trial.linearization or IDENTITY,
@@ -228,8 +233,8 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
         return quiet._replace(
             fixture=STAGE,
             upright=-1.0 if trial.upside_down else 1.0,
-            stage_speed=abs(trial.speed),
-            stage_target=trial.end,
+            stage_speed=abs(float(trial.speed)),
+            stage_target=float(trial.end),
         )
     return quiet._replace(
         kind=LAW,
@@ -239,15 +244,15 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
         friction=trial.friction or thesis,
         linearized=True,
         linearization=trial.linearization or default_linearization(),
-        centre=trial.centre,
-        path=resting(trial.centre),
+        centre=float(trial.centre),
+        path=resting(float(trial.centre)),
     )
 
 
 def _sine(trial: MotionTrial) -> HandPath:
     """Return the path of the virtual hand during the excitation."""
-    c = trial.centre
-    return HandPath(c, c, 0.0, 0.0, trial.amplitude, trial.omega, 0.0)
+    c = float(trial.centre)
+    return HandPath(c, c, 0.0, 0.0, float(trial.amplitude), float(trial.omega), 0.0)
 
 
 def _length(trial: Trial) -> float:

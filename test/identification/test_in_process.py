@@ -55,7 +55,7 @@ def test_stage_run_shows_what_the_rigs_world_shows(module):
 def test_compiled_loop_is_the_plain_one(bench):
     trial = MotionTrial(modes.COMBINED, VerticalSettings())
     params = bench._params(trial)
-    start = bench._placed(trial, bench._start(params))
+    start = bench._placed(trial, bench._start(trial, params))
     plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
     run_ticks([params], start, plain)
     bench._run(packed(params), start, quick)
@@ -152,6 +152,17 @@ def test_rate_that_does_not_fit_is_refused(bench):
 def test_loop_settings_are_checked(module):
     with pytest.raises(ValueError, match="rate = 1000000.0 Hz: above"):
         InProcessBench(module, LoopSettings(rate=1e6))
+
+
+def test_whole_numbers_will_do(bench):
+    samples = bench.record(StageTrial(0.1, 0, 0.02), quietly)
+    assert len(samples.time) > 100
+
+
+def test_trials_have_noise_of_their_own(bench):
+    first, second = (bench.record(StageTrial(0.1, 0.1, end), quietly) for end in (0.12, 0.13))
+    same = (first.force[:200] - second.force[:200]).std()
+    assert same > 0.03, "noise of 0.05 N in each"
 
 
 def test_cancel_ends_a_trial(bench):

@@ -41,16 +41,16 @@ _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
 }
 
 
-def draw(experiment: str, result: Result, results: Path, folder: Path) -> dict[str, str]:
+def draw(experiment: str, result: Result, folder: Path, prefix: str = "") -> dict[str, str]:
     """Draw an experiment's figures into a folder; return title -> file, beside the page.
 
-    results: folder of the module's other results. Raises OSError.
+    prefix: of the files' names. Raises OSError.
     """
     folder.mkdir(parents=True, exist_ok=True)
     drawn = _DRAWINGS.get(experiment, lambda result: {})(result)
     files = {}
     for name, figure in drawn.items():
-        file = folder / f"{experiment}-{name.replace(' ', '_')}.png"
+        file = folder / f"{prefix}{experiment}-{name.replace(' ', '_')}.png"
         save(figure, file)
         title = figure.axes[0].get_title("left") if figure.axes else name
         files[title or f"{experiment}, {name}"] = f"{folder.name}/{file.name}"

@@ -64,7 +64,12 @@ def write_page(folder: Path, modules: Sequence[Module], seconds: float) -> Repor
     drawn = {}
     for name, outcome in thesis.outcomes.items():
         if outcome.result:
-            drawn[name] = draw(name, outcome.result, thesis.folder, folder / "figures")
+            drawn[name] = draw(name, outcome.result, folder / "figures")
+    for module in modules[1:]:
+        result = module.result("compensation")
+        if result:
+            title = f"seed_{module.seed}"
+            drawn[title] = draw("compensation", result, folder / "figures", f"{title}-")
     rows = compared(thesis)
     checks = [(module, row) for module in modules for row in checked(module)]
     closing = [row for module in modules if (row := closing_row(module))]
@@ -137,6 +142,10 @@ def _text(
             "*with feedback*: the identified model and force feedback, gain 5."
         )
         yield ""
+        for module in modules[1:]:
+            for title, file in drawn.get(f"seed_{module.seed}", {}).items():
+                yield f"![Seed {module.seed}: {title}]({file})"
+                yield ""
     yield "## Misses"
     yield ""
     yield from [f"- {miss.text}" for miss in misses] or ["None."]
