@@ -245,11 +245,13 @@ class Drive:
     def request_enable(self) -> None:
         """Ask for operation enabled; the loop's writes lead there.
 
-        Raises NotEnabled while a fault is latched, the loop does not write, the mode is not the
-        one configured, or a guard is missing.
+        Raises NotEnabled while a fault is latched or being recovered from, the loop does not write,
+        the mode is not the one configured, or a guard is missing.
         """
         if self.fault:
             raise NotEnabled(f"{self.fault}; clear the fault first")
+        if self.recovering:
+            raise NotEnabled(f"the {self.label} is still recovering: wait until it has")
         if not self._armed:
             raise NotEnabled(f"the {self.label} is not being commanded: activate it first")
         if self.reports.mode_display != self.mode:

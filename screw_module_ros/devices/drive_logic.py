@@ -146,6 +146,7 @@ class DriveLogic:
             self.start(now_ns)
         elif self.recovery.expired(now_ns):
             self.recovery.finish()
+            self.goal = Goal.OFF
             self.reason = f"the {self._label} does not recover, it is in {state.text}"
 
 

@@ -440,3 +440,20 @@ def test_jumps_between_states_are_counted(wire, drive, drive_end):
     drive_end.state = "operation enabled"
     tick(wire, drive)
     assert drive.counters.illegal_transitions == 1
+
+
+def test_a_recovery_that_fails_enables_nothing(wire, drive, drive_end):
+    """Asked to recover without a fault, and to enable meanwhile: neither may outlive the failure."""
+    drive_end.state = "fault reaction active"
+    drive.clear_fault()
+    with pytest.raises(NotEnabled, match="still recovering"):
+        drive.request_enable()
+    drive._logic.enable()  # had it come through all the same
+    for _ in range(60):
+        wire.advance(50)
+        tick(wire, drive, 0.3)
+    assert "does not recover" in drive.fault
+    drive_end.state = "switched on"
+    for _ in range(5):
+        assert tick(wire, drive, 0.3) == 0.0
+        assert commands(wire)[-1] == "00 00 00 00"

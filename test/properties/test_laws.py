@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Both laws under any sequence of samples, modes and settings: what they ask for stays bounded."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from anything import absurd, fixed, live_changes, near
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, rule
+
+from screw_module_ros.control import modes
+from screw_module_ros.control import planar as planar_law
+from screw_module_ros.control import vertical as vertical_law
+from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.control.planar import PlanarInput, planar_step
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.vertical import VerticalInput, vertical_step
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.settings import declared, validated
+
+MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+ROUNDING = 1e-9
+periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.1))
+
+
+def all_finite(numbers) -> bool:
+    """Return whether no number in a nested tuple is NaN or infinite."""
+    if isinstance(numbers, tuple):
+        return all(map(all_finite, numbers))
+    return not isinstance(numbers, float) or math.isfinite(numbers)
+
+
+class VerticalLaw(RuleBasedStateMachine):
+    """Any mode at any time, live settings changed at any time, any sample."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = VerticalSettings().validated()
+        self.state = vertical_law.initial_state(self.settings)
+        self.mode = modes.OFF
+        self.force = 0.0
+        self.since_zero = 0.0
+
+    @rule(mode=st.integers(-1, 6))
+    def switch(self, mode):
+        self.mode = mode
+
+    @rule(change=live_changes(VerticalSettings))
+    def change(self, change):
+        self.settings = self.settings._replace(**dict([change])).validated()
+
+    @rule(
+        position=near(-0.05, 0.41),
+        velocity=near(-1.5, 1.5),
+        force=near(-150.0, 150.0),
+        wanted=near(-1.0, 1.0),
+        speed=near(-1.0, 1.0),
+        active=st.sampled_from((True, True, True, False)),
+        dt=periods,
+        repeats=st.integers(1, 20),
+    )
+    def sample(self, position, velocity, force, wanted, speed, active, dt, repeats):
+        inp = VerticalInput(self.mode, position, velocity, force, wanted, speed, active)
+        for _ in range(repeats):
+            output, self.state = vertical_step(self.settings, MODEL, self.state, inp, dt)
+            self.judge(inp, dt, output)
+
+    def judge(self, inp, dt, output):
+        settings = self.settings
+        assert all_finite(output) and all_finite(self.state)
+        assert -settings.force_down <= output.force <= settings.force_up
+        believable = all_finite(inp[1:4]) and math.isfinite(dt) and dt > 0.0
+        if not (inp.active and believable):
+            assert output.force == 0.0
+        counted = min(dt, vertical_law.LONGEST_STEP) if believable else 0.0
+        step = abs(output.force - self.force)
+        assert output.force == 0.0 or step <= settings.force_rate * counted + ROUNDING
+        if output.force == 0.0 and self.state.blend.base == 0.0:
+            self.since_zero = 0.0
+        else:
+            self.since_zero += counted
+        # From enabling on, what is asked for comes in with a weight that time alone raises.
+        assert self.state.blend.base <= self.since_zero / settings.fade_time + ROUNDING
+        self.force = output.force
+
+
+class PlanarLaw(RuleBasedStateMachine):
+    """The same for the plane: angles, set points and settings."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = PlanarSettings().validated()
+        self.state = planar_law.initial_state(self.settings)
+        self.torques = (0.0, 0.0)
+
+    @rule(change=live_changes(PlanarSettings))
+    def change(self, change):
+        self.settings = self.settings._replace(**dict([change])).validated()
+
+    @rule(
+        angles=st.tuples(near(-0.5, 2.0), near(1.2, 3.2)),
+        velocities=st.tuples(near(-6.0, 6.0), near(-6.0, 6.0)),
+        wanted=st.tuples(near(-0.5, 0.5), near(-0.5, 0.5)),
+        speed=st.tuples(near(-1.0, 1.0), near(-1.0, 1.0)),
+        active=st.sampled_from((True, True, True, False)),
+        dt=periods,
+        repeats=st.integers(1, 20),
+    )
+    def sample(self, angles, velocities, wanted, speed, active, dt, repeats):
+        inp = PlanarInput(*angles, *velocities, *wanted, *speed, active)
+        for _ in range(repeats):
+            output, self.state = planar_step(self.settings, self.state, inp, dt)
+            self.judge(inp, dt, output)
+
+    def judge(self, inp, dt, output):
+        settings = self.settings
+        assert all_finite(output) and all_finite(self.state)
+        torques = (output.shoulder_torque, output.elbow_torque)
+        largest = (settings.shoulder_torque, settings.elbow_torque)
+        assert all(abs(t) <= limit for t, limit in zip(torques, largest, strict=True))
+        assert math.hypot(output.force_x, output.force_y) <= settings.force_limit + ROUNDING
+        believable = all_finite(inp[:4]) and math.isfinite(dt) and dt > 0.0
+        if not (inp.active and believable):
+            assert torques == (0.0, 0.0)
+        counted = min(dt, planar_law.LONGEST_STEP) if believable else 0.0
+        steps = [abs(t - before) for t, before in zip(torques, self.torques, strict=True)]
+        assert torques == (0.0, 0.0) or max(steps) <= settings.torque_rate * counted + ROUNDING
+        self.torques = torques
+
+
+TestVerticalLaw = VerticalLaw.TestCase
+TestVerticalLaw.settings = fixed(80, 30)
+TestPlanarLaw = PlanarLaw.TestCase
+TestPlanarLaw.settings = fixed(80, 30)
+
+
+@pytest.mark.parametrize("kind", [VerticalSettings, PlanarSettings, WatchSettings])
+@fixed(60)
+@given(data=st.data())
+def test_no_setting_out_of_its_range_is_taken(kind, data):
+    fields = [f for f in declared(kind).values() if f.kind is float]
+    field = data.draw(st.sampled_from(fields))
+    value = data.draw(absurd)
+    fits = math.isfinite(value) and field.setting.low <= value <= field.setting.high
+    changed = kind()._replace(**{field.name: value})
+    if fits:
+        assert validated(changed) is changed
+    else:
+        with pytest.raises(ValueError, match=field.name):
+            validated(changed)

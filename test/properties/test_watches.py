@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Those who decide whether a sample, a command or the whole robot can be trusted."""
+
+from __future__ import annotations
+
+import math
+
+from anything import MS, START_NS, absurd, fixed, near, stamps
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, rule
+
+from screw_module_ros.control import supervision
+from screw_module_ros.control.command_watch import CommandWatch
+from screw_module_ros.control.supervision import (
+    ALL_NODES,
+    NodeReport,
+    SupervisionSettings,
+    SupervisorState,
+)
+from screw_module_ros.control.watch import VerticalWatch, WatchSettings
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+LARGEST = 150.0
+numbers = st.one_of(st.integers(-2, 3), st.integers(-(2**33), 2**33))
+waits = st.integers(0, 8 * MS)
+
+
+class Commands(RuleBasedStateMachine):
+    """Commands in any order: what is acted upon is new, finite and possible."""
+
+    def __init__(self):
+        super().__init__()
+        self.watch = CommandWatch(MS, LARGEST)
+        self.now_ns, self.sequence, self.newest_ns = START_NS, 0, None
+
+    @rule(step=numbers, age=stamps, force=st.one_of(near(-65.0, 65.0), absurd), wait=waits)
+    def command(self, step, age, force, wait):
+        self.now_ns += wait
+        self.sequence = (self.sequence + step) & 0xFFFFFFFF
+        stamp = self.now_ns + age
+        fault = self.watch.fault
+        if self.watch.accept(self.sequence, stamp, force, self.now_ns):
+            assert math.isfinite(force) and abs(force) <= LARGEST
+            assert stamp <= self.now_ns + MS
+            assert self.newest_ns is None or stamp > self.newest_ns
+        elif not (math.isfinite(force) and abs(force) <= LARGEST) and stamp == self.now_ns:
+            assert self.watch.fault or self.newest_ns is not None
+        assert not fault or self.watch.fault == fault  # the first reason stays
+        self.newest_ns = self.watch.newest_ns or self.newest_ns
+
+    @rule()
+    def reset(self):
+        self.watch.reset()
+        assert self.watch.fault == ""
+
+
+class Samples(RuleBasedStateMachine):
+    """Samples of both sensors in any order: a fault stays, and what is let through is possible."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = WatchSettings()
+        self.watch = VerticalWatch(self.settings, MS)
+        self.now_ns, self.sequence, self.heard_ns = START_NS, 0, {}
+
+    def step(self, step, age, wait):
+        self.now_ns += wait
+        self.sequence = (self.sequence + step) & 0xFFFFFFFF
+        self.fault = self.watch.fault
+        return self.sequence, self.now_ns + age, 0
+
+    def judge(self, stream, accepted, stamp, values):
+        assert not self.fault or self.watch.fault == self.fault
+        if stamp <= self.now_ns + MS:
+            self.heard_ns[stream] = max(stamp, self.heard_ns.get(stream, stamp))
+        if not accepted:
+            return
+        assert all(math.isfinite(value) for value in values)
+        reason = self.watch.check(self.now_ns)
+        if self.now_ns - stamp > self.settings.stale_periods * MS:
+            assert reason
+
+    @rule(step=numbers, age=stamps, wait=waits, position=near(-0.02, 0.38),
+          velocity=near(-1.2, 1.2), homed=st.sampled_from((True, True, False)))  # fmt: skip
+    def encoder(self, step, age, wait, position, velocity, homed):
+        begin = self.step(step, age, wait)
+        sample = EncoderReading(*begin, 0, position, velocity, homed)
+        accepted = self.watch.encoder(sample, self.now_ns)
+        self.judge("encoder", accepted, begin[1], (position, velocity))
+        bounds = self.settings
+        inside = abs(velocity) <= bounds.speed and bounds.lowest <= position <= bounds.highest
+        if accepted and not (homed and inside):
+            assert self.watch.check(self.now_ns)
+
+    @rule(step=numbers, age=stamps, wait=waits, wrench=st.tuples(*[near(-160.0, 160.0)] * 6),
+          status=st.one_of(st.just(0), st.integers(0, 0xFFFF)))  # fmt: skip
+    def force(self, step, age, wait, wrench, status):
+        begin = self.step(step, age, wait)
+        accepted = self.watch.force(ForceReading(*begin, *wrench, status), self.now_ns)
+        self.judge("force", accepted, begin[1], wrench)
+
+    @rule(wait=st.integers(0, 20 * MS))
+    def silence(self, wait):
+        self.now_ns += wait
+        fault = self.watch.fault
+        reason = self.watch.check(self.now_ns)
+        assert not fault or reason == fault
+        old = [ns for ns in self.heard_ns.values() if self.now_ns - ns > 5 * MS]
+        if old or len(self.heard_ns) < 2:
+            assert reason
+
+    @rule()
+    def reset(self):
+        self.watch.reset(self.now_ns)
+
+
+class Supervisor(RuleBasedStateMachine):
+    """Any reports, stops and resets: a latched stop ends by an accepted reset alone."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = SupervisionSettings()
+        self.state = SupervisorState()
+        self.reports = {name: NodeReport(seen=True) for name in ALL_NODES}
+        self.now_ns = START_NS
+        self.stopped = False
+
+    @rule(node=st.sampled_from(ALL_NODES), seen=st.booleans(), error=st.booleans(),
+          age=st.one_of(st.just(0.01), near(0.0, 0.5)), faulted=st.booleans(),
+          enabled=st.booleans())  # fmt: skip
+    def report(self, node, seen, error, age, faulted, enabled):
+        self.reports[node] = NodeReport(seen, age, error, faulted, enabled, "words")
+        self.decide()
+
+    @rule(node=st.sampled_from(ALL_NODES), enabled=st.booleans())
+    def well(self, node, enabled):
+        self.reports[node] = NodeReport(seen=True, age=0.01, enabled=enabled)
+        self.decide()
+
+    @rule()
+    def all_well(self):
+        self.reports = {name: NodeReport(seen=True, age=0.01) for name in ALL_NODES}
+        self.decide()
+
+    @rule()
+    def estop(self):
+        self.state = supervision.estop(self.state)
+        self.stopped = True
+        self.decide()
+
+    @rule(locked=st.booleans())
+    def lock(self, locked):
+        self.state = supervision.lock(self.state, locked)
+        self.decide()
+
+    @rule()
+    def reset(self):
+        before = self.state
+        state, refused = supervision.reset(self.settings, before, self.reports, self.now_ns)
+        enabled = any(report.enabled for report in self.reports.values())
+        assert refused or not enabled
+        assert (state is before) if refused else state.resets == before.resets + 1
+        self.state, self.stopped = state, self.stopped and bool(refused)
+        self.decide()
+
+    def decide(self):
+        self.now_ns += 20 * MS
+        decision, self.state = supervision.decide(
+            self.settings, self.state, self.reports, self.now_ns
+        )
+        self.stopped = self.stopped or bool(self.state.latched)
+        bad = any(
+            not report.seen or report.faulted or report.error
+            or not report.age <= self.settings.timeout
+            for report in self.reports.values()
+        )  # fmt: skip
+        if self.stopped or bad:
+            assert not decision.motion_permitted
+            assert decision.reasons
+        if not decision.motion_permitted:
+            assert not (decision.vertical_permitted or decision.planar_permitted)
+        if self.state.locked:
+            assert not decision.vertical_permitted
+
+
+TestCommands = Commands.TestCase
+TestCommands.settings = fixed(60, 30)
+TestSamples = Samples.TestCase
+TestSamples.settings = fixed(60, 30)
+TestSupervisor = Supervisor.TestCase
+TestSupervisor.settings = fixed(60, 30)
