@@ -138,7 +138,7 @@ class CharacterizeNode(ModuleNode):
             message = f"{request.experiment} is done"
         except Cancelled as error:
             cancelled, left = True, _left(error)
-            message = f"cancelled; what was finished is kept in {request.folder}"
+            message = f"{error}; what was finished is kept in {request.folder}"
         except _REASONS as error:
             left = _left(error)
             message = " ".join(str(error).split())
@@ -161,8 +161,10 @@ class CharacterizeNode(ModuleNode):
         """
 
         def watch() -> None:
-            if goal.is_cancel_requested or self._leaving.is_set() or self.stopping.is_set():
+            if goal.is_cancel_requested:
                 raise Cancelled("cancelled")
+            if self._leaving.is_set() or self.stopping.is_set():
+                raise Cancelled("the node is ending")
 
         feedback = Feedback(goal, RunExperiment.Feedback, watch)
         feedback.say("looking at the graph")
@@ -173,7 +175,8 @@ class CharacterizeNode(ModuleNode):
         bench = LiveBench(robot, loop, stand, bounds, feedback.say, self.stopping.is_set)
         try:
             with bench:
-                result = experiment.run(Lab(bench, folder, feedback.progress), settings)
+                lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
+                result = experiment.run(lab, settings)
         except Exception as error:
             error.left = bench.left
             raise

@@ -231,13 +231,13 @@ class TestFeedback:
         feedback.progress("map", 10.0, 40.0)
         progress, remaining, doing = told[-1]
         assert (progress, doing) == (0.25, "stage")
-        assert remaining == pytest.approx(90.0)
+        assert remaining == pytest.approx(30.0 * (30.0 + 10.0) / (10.0 + 10.0))
 
     def test_what_was_kept_from_before_does_not_count(self, feedback, told):
         feedback.progress("map", 20.0, 40.0)
         self.now += 10.0
         feedback.progress("map", 25.0, 40.0)
-        assert told[-1][1] == pytest.approx(30.0)
+        assert told[-1][1] == pytest.approx(15.0 * (10.0 + 10.0) / (5.0 + 10.0))
 
     def test_is_not_told_too_often(self, feedback, told):
         for step in range(100):

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from screw_module_msgs.msg import AmplifierState, ImpedanceState
+
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import (
     MotionTrial,
@@ -32,6 +34,8 @@ from .live_stand import Stand
 from .live_takeover import Takeover
 from .live_trials import stage_trial, torque_trial
 from .robot import Robot
+
+_HEARD_S = 2.0
 
 
 class LiveBench:
@@ -65,6 +69,14 @@ class LiveBench:
     def notes(self) -> tuple[str, ...]:
         """Sentences about the graph that a reader of the result must know."""
         return tuple(self._session.notes)
+
+    def fingerprint(self) -> str:
+        """Return what the graph runs with, so that parts measured otherwise are not taken up."""
+        robot = self._session.robot
+        kinds = (AmplifierState, ImpedanceState)
+        robot.met(lambda: all(robot.state(kind) for kind in kinds), _HEARD_S)
+        states = [robot.state(kind) for kind in kinds]
+        return ", ".join(state.calibration if state else "unknown" for state in states)
 
     def record(self, trial: Trial, told: Told) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, SamplesLost."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 _EVERY_S = 0.2
+_GOOD_S = 10.0
 
 
 class Feedback:
@@ -42,7 +43,10 @@ class Feedback:
             self._goal.publish_feedback(self._message)
 
     def _remaining(self, now: float, done: float, total: float) -> float:
-        """Return the estimate: excitation left, times what each second has taken so far."""
+        """Return the estimate: excitation left, times what each second has taken so far.
+
+        Preparations come first, so the pace begins as if some seconds had gone well before.
+        """
         begun, before = self._first
-        pace = (now - begun) / (done - before) if done > before else 1.0
+        pace = (now - begun + _GOOD_S) / (done - before + _GOOD_S)
         return (total - done) * max(pace, 1.0)
