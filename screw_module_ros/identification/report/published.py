@@ -34,9 +34,9 @@ _INERTIA = (
     "links its least anisotropy anywhere in reach is 2.75; the paper prints no inertias"
 )
 _WITHOUT = (
-    "the thesis's simulation of 50 was stable in the sense of not growing; here any lasting 0.5 N "
-    "rms above 30 Hz counts as chatter, and sampling, the delay of 350 us, the 30 Hz force filter "
-    "and the contact's stiffness make that at a third of it; it stays below 1.3 N rms up to 50"
+    "the thesis's 50 is where its simulation would still not have grown; here lasting chatter of "
+    "0.2 N rms counts, which sampling, the delay of 350 us, the 30 Hz force filter and the "
+    "contact's stiffness make at a third of it; up to 50 it stays bounded, about 1 N rms"
 )
 _GEOMETRY = "Table 5.1's screw and appendix A's inertia do not fit one bar of the measured diameter"
 
