@@ -36,7 +36,7 @@ class DeadlineMeter:
         self.late = 0
         self.lost = 0
         self.consecutive_missed = 0
-        self.histogram = [0] * _BINS
+        self.histogram = empty_histogram()
         self._period_ns = period_ns
         self._sequence: int | None = None
         self._acquired_ns = 0
@@ -70,7 +70,7 @@ class DeadlineMeter:
         else:
             self.consecutive_missed = 0
         self._note(missed)
-        self.histogram[min(max(0, latency_ns) // BIN_NS, _BINS - 1)] += 1
+        note_latency(self.histogram, latency_ns)
         self._recent.append((done_ns, latency_ns))
         insort(self._sorted, latency_ns)
         self._forget(done_ns)
@@ -113,6 +113,16 @@ class DeadlineMeter:
             del in_order[bisect_left(in_order, latency_ns)]
 
 
+def empty_histogram() -> list[int]:
+    """Return a histogram of latencies without any."""
+    return [0] * _BINS
+
+
+def note_latency(histogram: list[int], latency_ns: int) -> None:
+    """Count one latency [ns]."""
+    histogram[min(max(0, latency_ns) // BIN_NS, _BINS - 1)] += 1
+
+
 def quantile(histogram: Sequence[int], share: float) -> float:
     """Return the latency [s] that this share of a histogram stayed within, by the end of its bin.
 
@@ -134,7 +144,7 @@ def histogram_text(histogram: Sequence[int]) -> str:
 
 def histogram_of(text: str) -> list[int]:
     """Return the histogram that `histogram_text` wrote. Raises ValueError for anything else."""
-    histogram = [0] * _BINS
+    histogram = empty_histogram()
     for entry in text.split():
         number, count = map(int, entry.split(":"))
         if not 0 <= number < _BINS or count < 0:

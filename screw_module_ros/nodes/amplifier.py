@@ -16,7 +16,12 @@ from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, load_linearization
 from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
-from screw_module_ros.control.timing import LEAST_SUCCESS, DeadlineMeter
+from screw_module_ros.control.timing import (
+    LEAST_SUCCESS,
+    DeadlineMeter,
+    empty_histogram,
+    note_latency,
+)
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
@@ -28,7 +33,7 @@ from .support.driver import DriverNode, RateSettings, device_values
 from .support.realtime import Inbox, Tick
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
-from .support.timing_report import broken_contract, timing_values
+from .support.timing_report import broken_contract, latency_values, timing_values
 
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
@@ -120,6 +125,7 @@ class AmplifierNode(DriverNode):
             self._linearization,
         )
         self._meter = DeadlineMeter(self.period_ns)
+        self._own = empty_histogram()
         self._state.success_rate = self._meter.success_rate
         self._force = 0.0
         self._look_every = max(1, round(_LOOK_S * 1e9 / self.period_ns))
@@ -164,12 +170,17 @@ class AmplifierNode(DriverNode):
             self.act(command.sequence, command.monotonic_ns, command.force, now)
 
     def act(self, sequence: int, monotonic_ns: int, force: float, now: int) -> None:
-        """Turn a command [N] into torque at once; sequence, monotonic_ns: of the sample behind."""
+        """Turn a command [N] into torque at once.
+
+        sequence, monotonic_ns: of the sample behind it; now: when its cause was in hand [ns].
+        """
         # Torque first: the status read last time is one period old, ten are allowed.
         self._force = force
         with suppress(DeviceError):  # latched by the driver, shown by state and diagnostics
             if self._axis.command(sequence, monotonic_ns, force, now):
-                self._meter.tick(sequence, monotonic_ns, time.monotonic_ns())
+                done = time.monotonic_ns()
+                self._meter.tick(sequence, monotonic_ns, done)
+                note_latency(self._own, done - now)
             self._pump(now)
 
     def _pump(self, now: int) -> None:
@@ -268,6 +279,7 @@ class AmplifierNode(DriverNode):
         peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak)
         values = {
             **timing_values(told, meter),
+            **latency_values("own", self._own),
             "state": self._drive.state(time.monotonic_ns()).text,
             "largest force [N]": f"{peak:.0f}",
             "calibration": self._calibration,

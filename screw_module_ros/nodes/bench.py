@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bench`: how fast things run here, as a table and as JSON. Medians of several runs with ranges.
+"""`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
 
-The in-process loop: simulated over real time (wanted: 200 on one core).
+The graph against the simulated rig, its vertical axis as separate processes and as `module`, at 1
+and 2 kHz; and the in-process loop: simulated over real time (wanted: 200 on one core).
 """
 
 from __future__ import annotations
@@ -10,62 +11,107 @@ import json
 import os
 import platform
 import sys
+import tempfile
 from datetime import datetime, timezone
 from pathlib import Path
 
 import click
-from rich.table import Table
 
 from screw_module_ros.identification.pool import worker_pool
 from screw_module_ros.identification.speed import Speed, speeds
 
+from .support.bench_figures import COMPOSED, SEPARATE, Case, Run
+from .support.bench_graph import measure
+from .support.bench_report import content_of, loop_table, processor_table, timing_table
 from .support.console import Console
+from .support.graph_run import Interrupted
+from .support.isolation import own_place
+from .support.robot import RobotError
+from .support.single import AlreadyRunning
 
-WANTED_FACTOR = 200.0
+LOOP = "loop"
 
 
 @click.command(context_settings={"show_default": True})
 @click.option("--runs", default=5, type=click.IntRange(1, 100), help="Of each measurement.")
+@click.option("--seconds", default=15.0, type=click.FloatRange(2.0, 3600.0), help="Of a run.")
+@click.option("--quick", is_flag=True, help="One run of 5 s each.")
+@click.option(
+    "--only", multiple=True, type=click.Choice([SEPARATE, COMPOSED, LOOP]),
+    help="Measure only this (repeat for more).",
+)
+@click.option(
+    "--rate", "rates", multiple=True, type=click.IntRange(50, 4000), default=(1000, 2000),
+    help="Ticks per second of the graph (repeat for more).",
+)
 @click.option(
     "--json", "file", default="bench_output.json", type=click.Path(dir_okay=False, path_type=Path),
     help="Where the figures go.",
 )  # fmt: skip
-def command(runs: int, file: Path) -> None:
+def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> None:
     """Measure and say."""
+    if quick:
+        runs, seconds = 1, 5.0
+    wanted = only or (SEPARATE, COMPOSED, LOOP)
+    cases = [Case(cut, rate) for cut in (SEPARATE, COMPOSED) if cut in wanted for rate in rates]
     console = Console()
-    cores = len(os.sched_getaffinity(0))
     try:
-        with console.step(f"in-process loop, {runs} runs"), worker_pool(cores) as pool:
-            found = speeds(runs, pool, cores)
+        measured = measure_graph(cases, runs, seconds, console) if cases else {}
+        loop = measure_loop(runs, console) if LOOP in wanted else []
         content = {
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
             "python": platform.python_version(),
-            "cores": cores,
-            "in_process_loop": [
-                {**speed._asdict(), "median": speed.median} for speed in found
-            ],
+            "cores": len(os.sched_getaffinity(0)),
+            **content_of(measured, seconds, loop),
         }
         file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Interrupted):
+        console.fail("stopped; every node was ended in order")
         sys.exit(130)
-    except OSError as error:
+    except (RobotError, AlreadyRunning, OSError, ValueError) as error:
         console.fail(f"bench did not work: {error}")
         sys.exit(1)
-    console.show(loop_table(found), f"As JSON: {file}")
+    if measured:
+        console.show(timing_table(measured), processor_table(measured))
+    if loop:
+        console.show(loop_table(loop))
+    console.show(f"As JSON: {file}")
 
 
-def loop_table(found: list[Speed]) -> Table:
-    """Return the table of the in-process loop."""
-    table = Table(title="In-process loop, 2 kHz samples, substeps of 50 us", title_justify="left")
-    for name in ("trial", "cores", "x real time", "range", f"wanted {WANTED_FACTOR:g} on one core"):
-        table.add_column(name, justify="left" if name == "trial" else "right")
-    for speed in found:
-        low, high = speed.factors[0], speed.factors[-1]
-        verdict = "" if speed.cores > 1 else "yes" if speed.median >= WANTED_FACTOR else "MISSED"
-        table.add_row(
-            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}", verdict
-        )
-    return table
+def measure_graph(
+    cases: list[Case], runs: int, seconds: float, console: Console
+) -> dict[Case, list[Run]]:
+    """Measure the cases in turn, so that a change of the machine's mood meets all of them."""
+    found: dict[Case, list[Run]] = {case: [] for case in cases}
+    with tempfile.TemporaryDirectory(prefix="screw_module_bench-") as folder:
+        os.environ.setdefault("ROS_LOG_DIR", folder)
+        place = own_place()  # one domain for all runs
+        try:
+            for number in range(1, runs + 1):
+                for case in cases:
+                    run = _one_run(case, seconds, f"run {number} of {runs}", console)
+                    if run is not None:
+                        found[case].append(run)
+        finally:
+            place.release()
+    return {case: done for case, done in found.items() if done}
+
+
+def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
+    """Return one run, None when the graph did not live through it, which is told."""
+    try:
+        with console.step(f"{case.processes} at {case.rate} Hz, {which}"):
+            return measure(case, seconds)
+    except (RobotError, ValueError) as error:
+        console.fail(f"no figures of this run: {error}")
+        return None
+
+
+def measure_loop(runs: int, console: Console) -> list[Speed]:
+    """Measure the in-process loop."""
+    cores = len(os.sched_getaffinity(0))
+    with console.step(f"in-process loop, {runs} runs"), worker_pool(cores) as pool:
+        return speeds(runs, pool, cores)
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ from .support.rates import RateMeter
 from .support.realtime import fill_stamp
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
+from .support.timing_report import latency_values
 
 
 class EncoderNode(DriverNode):
@@ -110,6 +111,7 @@ class EncoderNode(DriverNode):
         rate = self._rate.rate(counters.received, time.monotonic_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
+            **latency_values("answer", self.answers),
             "homed": device.homed,
             **device_values(counters),
             **self.port_values(),

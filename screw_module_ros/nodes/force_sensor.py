@@ -22,6 +22,7 @@ from .support.rates import RateMeter
 from .support.realtime import fill_stamp
 from .support.runtime import ERROR, OK, Health
 from .support.runtime import main as run_node
+from .support.timing_report import latency_values
 
 _TARE_PATIENCE_S = 3.0
 
@@ -163,6 +164,7 @@ class ForceSensorNode(DriverNode):
         rate = self._rate.rate(counters.received, time.monotonic_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
+            **latency_values("answer", self.answers),
             "bias": _told(device.bias),
             **device_values(counters),
             **self.port_values(),

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole graph as separate processes against the rig: topics, services, enabling, stopping.
+"""The whole graph against the rig, as separate processes and with `module` in place of four.
 
-The ticks are slower than on a real bench: how fast this machine is today is not the question here.
+Topics, services, enabling, stopping: nobody outside may see a difference between the two. The ticks
+are slower than on a real bench: how fast this machine is today is not the question here.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from std_srvs.srv import SetBool
 
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.graph import GRAPH
+from screw_module_ros.nodes.support.graph import GRAPH, table
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
 
@@ -85,15 +86,16 @@ def slow_ticks() -> list[str]:
     return words
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
+@pytest.fixture(scope="module", params=[False, True], ids=["separate", "composed"])
+def run(request, tmp_path_factory):
     """Return the running graph; it must end in order."""
     folder = tmp_path_factory.mktemp("bags")
     extra = [*slow_ticks(), "-p", f"session_recorder:folder:={folder}"]
-    with GraphRun(extra=extra) as graph:
+    with GraphRun(extra=extra, composed=request.param) as graph:
         yield graph
         codes = graph.stop()
-    assert codes == dict.fromkeys((entry.executable for entry in reversed(GRAPH)), 0)
+    started = [entry.executable for entry in table(request.param)]
+    assert codes == dict.fromkeys(reversed(started), 0)
 
 
 @pytest.fixture(scope="module")

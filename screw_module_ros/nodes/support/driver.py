@@ -7,6 +7,7 @@ import dataclasses
 import time
 from typing import Annotated, NamedTuple
 
+from screw_module_ros.control.timing import empty_histogram, note_latency
 from screw_module_ros.devices.bus import BusSettings, open_port, where
 from screw_module_ros.devices.bus_load import check_load
 from screw_module_ros.devices.errors import DeviceError
@@ -29,7 +30,10 @@ class RateSettings(NamedTuple):
 
 
 class DriverNode(ModuleNode):
-    """A node with one CAN bus, ticking at its own rate."""
+    """A node with one CAN bus, ticking at its own rate.
+
+    answers: histogram of the latencies from asking to the answer in hand, since the activation.
+    """
 
     def __init__(self, name: str, port: int, rate: float = 1000.0):
         super().__init__(name)
@@ -39,6 +43,7 @@ class DriverNode(ModuleNode):
         self._device_locks: list[Lock] = []
         self._slow_timer = None
         self.bus_load = 0.0
+        self.answers = empty_histogram()
 
     # For subclasses ------------------------------------------------------------------------
 
@@ -65,6 +70,7 @@ class DriverNode(ModuleNode):
         """Begin ticking; slow polls begin with it."""
         self.ticker = Ticker(self.period_ns)
         self.skipped = 0
+        self.answers = empty_histogram()
         self._slow_timer = self.create_timer(_SLOW_POLL_S, self.poll_slow)
 
     def stop_clock(self) -> None:
@@ -103,6 +109,7 @@ class DriverNode(ModuleNode):
                 self.port.pump(left * 1e-9)
         except DeviceError:
             return None
+        note_latency(self.answers, time.monotonic_ns() - reading.monotonic_ns)
         return reading
 
     def poll_slow(self) -> None:

@@ -11,7 +11,22 @@ from typing import Any
 
 from screw_module_ros.control.timing import BIN_NS, DeadlineMeter, histogram_text, quantile
 
-HISTOGRAM_KEY = f"latency histogram [{BIN_NS // 1000} us]"
+_SHARES = (0.5, 0.99, 0.999)
+
+
+def histogram_key(name: str) -> str:
+    """Return the key of a histogram in the diagnostics."""
+    return f"{name} histogram [{BIN_NS // 1000} us]"
+
+
+def latency_values(name: str, histogram: list[int]) -> dict[str, object]:
+    """Return the diagnostics of latencies since the activation, and their whole histogram."""
+    histogram = histogram.copy()
+    told = "/".join(f"{quantile(histogram, share) * 1e6:.0f}" for share in _SHARES)
+    return {
+        f"{name} p50/p99/p99.9 since activation [us]": told,
+        histogram_key(name): histogram_text(histogram),
+    }
 
 
 def timing_values(state: Any, meter: DeadlineMeter) -> dict[str, object]:
@@ -19,17 +34,15 @@ def timing_values(state: Any, meter: DeadlineMeter) -> dict[str, object]:
 
     state: the newest AmplifierState or ImpedanceState.
     """
-    histogram = meter.histogram.copy()
     return {
         "rate [1/s]": f"{state.rate:.0f}",
         "latency p50 [us]": f"{state.latency_p50 * 1e6:.0f}",
         "latency p99 [us]": f"{state.latency_p99 * 1e6:.0f}",
-        "latency p99.9 since activation [us]": f"{quantile(histogram, 0.999) * 1e6:.0f}",
         "late": state.late,
         "lost": state.lost,
         "missed in a row": state.consecutive_missed,
         "success rate": f"{state.success_rate:.3f}",
-        HISTOGRAM_KEY: histogram_text(histogram),
+        **latency_values("latency", meter.histogram),
     }
 
 

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of `bench` from what the amplifier counts: latencies, shares, medians over runs.
+
+All counts only rise; a window is the difference of two of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from statistics import median
+from typing import NamedTuple
+
+from screw_module_ros.control.timing import quantile
+
+SEPARATE, COMPOSED = "separate", "composed"
+TIMING = ("p50", "p99", "p99.9", "late", "lost")
+PARTS = ("answer p50", "answer p99", "own p50", "own p99")
+UNITS = {"late": "%", "lost": "%"}  # microseconds otherwise
+WANTED: dict[tuple[str, int], dict[str, float]] = {
+    (SEPARATE, 2000): {"p50": 200.0, "p99": 325.0, "late": 0.5, "lost": 0.1},
+    (COMPOSED, 2000): {"p99": 60.0},
+}
+"""Of (processes, rate [Hz]) on two cores; latencies [us], shares [%]."""
+
+
+class Counts(NamedTuple):
+    """What was counted up to now.
+
+    latency: SYNC to drive write; answer: SYNC to the encoder's answer in hand; own: from the cause
+    in hand (separate: the command, composed: the samples) to the drive write; all histograms of
+    control/timing. late, lost: commands. processor: time used by each process [s]. seconds: clock.
+    """
+
+    latency: list[int]
+    answer: list[int]
+    own: list[int]
+    late: int
+    lost: int
+    processor: dict[str, float]
+    seconds: float
+
+
+class Case(NamedTuple):
+    """What is measured: how the processes are cut, and ticks per second."""
+
+    processes: str
+    rate: int
+
+
+class Run(NamedTuple):
+    """One run: figures by name, CPU by executable [%], and what else there is to know of it.
+
+    load: the machine's load average (1 min) before the start; enabled: torque passed throughout.
+    """
+
+    figures: dict[str, float]
+    processor: dict[str, float]
+    load: float
+    enabled: bool
+
+
+class Spread(NamedTuple):
+    """A figure over several runs."""
+
+    median: float
+    low: float
+    high: float
+
+
+def figures(begin: Counts, end: Counts) -> dict[str, float]:
+    """Return the figures of the window between two counts: latencies [us], shares [%].
+
+    Raises ValueError when nothing was written in it.
+    """
+    latency = _difference(begin.latency, end.latency)
+    written = sum(latency)
+    if not written:
+        raise ValueError("no command reached the drive")
+    answer, own = _difference(begin.answer, end.answer), _difference(begin.own, end.own)
+    late, lost = end.late - begin.late, end.lost - begin.lost
+    ticks = written + lost
+    return {
+        "p50": quantile(latency, 0.5) * 1e6,
+        "p99": quantile(latency, 0.99) * 1e6,
+        "p99.9": quantile(latency, 0.999) * 1e6,
+        "late": 100.0 * late / ticks,
+        "lost": 100.0 * lost / ticks,
+        "answer p50": quantile(answer, 0.5) * 1e6,
+        "answer p99": quantile(answer, 0.99) * 1e6,
+        "own p50": quantile(own, 0.5) * 1e6,
+        "own p99": quantile(own, 0.99) * 1e6,
+        "rate": written / (end.seconds - begin.seconds),
+    }
+
+
+def processor_shares(begin: Counts, end: Counts) -> dict[str, float]:
+    """Return what each process used of one core [%]."""
+    elapsed = end.seconds - begin.seconds
+    return {
+        name: 100.0 * (end.processor[name] - used) / elapsed
+        for name, used in begin.processor.items()
+    }
+
+
+def spreads(runs: Sequence[Mapping[str, float]]) -> dict[str, Spread]:
+    """Return median, lowest and highest of each figure over runs."""
+    found = {}
+    for name in runs[0]:
+        values = sorted(run[name] for run in runs)
+        found[name] = Spread(median(values), values[0], values[-1])
+    return found
+
+
+def verdict(case: Case, figure: str, value: float) -> str:
+    """Return `yes` or `MISSED` for a figure that is wanted of this case, empty for the others."""
+    wanted = WANTED.get((case.processes, case.rate), {}).get(figure)
+    if wanted is None:
+        return ""
+    return "yes" if value <= wanted else "MISSED"
+
+
+def _difference(begin: Sequence[int], end: Sequence[int]) -> list[int]:
+    return [after - before for before, after in zip(begin, end, strict=True)]

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that all come too late stop the torque, though each is fresh enough by itself."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
+
+from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.robot import Robot
+
+PERIOD_NS = 10_000_000
+LIMIT = 20
+
+
+class Sender(threading.Thread):
+    """Controller and supervisor in one: a command and a permission each period.
+
+    late: periods by which the samples behind the commands are too old.
+    """
+
+    def __init__(self, robot: Robot):
+        super().__init__(daemon=True)
+        self.late = 0
+        self._ended = threading.Event()
+        node = robot.node
+        self._commands = node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
+        self._safety = node.create_publisher(SafetyState, "safety_state", qos.COMMAND)
+
+    def run(self) -> None:
+        """Send until `end`."""
+        while not self._ended.wait(1e-9 * (PERIOD_NS - time.monotonic_ns() % PERIOD_NS)):
+            tick = time.monotonic_ns() // PERIOD_NS - self.late
+            self._safety.publish(
+                SafetyState(level=SafetyState.OK, motion_permitted=True, vertical_permitted=True)
+            )
+            self._commands.publish(
+                ForceCommand(sequence=tick & 0xFFFFFFFF, monotonic_ns=tick * PERIOD_NS, force=5.0)
+            )
+
+    def end(self) -> None:
+        """Send nothing more."""
+        self._ended.set()
+        self.join()
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """Return a client of an amplifier that is alone with the rig."""
+    given = {
+        "rate": 1e9 / PERIOD_NS,
+        "missed_limit": LIMIT,
+        "gate.command_periods": 100.0,  # the age alone is to be no reason
+        "gate.safety_timeout": 1.0,
+        "command_timeout": 1.0,
+        "heartbeat_timeout": 1.0,
+    }
+    extra = [w for name, value in given.items() for w in ("-p", f"amplifier:{name}:={value}")]
+    with (
+        GraphRun(extra=extra, only=["sim_rig", "amplifier"]) as graph,
+        Robot("tester", watch=graph.watch) as client,
+    ):
+        graph.wait_until_ready(client, told=lambda waiting: None)
+        yield client
+
+
+def test_twenty_missed_in_a_row_stop_the_torque(robot):
+    """In time nothing happens; late, the torque goes, says why, and does not come back."""
+
+    def stopped() -> bool:
+        state = robot.state(AmplifierState)
+        return state.faulted and not state.enabled
+
+    sender = Sender(robot)
+    sender.start()
+    try:
+        robot.wait_until(
+            lambda: robot.state(AmplifierState) and robot.state(AmplifierState).commands > 10,
+            20.0,
+            "the commands do not reach the amplifier",
+        )
+        robot.clear_amplifier()
+        robot.enable()
+        robot.pause(0.5)
+        assert robot.state(AmplifierState).enabled
+        sender.late = 3
+        robot.wait_until(stopped, 20.0, "not stopped")
+        state = robot.state(AmplifierState)
+        assert "deadlines missed in a row" in state.reason
+        assert int(state.reason.split()[0]) >= LIMIT
+        assert state.commanded_torque == 0.0 and state.late >= LIMIT // 2
+        robot.wait_until(
+            lambda: robot.said("amplifier") == state.reason, 5.0, "the diagnostics do not tell"
+        )
+        sender.late = 0
+        robot.pause(0.5)
+        assert not robot.state(AmplifierState).enabled
+        robot.clear_amplifier()
+        robot.enable()
+    finally:
+        sender.end()
