@@ -35,7 +35,7 @@ from .support.robot import Robot
 from .support.runtime import OK, Health, ModuleNode
 from .support.runtime import main as run_node
 
-_LEAVE_S = 60.0
+_LEAVE_S, _RESULT_S = 60.0, 0.3
 # What an experiment ends with when it cannot go on; the text is for the user as it is.
 _REASONS = (NotPossible, MissingResult, RobotError, SamplesLost, ValueError, OSError)
 
@@ -74,7 +74,9 @@ class CharacterizeNode(ModuleNode):
     def run(self) -> None:
         """Run until the process is to end, then let the experiment put everything back."""
         super().run()
-        self.end()
+        if self._server.busy:
+            self.end()
+            time.sleep(_RESULT_S)  # the executor still serves: the client hears how it ended
 
     def end(self) -> None:
         """Cancel the experiment; its samples go on until it has put everything back."""
