@@ -24,13 +24,13 @@ from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
 
+from .live.action import OneGoalServer, Outcome
+from .live.bench import LiveBench
+from .live.feedback import Feedback
+from .live.loop import LiveLoop
+from .live.samples import SamplesLost
+from .live.stand import stand_of
 from .support.graph_client import RobotError
-from .support.live_action import OneGoalServer, Outcome
-from .support.live_bench import LiveBench
-from .support.live_feedback import Feedback
-from .support.live_loop import LiveLoop
-from .support.live_samples import SamplesLost
-from .support.live_stand import stand_of
 from .support.robot import Robot
 from .support.runtime import OK, Health, ModuleNode
 from .support.runtime import main as run_node

@@ -20,9 +20,9 @@ from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.live.graph import ACTIVE, lifecycle_state, parameters
 from screw_module_ros.nodes.support.graph import patience
 from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.live_graph import ACTIVE, lifecycle_state, parameters
 from screw_module_ros.nodes.support.robot import Robot
 
 TICKS = 200.0

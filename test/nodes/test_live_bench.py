@@ -14,9 +14,9 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import Cancelled, NotPossible, TorqueTrial
-from screw_module_ros.nodes.support import live_trials
-from screw_module_ros.nodes.support.live_feedback import Feedback
-from screw_module_ros.nodes.support.live_samples import (
+from screw_module_ros.nodes.live import trials as live_trials
+from screw_module_ros.nodes.live.feedback import Feedback
+from screw_module_ros.nodes.live.samples import (
     Recording,
     SamplesLost,
     Zero,
@@ -24,7 +24,7 @@ from screw_module_ros.nodes.support.live_samples import (
     samples_of,
     zero_of,
 )
-from screw_module_ros.nodes.support.live_torque_source import Sine, TorqueSource
+from screw_module_ros.nodes.live.torque_source import Sine, TorqueSource
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests

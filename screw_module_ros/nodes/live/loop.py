@@ -18,10 +18,10 @@ from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, Impe
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 
-from . import qos
-from .live_samples import Recording
-from .live_torque_source import TorqueSource
-from .realtime import Inbox
+from ..support import qos
+from ..support.realtime import Inbox
+from .samples import Recording
+from .torque_source import TorqueSource
 
 # Unlike a controller a recorder wants the samples that came while it was kept from running, too.
 EVERY_SAMPLE = QoSProfile(

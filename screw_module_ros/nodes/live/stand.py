@@ -18,10 +18,10 @@ from rclpy.node import Node
 
 from screw_module_ros.identification.trials import Arm, MotionTrial
 
-from .live_graph import topic_of
-from .live_operator_stand import OperatorStand
-from .live_rig_stand import RigStand
-from .robot import Robot
+from ..support.robot import Robot
+from .graph import topic_of
+from .operator_stand import OperatorStand
+from .rig_stand import RigStand
 
 _LOOK_S = 2.0
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stage and hand of the simulated rig, worked through its services as somebody would at their
-controls (see `live_stand.Stand`)."""
+controls (see `stand.Stand`)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros.identification.trials import Arm, MotionTrial, NotPossible
 
-from . import qos
-from .live_graph import topic_of
-from .robot import Robot, arm
+from ..support import qos
+from ..support.robot import Robot, arm
+from .graph import topic_of
 
 FIXTURES = {
     "stage": "the handle is not on the positioning stage",

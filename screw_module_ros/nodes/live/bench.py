@@ -26,14 +26,14 @@ from screw_module_ros.identification.trials import (
     Trial,
 )
 
-from .graph_client import RobotError
-from .live_loop import LiveLoop
-from .live_motion import Motion
-from .live_session import Session
-from .live_stand import Stand
-from .live_takeover import Takeover
-from .live_trials import stage_trial, torque_trial
-from .robot import Robot
+from ..support.graph_client import RobotError
+from ..support.robot import Robot
+from .loop import LiveLoop
+from .motion import Motion
+from .session import Session
+from .stand import Stand
+from .takeover import Takeover
+from .trials import stage_trial, torque_trial
 
 _HEARD_S = 2.0
 

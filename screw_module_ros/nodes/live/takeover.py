@@ -18,8 +18,9 @@ from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
 
-from .graph_client import RobotError
-from .live_graph import (
+from ..support.graph_client import RobotError
+from ..support.robot import Robot
+from .graph import (
     ACTIVE,
     INACTIVE,
     UNCONFIGURED,
@@ -29,9 +30,8 @@ from .live_graph import (
     set_parameters,
     topic_of,
 )
-from .live_loop import LiveLoop
-from .live_torque_source import TorqueSource
-from .robot import Robot
+from .loop import LiveLoop
+from .torque_source import TorqueSource
 
 CONTROLLER, AMPLIFIER = "impedance_controller", "amplifier"
 _MARGIN = 1.02  # of the force limits above the peak

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody at the bench in place of the rig's services (see `live_stand.Stand`)."""
+"""Somebody at the bench in place of the rig's services (see `stand.Stand`)."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 
 from screw_module_ros.identification.trials import Arm, MotionTrial
 
-from .graph_client import RobotError
-from .live_graph import topic_of
-from .robot import Robot
+from ..support.graph_client import RobotError
+from ..support.robot import Robot
+from .graph import topic_of
 
 _PATIENCE_S = 1800.0
 _RETURN_S = 1.0

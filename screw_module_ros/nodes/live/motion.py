@@ -22,12 +22,12 @@ from screw_module_ros.identification.trials import MotionTrial, NotPossible, Sam
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import declared
 
-from .graph_client import RobotError
-from .live_graph import ACTIVE, UNCONFIGURED, bring, parameters, set_parameters
-from .live_samples import Track, evenly, samples_of
-from .live_session import Session, share_of
-from .live_takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
-from .robot import Robot
+from ..support.graph_client import RobotError
+from ..support.robot import Robot
+from .graph import ACTIVE, UNCONFIGURED, bring, parameters, set_parameters
+from .samples import Track, evenly, samples_of
+from .session import Session, share_of
+from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
 _THESIS_FRICTION = "params/friction_thesis.yaml"
 _LIVE = {name for name, field in declared(VerticalSettings).items() if field.setting.live}

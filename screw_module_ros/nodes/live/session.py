@@ -13,13 +13,13 @@ from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import NotPossible, Told
 
-from .driver import period_of
-from .graph_client import RobotError
-from .live_graph import parameters, topic_of
-from .live_loop import LiveLoop
-from .live_samples import Recording, Zero, zero_of
-from .live_stand import Stand
-from .robot import Robot
+from ..support.driver import period_of
+from ..support.graph_client import RobotError
+from ..support.robot import Robot
+from .graph import parameters, topic_of
+from .loop import LiveLoop
+from .samples import Recording, Zero, zero_of
+from .stand import Stand
 
 _ZERO_S = 0.5
 _SILENT_S = 2.0

@@ -16,12 +16,12 @@ from screw_module_ros.identification.trials import (
     duration_of,
 )
 
-from .graph_client import RobotError
-from .live_graph import parameters
-from .live_samples import Track, evenly, samples_of
-from .live_session import Session, share_of
-from .live_takeover import AMPLIFIER, Takeover
-from .live_torque_source import Sine
+from ..support.graph_client import RobotError
+from .graph import parameters
+from .samples import Track, evenly, samples_of
+from .session import Session, share_of
+from .takeover import AMPLIFIER, Takeover
+from .torque_source import Sine
 
 LARGEST_TORQUE = 0.42  # continuous torque of the motor (thesis 3.1.6) [Nm]
 _TAIL_S = 0.05  # after the end of a stage run
