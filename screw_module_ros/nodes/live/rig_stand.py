@@ -72,10 +72,9 @@ class RigStand:
         service = topic_of(self._robot, "sim_rig/set_fixture")
         call = f"ros2 service call {service} screw_module_msgs/srv/SetFixture"
         if truth.fixture != fixture:
-            position = "" if fixture == "locked_rotor" else ", position: .nan"
             raise NotPossible(
                 f"{FIXTURES[fixture]} but on {truth.fixture!r}: "
-                f'{call} "{{fixture: {fixture}{position}}}"'
+                f'{call} "{{fixture: {fixture}, position: .nan}}"'
             )
         if truth.locked:
             raise NotPossible(f'the lock pin is in: {call} "{{position: .nan, locked: false}}"')
