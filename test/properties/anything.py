@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 
 from screw_module_ros.settings import declared
@@ -40,6 +40,7 @@ def fixed(examples: int, steps: int = 50):
     return settings(
         max_examples=examples,
         stateful_step_count=steps,
+        phases=(Phase.generate, Phase.shrink),  # to explain costs more than to find
         derandomize=True,
         database=None,
         deadline=None,

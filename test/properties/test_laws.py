@@ -74,7 +74,7 @@ class VerticalLaw(RuleBasedStateMachine):
         settings = self.settings
         assert all_finite(output) and all_finite(self.state)
         assert -settings.force_down <= output.force <= settings.force_up
-        believable = all_finite(inp[1:4]) and math.isfinite(dt) and dt > 0.0
+        believable = all_finite(inp[1:4]) and dt > 0.0
         if not (inp.active and believable):
             assert output.force == 0.0
         counted = min(dt, vertical_law.LONGEST_STEP) if believable else 0.0
@@ -124,7 +124,7 @@ class PlanarLaw(RuleBasedStateMachine):
         largest = (settings.shoulder_torque, settings.elbow_torque)
         assert all(abs(t) <= limit for t, limit in zip(torques, largest, strict=True))
         assert math.hypot(output.force_x, output.force_y) <= settings.force_limit + ROUNDING
-        believable = all_finite(inp[:4]) and math.isfinite(dt) and dt > 0.0
+        believable = all_finite(inp[:4]) and dt > 0.0
         if not (inp.active and believable):
             assert torques == (0.0, 0.0)
         counted = min(dt, planar_law.LONGEST_STEP) if believable else 0.0
