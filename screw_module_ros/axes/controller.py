@@ -65,6 +65,7 @@ class VerticalController:
         """Take a force sample."""
         if self._watch.force(sample, now_ns):
             self.handle_force = sample.fz
+        self._keep_fault()
 
     def amplifier(self, enabled: bool | None, position: float, now_ns: int) -> None:
         """Take what the amplifier says: torque on or off, None = unknown; nut travel [m]."""
@@ -77,6 +78,7 @@ class VerticalController:
             wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
             self._disagreement = self._disagreement or wrong or ""
         self._enabled = enabled
+        self._keep_fault()
 
     def act(
         self, sample: EncoderLike, setpoint: tuple[float, float], now_ns: int
@@ -86,6 +88,7 @@ class VerticalController:
         setpoint: height [m], NaN = none, and velocity [m/s].
         """
         if not self._watch.encoder(sample, now_ns):
+            self._keep_fault()
             return None
         last, self._last = self._last, sample
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
@@ -122,5 +125,9 @@ class VerticalController:
 
     def _check(self, now_ns: int) -> None:
         self.reason = self._watch.check(now_ns) or self._disagreement
+        self._keep_fault()
+
+    def _keep_fault(self) -> None:
+        """Note at once, before the amplifier goes off over it, that a fault came in operation."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical controller: any samples, any word of the amplifier, any mode, reset now and then."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from anything import MS, START_NS, fixed, live_changes, near
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, rule
+
+from screw_module_ros.axes.controller import VerticalController
+from screw_module_ros.control.agreement import AgreementSettings
+from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
+steps = st.sampled_from((1, 1, 1, 2, 0, -1))
+setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))
+
+
+class Controller(RuleBasedStateMachine):
+    """What goes out is bounded, continuous but for zero, and zero from a fault until a reset."""
+
+    def __init__(self):
+        super().__init__()
+        self.settings = VerticalSettings().validated()
+        self.controller = VerticalController(
+            self.settings, MODEL, WatchSettings(), AgreementSettings(), MS
+        )
+        self.now_ns, self.sequence, self.sent, self.sent_ns = START_NS, 0, 0.0, START_NS
+        self.fault = ""
+
+    def pass_time(self, wait_ns: int, step: int, age: int) -> tuple[int, int, int]:
+        self.now_ns += wait_ns
+        self.sequence = (self.sequence + step) & 0xFFFFFFFF
+        return self.sequence, self.now_ns - age, 0
+
+    def judge(self, output) -> None:
+        """Look at what is sent, and whether a fault that must stay is still there."""
+        controller, settings = self.controller, self.controller.settings
+        if self.fault:
+            assert controller.faulted, f"{self.fault} went away by itself"
+        enabled = controller._enabled
+        if controller.faulted and (enabled or self.sent != 0.0):
+            self.fault = self.fault or "a fault in operation"
+        if output is None:
+            return
+        assert math.isfinite(output.force)
+        assert -settings.force_down <= output.force <= settings.force_up
+        elapsed = min((self.now_ns - self.sent_ns) * 1e-9 + 0.02, 1.0)
+        step = abs(output.force - self.sent)
+        assert output.force == 0.0 or step <= settings.force_rate * elapsed
+        if controller.reason or enabled is False:
+            assert output.force == 0.0
+        self.sent, self.sent_ns = output.force, self.now_ns
+
+    @rule(step=steps, age=ages, position=near(-0.005, 0.365), velocity=near(-1.0, 1.0),
+          homed=st.sampled_from((True,) * 9 + (False,)), setpoint=setpoints)  # fmt: skip
+    def encoder(self, step, age, position, velocity, homed, setpoint):
+        begin = self.pass_time(MS, step, age)
+        sample = EncoderReading(*begin, 0, position, velocity, homed)
+        self.judge(self.controller.act(sample, setpoint, self.now_ns))
+
+    @rule(step=steps, age=ages, wrench=st.tuples(*[near(-80.0, 80.0)] * 6),
+          status=st.sampled_from((0, 0, 0, 4, 1 << 14)))  # fmt: skip
+    def force(self, step, age, wrench, status):
+        begin = self.pass_time(0, step, age)
+        self.controller.force(ForceReading(*begin, *wrench, status), self.now_ns)
+        self.judge(None)
+
+    @rule(count=st.integers(1, 40), position=st.floats(0.05, 0.3), setpoint=setpoints)
+    def work(self, count, position, setpoint):
+        """Both sensors as they should be, for a while."""
+        for _ in range(count):
+            begin = self.pass_time(MS, 1, 0)
+            self.controller.force(ForceReading(*begin, *[1.0] * 6, 0), self.now_ns)
+            sample = EncoderReading(*begin, 0, position, 0.0, True)
+            self.judge(self.controller.act(sample, setpoint, self.now_ns))
+
+    @rule(mode=st.integers(1, 4), count=st.integers(20, 200), setpoint=setpoints)
+    def bring_up(self, mode, count, setpoint):
+        """From whatever there was to a force on the handle."""
+        self.controller.mode = mode
+        self.work(3, 0.18, setpoint)
+        self.reset()
+        self.amplifier(True, 0.0)
+        self.work(count, 0.18, setpoint)
+
+    @rule(enabled=st.sampled_from((True, True, False, None)), position=near(-0.2, 0.2))
+    def amplifier(self, enabled, position):
+        self.controller.amplifier(enabled, position, self.now_ns)
+        self.judge(None)
+
+    @rule(wait=st.sampled_from((0, 2 * MS, 6 * MS, 300 * MS)))
+    def silence(self, wait):
+        self.now_ns += wait
+        self.judge(self.controller.idle(self.now_ns))
+
+    @rule(mode=st.integers(-1, 6), change=live_changes(VerticalSettings))
+    def operator(self, mode, change):
+        self.controller.mode = mode
+        changed = self.controller.settings._replace(**dict([change]))
+        self.controller.settings = changed.validated()
+
+    @rule()
+    def reset(self):
+        self.fault = ""
+        self.controller.reset(self.now_ns)
+        self.judge(None)
+
+
+TestController = Controller.TestCase
+TestController.settings = fixed(120, 30)
+
+
+def test_a_fault_that_the_amplifiers_end_follows_at_once_stays():
+    """The sample that cannot be and the amplifier's `off` may come in one pass of the loop."""
+    machine = Controller()
+    machine.bring_up(1, 50, (0.2, 0.0))
+    machine.controller.act(
+        EncoderReading(*machine.pass_time(MS, 1, 0), 0, math.nan, 0.0, True),
+        (0.2, 0.0),
+        machine.now_ns,
+    )
+    machine.controller.amplifier(False, 0.0, machine.now_ns)
+    machine.work(20, 0.18, (0.2, 0.0))
+    assert "not a finite number" in machine.controller.reason
+    machine.reset()
+    assert machine.controller.reason == ""
