@@ -211,7 +211,6 @@ class ImpedanceControllerNode(ModuleNode):
 
     def respond(self, sample: EncoderLike, now: int) -> VerticalOutput | None:
         """Return the force for an encoder sample, None when it is not to be acted upon."""
-        self._setpoint.update(now)
         wanted = self._setpoint.message
         setpoint = (math.nan, 0.0)
         if wanted is not None:
@@ -260,7 +259,8 @@ class ImpedanceControllerNode(ModuleNode):
         self._controller.amplifier(state.enabled, state.position, now)
 
     def follow(self, now: int) -> None:
-        """Follow amplifier and supervisor; publish the state when due."""
+        """Follow set point, amplifier and supervisor; publish the state when due."""
+        self._setpoint.update(now)  # here, where no command waits for it
         if self._amplifier.stale(now):
             self._controller.amplifier(None, math.nan, now)
         if now >= self._state_due_ns:

@@ -31,6 +31,8 @@ from .support.realtime import Tick, Ticker
 from .support.runtime import ModuleNode, run_together
 
 _FORCE_WAIT = 0.1  # periods by which a force sample may come after the encoder's and still count
+_TRY_AGAIN = 64  # periods after which a force that came later is waited for again
+_LOOK_NS = 10_000  # for what lies in the socket already
 _IDLE_S = 0.05
 _BY_CALLS = ("screw/encoder", "handle/force", "screw/amplifier_state")
 
@@ -53,6 +55,8 @@ class ModuleLoop:
         period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
         self._ticker = Ticker(period_ns)
         self._force_wait_ns = round(_FORCE_WAIT * period_ns)
+        self._force_is_quick = True
+        self._periods = 0
 
     def run(self) -> None:
         """Run until the nodes are to stop."""
@@ -103,9 +107,17 @@ class ModuleLoop:
         if parts.encoder is not None:
             sample = parts.encoder.answer(parts.encoder.device, due_ns)
         if parts.force_sensor is not None:
-            until_ns = min(due_ns, time.monotonic_ns() + self._force_wait_ns)
+            until_ns = min(due_ns, time.monotonic_ns() + self._force_patience_ns())
             force = parts.force_sensor.answer(parts.force_sensor.device, until_ns)
+            self._force_is_quick = force is not None
         return sample, force
+
+    def _force_patience_ns(self) -> int:
+        """Return how long to wait for the force: where it is always late there is no use in it."""
+        self._periods += 1
+        if self._force_is_quick or self._periods % _TRY_AGAIN == 0:
+            return self._force_wait_ns
+        return _LOOK_NS
 
     def _act(
         self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now: int

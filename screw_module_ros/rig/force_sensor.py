@@ -103,7 +103,7 @@ class ForceSensor:
     def _read_gauges(self, data: bytes, now_ns: int) -> None:
         if data or now_ns < self._silent_until_ns:
             return
-        self._physics.advance(now_ns)
+        self._physics.look(now_ns)
         sg = self.gauges(now_ns)
         status = self.status | self._injected
         if status & FAULT_BITS:

@@ -17,6 +17,10 @@ SYNC = "sync"
 _SHORTEST_NS = 50_000
 """The plant integrates in steps of this size; asking it more often only costs time."""
 
+_RECENT_NS = 250_000
+"""A world no older than this is as good as of now to who only reads it: samples are taken on the
+same tick, and bringing it up to date for each costs more than all else that a frame takes."""
+
 _LONGEST_PERIODS = 5
 """A longer stall than this is given up instead of caught up."""
 
@@ -91,6 +95,11 @@ class Physics:
             elapsed = longest
         self.world.advance(elapsed * 1e-9)
 
+    def look(self, now_ns: int) -> None:
+        """Bring the world to `now_ns` for a reader, unless it is recent enough."""
+        if now_ns - self.reached_ns >= _RECENT_NS:
+            self.advance(now_ns)
+
     def resume(self) -> None:
         """Go on from the next `advance`, as if no time had passed since the last one."""
         self.reached_ns = 0
@@ -104,7 +113,7 @@ class Physics:
 
     def sync_elsewhere(self, _data: bytes, now_ns: int) -> None:
         """Bring the world up to date for a SYNC on a bus that does not keep its time."""
-        self.advance(now_ns)
+        self.look(now_ns)
 
     def sync_end(self, _data: bytes, _now_ns: int) -> None:
         """Go on to the moment at which an answer to this SYNC acts, once it has been answered."""

@@ -30,6 +30,8 @@ _PLANE = "planar"
 _SYNC_ID = 0x080
 _MOST_FRAMES = 256
 """Handled in one pass, however many wait."""
+_AWAITED = ("encoder", "force_sensor")
+"""Buses served first: real devices answer at the same time, these one after another."""
 _BACKLOG = 64
 """Handled by the loop before the timers get their turn, however many wait."""
 _HOUSEKEEPING_NS = 1_000_000
@@ -112,7 +114,9 @@ class Rig:
         Raises OSError or ValueError when a bus is closed meanwhile.
         """
         self.physics.resume()
-        ports = {port.fileno(): port for port in self._distinct}
+        awaited = [self._ports[name] for name in _AWAITED if name in self._ports]
+        # A dictionary keeps each port once, at its first place.
+        ports = {port.fileno(): port for port in (*awaited, *self._distinct)}
         if None in ports:
             self._run_without_waiting(should_stop)
             return
