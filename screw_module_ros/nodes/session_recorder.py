@@ -18,10 +18,12 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.recording import BagError, BagWriter, Session, Status, StorageSettings
 from screw_module_ros.recording.recovery import recover_all
+from screw_module_ros.recording.seal import CALIBRATION, PARAMETERS
 from screw_module_ros.recording.session import file_hashes
 from screw_module_ros.settings import Setting
 
 from .session_intake import Intake, Selection
+from .session_parameters import NodeParameters
 from .support import qos
 from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
@@ -63,6 +65,7 @@ class SessionRecorder(ModuleNode):
         self.parameters.declare(StorageSettings, "storage")
         self._session: Session | None = None
         self._intake: Intake | None = None
+        self._told: NodeParameters | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
@@ -119,6 +122,8 @@ class SessionRecorder(ModuleNode):
         intake.discover()
         with self._lock:
             self._folder, self._intake, self._session = folder, intake, session
+            self._told = NodeParameters(self)
+            self._told.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
 
@@ -129,10 +134,16 @@ class SessionRecorder(ModuleNode):
             if session is None or intake is None:
                 return
             session.put(intake.drain())
-            session.add_metadata("calibration", intake.calibrations())  # told in the last second
+            self._note(session, intake)  # what was told in the last second
             intake.close()
+            self._told.close()
         self._last = session.close()
         self.get_logger().info(self._last.summary())
+
+    def _note(self, session: Session, intake: Intake) -> None:
+        """Keep in the bag what the nodes were set to."""
+        session.add_metadata(CALIBRATION, intake.calibrations())
+        session.add_metadata(PARAMETERS, self._told.values)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:
@@ -160,7 +171,8 @@ class SessionRecorder(ModuleNode):
         if session is not None and intake is not None and not session.status().error:
             try:
                 intake.discover()
-                session.add_metadata("calibration", intake.calibrations())
+                self._told.ask()
+                self._note(session, intake)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
         health = self.health()

@@ -19,6 +19,7 @@ from .definitions import Definition
 from .errors import BagExistsError, BagFolderError, BagWriteError
 from .mcap_file import McapFile, Message
 from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
+from .seal import HASHES, sealed
 from .storage import StorageSettings
 
 PREFIX = "screw_module_ros/"
@@ -110,8 +111,13 @@ class BagWriter:
         return self._declare(self._file, len(self._topics) - 1)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Keep `values` in the bag under `name`, in place of earlier ones of that name."""
+        """Keep `values` in the bag under `name`, in place of earlier ones of that name.
+
+        Each value is noted with its hash, see `seal`.
+        """
         self._values[PREFIX + name] = dict(values)
+        sections = {key.removeprefix(PREFIX): kept for key, kept in self._values.items()}
+        self._values[PREFIX + HASHES] = sealed(sections)
 
     def write(self, messages: Iterable[Message]) -> None:
         """Append messages, oldest first. Raises BagWriteError when the disk refuses them."""

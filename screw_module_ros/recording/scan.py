@@ -16,7 +16,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, Schema
+from mcap.records import Channel, Chunk, Header, Metadata, Schema
 
 from .errors import BagReadError
 from .mcap_file import LIBRARY, Message
@@ -71,6 +71,17 @@ def chunks(buffer: memoryview, position: int) -> Iterator[ScannedChunk]:
                 return
             yield found
         position = record[2]
+
+
+def metadata_records(buffer: memoryview, position: int) -> dict[str, dict[str, str]]:
+    """Return the metadata records of a complete file from `position` on, by name."""
+    found = {}
+    while (record := _record_at(buffer, position)) is not None and record[0] != Opcode.FOOTER:
+        if record[0] == Opcode.METADATA:
+            metadata = Metadata.read(_stream(buffer, record))
+            found[metadata.name] = metadata.metadata
+        position = record[2]
+    return found
 
 
 def is_complete(buffer: memoryview) -> bool:

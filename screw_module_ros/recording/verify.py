@@ -2,7 +2,7 @@
 """Audits a bag against itself: is it whole, is anything missing, and where.
 
 Everything is counted anew from the messages; the recorder's own counts and metadata.yaml must say
-the same.
+the same. What the recorder noted of configuration, parameters and calibration must fit its hashes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from .audit import Counts, TopicAudit, layout, sequence_of
 from .bag import AUDIT, CLOSED, METADATA_FILE, PREFIX, STATE
 from .errors import BagReadError
 from .recovery import files_of, mapped
-from .scan import chunks, data_start, is_complete
+from .scan import chunks, data_start, is_complete, metadata_records
+from .seal import broken, disowned
 
 _SHOWN = 5  # gaps told per topic
 
@@ -57,9 +58,11 @@ class _Track:
         self.audit = TopicAudit(self.where)
         self.times = array("q")
         self.sequences = array("I")
+        self.newest = b""
 
     def add(self, log_time: int, number: int, data: bytes) -> None:
         self.audit.update(data, number)
+        self.newest = data
         if self.where:
             self.times.append(log_time)
             self.sequences.append(sequence_of(data, self.where))
@@ -80,21 +83,28 @@ def verify(folder: Path | str) -> Report:
     folder = Path(folder)
     tracks: dict[str, _Track] = {}
     problems: list[str] = []
+    inside: dict[str, Any] | None = None
     for path in files_of(folder):
         with mapped(path) as buffer:
-            _walk(buffer, path, tracks)
-            if not is_complete(buffer):
+            start = _walk(buffer, path, tracks)
+            inside = metadata_records(buffer, start) if is_complete(buffer) else None
+            if inside is None:
                 problems.append(f"{path.name} was cut off; run: session recover {folder}")
     counts = {name: track.audit.counts() for name, track in sorted(tracks.items())}
     information = _information(folder, problems)
     counts = _with_noted(counts, information)
     problems += _compared(counts, information)
     problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
+    notes = _notes(information)
+    if information:
+        problems += broken(notes, None if inside is None else _own(inside))
+        problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
     gaps = {name: list(_first(track.gaps())) for name, track in tracks.items()}
-    return Report(counts, {n: g for n, g in gaps.items() if g}, problems, _notes(information))
+    return Report(counts, {n: g for n, g in gaps.items() if g}, problems, notes)
 
 
-def _walk(buffer: memoryview, path: Path, tracks: dict[str, _Track]) -> None:
+def _walk(buffer: memoryview, path: Path, tracks: dict[str, _Track]) -> int:
+    """Take in one file; return where its data begins."""
     try:
         start = data_start(buffer)
     except BagReadError as error:
@@ -108,6 +118,7 @@ def _walk(buffer: memoryview, path: Path, tracks: dict[str, _Track]) -> None:
             channels[channel.id] = track
         for message in found.messages:
             channels[message.channel].add(message.log_time, message.sequence, message.data)
+    return start
 
 
 def _information(folder: Path, problems: list[str]) -> dict[str, Any]:
@@ -163,9 +174,22 @@ def _first(gaps: Iterator[Gap]) -> Iterator[Gap]:
 
 
 def _notes(information: dict[str, Any]) -> dict[str, Any]:
-    custom = information.get("custom_data") or {}
+    custom = _own(information.get("custom_data") or {})
+    return {name: _values(text) for name, text in custom.items()}
+
+
+def _values(text: Any) -> dict[str, str]:
+    """Return one entry of custom_data; one that cannot be read is empty, and so found out."""
+    try:
+        return {str(key): str(value) for key, value in json.loads(text).items()}
+    except (TypeError, ValueError, AttributeError):
+        return {}
+
+
+def _own(custom: dict[str, Any]) -> dict[str, Any]:
+    """Return the recorder's own notes among `custom`, without their prefix."""
     return {
-        key.removeprefix(PREFIX): json.loads(value)
+        key.removeprefix(PREFIX): value
         for key, value in custom.items()
         if key.startswith(PREFIX) and key not in (STATE, AUDIT)
     }

@@ -251,3 +251,27 @@ def test_bag_torn_by_a_power_failure_is_repaired_at_the_next_start(graph, record
     assert graph.call("start").success
     assert metadata(bag)["state"] == "recovered"
     assert len(sequences(bag)) > 1000
+
+
+def test_parameters_of_every_node_are_noted(graph, recorder, tmp_path):
+    """The recorder's own and those of the test's node, asked of each; `verify` finds them whole."""
+    recorder()
+    assert graph.call("start").success
+    graph.connected()
+    graph.publish(range(5))
+    graph.until_recorded("/screw/encoder", 5)
+
+    def noted():
+        values = metadata(tmp_path / "bag").get("parameters", {})
+        return {"/recorder_test", "/session_recorder"} <= {
+            name for name, text in values.items() if text.startswith("{")
+        }
+
+    graph.until(noted, "the parameters in the bag")
+    assert graph.call("stop").success
+    report = verify(tmp_path / "bag")
+    assert report.complete, report.problems
+    own = json.loads(report.notes["parameters"]["/session_recorder"])
+    assert own["name"] == "bag"
+    assert own["storage.compression"] == "zstd"
+    assert json.loads(report.notes["parameters"]["/recorder_test"])["use_sim_time"] is False

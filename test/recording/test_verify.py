@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """`session verify` counts anew and says complete, or what is missing and where."""
 
-import pytest
+import json
 
-from screw_module_ros.recording import BagWriter, Counts
+import pytest
+import yaml
+
+from screw_module_ros.recording import BagWriter, Counts, Message, Topic
 from screw_module_ros.recording.cli import main
+from screw_module_ros.recording.seal import NO_ANSWER, sealed
 from screw_module_ros.recording.verify import Gap, verify
 
 START = 1_700_000_000_000_000_000
@@ -76,3 +80,81 @@ def test_recover_command(bag, capsys):
 def test_path_that_is_no_bag(tmp_path, capsys):
     assert main(["verify", str(tmp_path)]) == 1
     assert "no bag folder" in capsys.readouterr().err
+
+
+NODES = {"/amplifier": '{"rate": 1000.0}', "/manus": '{"rate": 500.0}'}
+
+
+@pytest.fixture
+def noted(tmp_path, codec, definitions, samples, encoder_topic):
+    """A bag with parameters of two nodes and the calibration that its messages tell."""
+    kind = "screw_module_msgs/msg/AmplifierState"
+    writer = BagWriter(tmp_path / "noted")
+    topic = Topic("/amplifier_state", kind, definitions.find(kind), codec.hash(kind))
+    state, encoder = writer.add_topic(topic), writer.add_topic(encoder_topic)
+    writer.write(samples(encoder, range(10)))
+    data = codec.encode(kind, {"calibration": "SIM-0001 sha256:12"})
+    writer.write([Message(state, START, START, 1, data)])
+    writer.add_metadata("parameters", NODES)
+    writer.add_metadata("calibration", {"/amplifier_state": "SIM-0001 sha256:12"})
+    writer.close()
+    return tmp_path / "noted"
+
+
+def alter(folder, before, after):
+    path = folder / "metadata.yaml"
+    text = path.read_text()
+    assert text.count(before) == 1
+    path.write_text(text.replace(before, after))
+
+
+def test_what_was_noted_is_checked_and_complete(noted):
+    report = verify(noted)
+    assert report.complete, report.problems
+    assert report.notes["parameters"] == NODES
+    assert set(report.notes["hashes"]) == {
+        "parameters: /amplifier", "parameters: /manus", "calibration: /amplifier_state"
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "wanted"),
+    [
+        ("1000.0", "2000.0", "parameters: /amplifier: was altered"),
+        (r"\"/manus\"", r"\"/menus\"", "parameters: /manus: was noted"),
+        (r"\"/manus\"", r"\"/menus\"", "parameters: /menus: has no hash"),
+        (r'\": \"SIM-0001', r'\": \"SIM-0002', "calibration: /amplifier_state: was altered"),
+        (r'\": \"SIM-0001', r'\": \"SIM-0002', "its messages name another one than 'SIM-0002"),
+        (r"\"parameters: /manus\": \"sha256:", r"\"parameters: /manus\": \"sha256:0", "manus: was"),
+        (r"\"/manus\"", r"\"/manus", "parameters: metadata.yaml and the last file"),
+    ],
+)
+def test_altered_notes_are_found_and_named(noted, before, after, wanted, capsys):
+    alter(noted, before, after)
+    assert main(["verify", str(noted)]) == 1
+    assert wanted in capsys.readouterr().out
+
+
+def test_notes_altered_with_their_hash_still_differ_from_the_file(noted):
+    path = noted / "metadata.yaml"
+    content = yaml.safe_load(path.read_text())
+    custom = content["rosbag2_bagfile_information"]["custom_data"]
+    changed = {**NODES, "/manus": '{"rate": 250.0}'}
+    notes = {"parameters": changed, "calibration": {"/amplifier_state": "SIM-0001 sha256:12"}}
+    custom["screw_module_ros/parameters"] = json.dumps(changed)
+    custom["screw_module_ros/hashes"] = json.dumps(sealed(notes))
+    path.write_text(yaml.safe_dump(content))
+    assert verify(noted).problems == [
+        "hashes: metadata.yaml and the last file of the bag differ",
+        "parameters: metadata.yaml and the last file of the bag differ",
+    ]
+
+
+def test_a_node_that_told_nothing_is_named(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "silent")
+    writer.write(samples(writer.add_topic(encoder_topic), range(10)))
+    writer.add_metadata("parameters", {"/manus": NO_ANSWER})
+    writer.close()
+    assert verify(tmp_path / "silent").problems == [
+        "parameters: /manus: it did not tell its parameters"
+    ]

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the parameters of all nodes were when a recording began, for the bag.
+
+Each node is asked once, without waiting: first for the names, then for the values. Changes during
+the recording stand in the bag as messages of /parameter_events.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.task import Future
+
+from screw_module_ros.recording.seal import NO_ANSWER
+
+_SERVICE = "/get_parameters"
+_PATIENCE = 5  # calls of `ask` before a node that is there and silent is asked again
+
+
+class NodeParameters:
+    """Parameters of the nodes of the graph, gathered by the executor's thread.
+
+    values: per node, its parameters as JSON with sorted names, or NO_ANSWER.
+    """
+
+    def __init__(self, node: Node):
+        """Begin without any; `node` asks."""
+        self._node = node
+        self._clients: list[Client] = []
+        self._asked: dict[str, int] = {}
+        self.values: dict[str, str] = {}
+
+    def ask(self) -> None:
+        """Ask the nodes that have not answered yet; call it about once a second."""
+        missing = False
+        for service, types in self._node.get_service_names_and_types():
+            if not service.endswith(_SERVICE) or "rcl_interfaces/srv/GetParameters" not in types:
+                continue
+            name = service.removesuffix(_SERVICE)
+            if self.values.get(name, NO_ANSWER) != NO_ANSWER or "/_" in name:
+                continue
+            missing = True
+            waited = self._asked[name] = self._asked.get(name, -1) + 1
+            if waited >= _PATIENCE:
+                self.values.setdefault(name, NO_ANSWER)
+            if waited % _PATIENCE == 0:
+                self._ask(name)
+        if not missing:
+            self.close()  # what waits costs the executor time
+
+    def _ask(self, name: str) -> None:
+        if name == self._node.get_fully_qualified_name():
+            own = self._node.get_parameters_by_prefix("")
+            self._keep(name, {key: parameter.value for key, parameter in own.items()})
+            return
+        client = self._client(ListParameters, f"{name}/list_parameters")
+        client.call_async(ListParameters.Request()).add_done_callback(partial(self._named, name))
+
+    def _named(self, name: str, answer: Future) -> None:
+        names = sorted(answer.result().result.names)
+        client = self._client(GetParameters, f"{name}{_SERVICE}")
+        client.call_async(GetParameters.Request(names=names)).add_done_callback(
+            partial(self._told, name, names)
+        )
+
+    def _told(self, name: str, names: list[str], answer: Future) -> None:
+        values = map(parameter_value_to_python, answer.result().values)
+        self._keep(name, dict(zip(names, values, strict=True)))
+
+    def _keep(self, name: str, values: dict) -> None:
+        plain = {key: list(v) if hasattr(v, "tolist") else v for key, v in values.items()}
+        self.values[name] = json.dumps(plain, sort_keys=True, default=str)
+
+    def _client(self, kind: type, service: str) -> Client:
+        client = self._node.create_client(kind, service)
+        self._clients.append(client)
+        return client
+
+    def close(self) -> None:
+        """Forget the clients."""
+        for client in self._clients:
+            self._node.destroy_client(client)
+        self._clients = []
