@@ -65,6 +65,7 @@ class ManusNode(DriverNode):
         self.parameters.declare(PlanarSettings)
         self.parameters.declare(GateSettings, "gate")
         self._state = PlanarState()
+        self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
         self._inbox: Inbox | None = None
         self._axes: PlanarAxes | None = None
@@ -226,6 +227,7 @@ class ManusNode(DriverNode):
             message.saturated = output.saturated
         message.stiffness, message.damping = axes.settings.stiffness, axes.settings.damping
         message.rate = meter.rate(now)
+        self._latency_p99 = meter.latency(0.99)
         message.samples, message.late, message.lost = meter.samples, meter.late, meter.lost
         message.success_rate = meter.success_rate
         self._publisher.publish(message)
@@ -276,12 +278,13 @@ class ManusNode(DriverNode):
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""
-        now, meter, drives = time.monotonic_ns(), self._meter, self._axes.drives
+        # The meter belongs to the hot loop, this is another thread: what the loop told last.
+        now, state, drives = time.monotonic_ns(), self._state, self._axes.drives
         values = {
-            "rate [1/s]": meter.rate(now),
-            "latency p99 [us]": f"{meter.latency(0.99) * 1e6:.0f}",
-            "late": meter.late,
-            "lost": meter.lost,
+            "rate [1/s]": f"{state.rate:.0f}",
+            "latency p99 [us]": f"{self._latency_p99 * 1e6:.0f}",
+            "late": state.late,
+            "lost": state.lost,
             "homed": self._axes.homed,
             **self.port_values(),
         }
