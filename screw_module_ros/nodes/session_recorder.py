@@ -123,7 +123,7 @@ class SessionRecorder(ModuleNode):
         with self._lock:
             self._folder, self._intake, self._session = folder, intake, session
             self._told = NodeParameters(self)
-            self._told.ask()
+        self._told.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
 
