@@ -22,7 +22,7 @@ from screw_module_ros.identification.speed import Speed, speeds
 
 from .support.bench_figures import COMPOSED, SEPARATE, Case, Run
 from .support.bench_graph import measure
-from .support.bench_report import content_of, loop_table, processor_table, timing_table
+from .support.bench_report import LEGEND, content_of, loop_table, processor_table, timing_table
 from .support.console import Console
 from .support.graph_run import Interrupted
 from .support.isolation import own_place
@@ -55,46 +55,60 @@ def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> 
     wanted = only or (SEPARATE, COMPOSED, LOOP)
     cases = [Case(cut, rate) for cut in (SEPARATE, COMPOSED) if cut in wanted for rate in rates]
     console = Console()
+    measured: dict[Case, list[Run]] = {case: [] for case in cases}
+    loop: list[Speed] = []
+    code = 0
     try:
-        measured = measure_graph(cases, runs, seconds, console) if cases else {}
-        loop = measure_loop(runs, console) if LOOP in wanted else []
-        content = {
-            "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-            "python": platform.python_version(),
-            "cores": len(os.sched_getaffinity(0)),
-            **content_of(measured, seconds, loop),
-        }
-        file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        if cases:
+            measure_graph(measured, runs, seconds, console)
+        if LOOP in wanted:
+            loop = measure_loop(runs, console)
     except (KeyboardInterrupt, Interrupted):
-        console.fail("stopped; every node was ended in order")
-        sys.exit(130)
-    except (RobotError, AlreadyRunning, OSError, ValueError) as error:
+        console.fail("stopped; every node was ended in order; these are the figures so far")
+        code = 130
+    except (AlreadyRunning, OSError) as error:
         console.fail(f"bench did not work: {error}")
-        sys.exit(1)
+        code = 1
+    measured = {case: done for case, done in measured.items() if done}
+    tell(measured, seconds, loop, file, console)
+    sys.exit(code)
+
+
+def tell(
+    measured: dict[Case, list[Run]], seconds: float, loop: list[Speed], file: Path, console: Console
+) -> None:
+    """Show what was measured and write it to `file`; with nothing measured, do nothing."""
+    if not (measured or loop):
+        return
     if measured:
-        console.show(timing_table(measured), processor_table(measured))
+        console.show(timing_table(measured), LEGEND, processor_table(measured))
     if loop:
         console.show(loop_table(loop))
+    content = {
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "python": platform.python_version(),
+        "cores": len(os.sched_getaffinity(0)),
+        **content_of(measured, seconds, loop),
+    }
+    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     console.show(f"As JSON: {file}")
 
 
 def measure_graph(
-    cases: list[Case], runs: int, seconds: float, console: Console
-) -> dict[Case, list[Run]]:
-    """Measure the cases in turn, so that a change of the machine's mood meets all of them."""
-    found: dict[Case, list[Run]] = {case: [] for case in cases}
+    found: dict[Case, list[Run]], runs: int, seconds: float, console: Console
+) -> None:
+    """Add `runs` runs to each case, in turn: a change of the machine's mood meets all of them."""
     with tempfile.TemporaryDirectory(prefix="screw_module_bench-") as folder:
         os.environ.setdefault("ROS_LOG_DIR", folder)
         place = own_place()  # one domain for all runs
         try:
             for number in range(1, runs + 1):
-                for case in cases:
+                for case, done in found.items():
                     run = _one_run(case, seconds, f"run {number} of {runs}", console)
                     if run is not None:
-                        found[case].append(run)
+                        done.append(run)
         finally:
             place.release()
-    return {case: done for case, done in found.items() if done}
 
 
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:

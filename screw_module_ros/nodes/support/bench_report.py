@@ -14,6 +14,11 @@ from screw_module_ros.identification.speed import Speed
 from .bench_figures import PARTS, TIMING, UNITS, WANTED, Case, Run, Spread, spreads, verdict
 
 WANTED_FACTOR = 200.0
+LEGEND = (
+    "answer: SYNC to the encoder's answer in hand, the way over the bus and through the device. "
+    "own: from there (composed) or from the command in hand (separate) to the drive write."
+)
+_SUM = "all"
 
 Measured = Mapping[Case, Sequence[Run]]
 
@@ -49,7 +54,8 @@ def processor_table(measured: Measured) -> Table:
         table.add_column(f"{case.processes} {case.rate} Hz", justify="right")
     shares = {case: spreads([_with_sum(run.processor) for run in runs])
               for case, runs in measured.items()}
-    for name in dict.fromkeys(name for found in shares.values() for name in found):
+    names = dict.fromkeys(name for found in shares.values() for name in found if name != _SUM)
+    for name in (*names, _SUM):
         cells = (_told(found[name], "cpu") if name in found else "" for found in shares.values())
         table.add_row(name, *cells)
     loads = (spreads([{"load": run.load} for run in runs])["load"] for runs in measured.values())
@@ -99,7 +105,7 @@ def content_of(measured: Measured, seconds: float, loop: list[Speed]) -> dict[st
 
 
 def _with_sum(processor: Mapping[str, float]) -> dict[str, float]:
-    return {**processor, "all": sum(processor.values())}
+    return {**processor, _SUM: sum(processor.values())}
 
 
 def _finite(value: float) -> float | None:
