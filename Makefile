@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo bench reproduce test lint shell clean
+.PHONY: help build demo bench soak reproduce test lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -22,6 +22,9 @@ demo: build  ## the whole robot against the simulated rig: table, figures and a 
 
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
 	@tools/run bench $(ARGS)
+
+soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--minutes 60"
+	@tools/run soak $(ARGS)
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)

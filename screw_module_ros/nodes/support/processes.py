@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a process holds, from Linux's /proc: memory, file handles, threads, shared memory files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+_SHARED = "/dev/shm/"
+
+
+class Usage(NamedTuple):
+    """What one process holds now.
+
+    memory: pages of its own in memory (RssAnon) [MiB]; resident: all pages in memory (VmRSS) [MiB];
+    handles: open files; threads; shared: distinct files of /dev/shm that it has mapped.
+    """
+
+    memory: float
+    resident: float
+    handles: int
+    threads: int
+    shared: int
+
+
+def usage(pid: int) -> Usage:
+    """Return what the process holds. Raises OSError when it has ended."""
+    folder = Path(f"/proc/{pid}")
+    status = dict(
+        line.split(":", 1) for line in (folder / "status").read_text().splitlines() if ":" in line
+    )
+    if "VmRSS" not in status:
+        raise ProcessLookupError(f"process {pid} has ended")
+    shared = {
+        line[line.index(_SHARED) :]
+        for line in (folder / "maps").read_text().splitlines()
+        if _SHARED in line
+    }
+    return Usage(
+        _mebibytes(status["RssAnon"]),
+        _mebibytes(status["VmRSS"]),
+        sum(1 for _ in (folder / "fd").iterdir()),
+        int(status["Threads"]),
+        len(shared),
+    )
+
+
+def _mebibytes(text: str) -> float:
+    return int(text.split()[0]) / 1024.0
