@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo bench soak reproduce test lint shell clean
+.PHONY: help build demo faults bench reproduce test lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -20,11 +20,11 @@ build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: 
 demo: build  ## the whole robot against the simulated rig: table, figures and a bag
 	@tools/run demo
 
+faults: build  ## every fault of docs/faults.md, carried out; ARGS="--representative" is short
+	@tools/run faults $(ARGS)
+
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
 	@tools/run bench $(ARGS)
-
-soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--minutes 60"
-	@tools/run soak $(ARGS)
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)

@@ -19,11 +19,11 @@ NODES = (
     "sim_rig",
     "bringup",
     "demo",
-    "soak",
     "characterize",
     "bench",
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
+EXECUTABLES.append(f"faults = {NAME}.nodes.faults.command:main")
 EXECUTABLES.append(f"session = {NAME}.recording.cli:main")
 EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")
 

@@ -131,3 +131,4 @@ class VerticalController:
         """Note at once, before the amplifier goes off over it, that a fault came in operation."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True
+        self.reason = self.reason or self._watch.fault or self._disagreement

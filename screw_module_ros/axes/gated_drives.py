@@ -21,7 +21,8 @@ from ..devices.errors import DeviceError
 
 _ANSWER_S = 1.0
 _POLL_S = 0.005
-_PERMISSION_S = 0.1
+_REFUSAL_STANDS_NS = 200_000_000
+_PERMISSION_S = _REFUSAL_STANDS_NS * 1e-9 + 0.1
 
 
 class GatedDrives:
@@ -39,6 +40,7 @@ class GatedDrives:
         self._period_ns = period_ns
         self._safety_ns = 0
         self._permitted = False
+        self._refused_ns: int | None = None
         self._safety_reason = ""
         self._refusal = ""
         self._closed_because = ""
@@ -47,9 +49,15 @@ class GatedDrives:
     # -- loop's thread ---------------------------------------------------------------------------
 
     def permit(self, permitted: bool, reason: str, now_ns: int) -> None:
-        """Take over a safety_state that arrived at now_ns [ns]; reason: why not permitted."""
-        self._permitted = permitted
-        self._safety_reason = reason
+        """Take over a safety_state that arrived at now_ns [ns]; reason: why not permitted.
+
+        A refusal stands for a while: a second sender cannot talk over the supervisor's.
+        """
+        if not permitted:
+            self._refused_ns = now_ns
+            self._safety_reason = reason
+        refused_ns = self._refused_ns
+        self._permitted = refused_ns is None or now_ns - refused_ns > _REFUSAL_STANDS_NS
         self._safety_ns = now_ns
 
     def step(self, command_ns: int, now_ns: int) -> float:

@@ -132,7 +132,7 @@ class VerticalWatch:
         limit = self._settings.force
         if fx * fx + fy * fy + fz * fz > limit * limit:
             size = math.sqrt(fx * fx + fy * fy + fz * fz)
-            self._latch(f"force sensor: {size:.0f} N on the handle, more than {limit:g} N")
+            self._latch(f"force sensor: {size:.4g} N on the handle, more than {limit:g} N")
         return True
 
     def check(self, now_ns: int) -> str | None:
@@ -168,9 +168,9 @@ class VerticalWatch:
         """Latch on a speed or a place beyond the bounds."""
         bounds = self._settings
         if abs(sample.velocity) > bounds.speed:
-            self._latch(f"encoder: {sample.velocity:.2f} m/s, faster than {bounds.speed:g} m/s")
+            self._latch(f"encoder: {sample.velocity:.3g} m/s, faster than {bounds.speed:g} m/s")
         if sample.homed and not bounds.lowest <= sample.position <= bounds.highest:
-            self._latch(f"encoder: {sample.position:.3f} m lies outside the travel")
+            self._latch(f"encoder: {sample.position:.4g} m lies outside the travel")
 
     def _check_jump(self, sample: EncoderLike) -> None:
         """Latch on a gap and on a change of speed no motor can make."""
@@ -188,4 +188,4 @@ class VerticalWatch:
         change = self._settings.acceleration * max(elapsed, self._period_ns * 1e-9)
         if abs(speed - before) > change + 2.0 * _COUNT / elapsed:
             jump = (speed - before) * elapsed * 1e3
-            self._latch(f"encoder: jumped by {jump:.2f} mm, more than any motor can move it")
+            self._latch(f"encoder: jumped by {jump:.4g} mm, more than any motor can move it")

@@ -25,6 +25,7 @@ from .drive_settings import (
     cross_checked,
     drive_traffic,
 )
+from .drive_torque import ExcessTorque
 from .errors import BusError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
@@ -67,7 +68,10 @@ class Drive:
         )  # fmt: skip
         self._command_id = 0x200 + settings.node_id
         self._setup = setup.DriveSetup(0, settings.rated_torque)
-        self._per_mille_of = self._torque_of = 0.0
+        self._per_mille_of = self._torque_of = self._asked = 0.0
+        self._excess = ExcessTorque(
+            settings.excess_torque * settings.rated_torque, round(1e9 / settings.rate)
+        )
         self._configured = self._running = self._armed = False
         self._hears = True
         self._started_ns = 0
@@ -186,6 +190,7 @@ class Drive:
         if state is State.UNKNOWN:
             self._port.pump(0.0)  # it may be us who did not listen
             state = self.reports.state(now_ns)
+        self._look_at_torque(state, now_ns)
         heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns
         controlword = logic.step(
             state, self.reports.shown, heard_ns if self._hears else None, node.state, now_ns
@@ -196,7 +201,18 @@ class Drive:
         if controlword == cia402.ENABLE_OPERATION and state is State.OPERATION_ENABLED:
             per_mille = self._per_mille(torque_nm)
         self._send(controlword, per_mille)
-        return per_mille * self._torque_of
+        self._asked = per_mille * self._torque_of
+        return self._asked
+
+    def _look_at_torque(self, state: State, now_ns: int) -> None:
+        given = self.reports.reading
+        if state is not State.OPERATION_ENABLED or given is None:
+            self._excess.restart()
+        elif self._excess.check(self._asked, given.torque, now_ns):
+            self._logic.latch(
+                f"the {self.label} gives {given.torque:.3f} Nm of torque, {self._asked:.3f} Nm "
+                "was asked for"
+            )
 
     def _arm(self, now_ns: int) -> float:
         """Heartbeat first, then one command without torque: from here on both are watched."""

@@ -46,6 +46,10 @@ class DriveSettings(NamedTuple):
     max_torque: Annotated[
         float, Setting("largest torque ever written", "Nm", 0.0, 1e5)
     ] = 1.6
+    excess_torque: Annotated[
+        float, Setting("torque beyond the command that stops the drive, by its own word (6077)",
+                       "of rated", 0.05, 100.0)
+    ] = 0.25
     direction: Annotated[
         int, Setting("1 when positive torque and position are the robot's, else -1",
                      choices=(1, -1))

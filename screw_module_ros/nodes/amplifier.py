@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
+from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
@@ -97,7 +98,7 @@ class AmplifierNode(DriverNode):
         self._take_command = self._inbox.subscribe(
             ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
         )
-        self._take_safety = self._inbox.subscribe(SafetyState, "safety_state", qos.COMMAND)
+        self._take_safety = self._inbox.subscribe(SafetyState, "safety_state", qos.PERMISSION)
         self._publisher = self.create_publisher(
             AmplifierState, "screw/amplifier_state", qos.STATE
         )
@@ -210,8 +211,7 @@ class AmplifierNode(DriverNode):
         return self._state
 
     def _look_around(self, now: int) -> None:
-        safety = self._take_safety()
-        if safety is not None:
+        for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             self._axis.drives.permit(safety.vertical_permitted, reason, now)
         missed = self._meter.missed_in_a_row(now)

@@ -32,6 +32,7 @@ class Process:
 
     def __init__(self, name: str, arguments: list[str]):
         self.name = name
+        self.arguments = arguments
         # Its own session: Ctrl-C reaches bringup alone, which then stops the nodes in order.
         self._process = subprocess.Popen(
             [executable_path(name), *arguments],
@@ -43,6 +44,10 @@ class Process:
     def pid(self) -> int:
         """Process id."""
         return self._process.pid
+
+    def again(self) -> Process:
+        """Return a new process of the same node with the same arguments."""
+        return Process(self.name, self.arguments)
 
     def exit_code(self) -> int | None:
         """Return the exit code, None while it runs."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState, SafetyState
@@ -116,7 +117,7 @@ class ManusNode(DriverNode):
             take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
         )
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
-        self._take_safety = take(SafetyState, "safety_state", qos.COMMAND)
+        self._take_safety = take(SafetyState, "safety_state", qos.PERMISSION)
         self._publisher = self.create_publisher(PlanarState, "manus/state", qos.STATE)
 
     def begin(self) -> None:
@@ -178,9 +179,8 @@ class ManusNode(DriverNode):
         return True
 
     def _look_around(self, now: int) -> None:
-        safety = self._take_safety()
         drives = self._axes.drives
-        if safety is not None:
+        for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(safety.planar_permitted, reason, now)
         force = self._force.fresh(now)

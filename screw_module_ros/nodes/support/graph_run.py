@@ -51,6 +51,7 @@ class GraphRun:
         self._place: Place | None = None
         self._handlers: dict[signal.Signals, Any] = {}
         self._was_ready = False
+        self._may_end: set[str] = set()
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
@@ -96,8 +97,45 @@ class GraphRun:
         if self._stopping.is_set():
             raise Interrupted
         for process in self._processes:
-            if (code := process.exit_code()) is not None:
+            code = process.exit_code()
+            if code is not None and process.name not in self._may_end:
                 raise RobotError(f"{process.name} ended by itself with code {code}")
+
+    @property
+    def place(self) -> Place:
+        """The ROS domain and CAN ports of this run."""
+        return self._place
+
+    def signal(self, name: str, number: signal.Signals, ends: bool = True) -> None:
+        """Send a signal to one node; `ends`: it may end from here on without `watch` minding."""
+        if ends:
+            self._may_end.add(name)
+        os.kill(self._process(name).pid, number)
+
+    def exit_code(self, name: str) -> int | None:
+        """Return the exit code of one node, None while it runs."""
+        return self._process(name).exit_code()
+
+    def pid(self, name: str) -> int:
+        """Return the process id of one node."""
+        return self._process(name).pid
+
+    def restart(self, name: str) -> None:
+        """Start one node again with the same arguments, once it has ended."""
+        old = self._process(name)
+        if old.exit_code() is None:
+            raise RobotError(f"{name} still runs")
+        if old.exit_code():
+            remove_orphans()
+        self._processes[self._processes.index(old)] = old.again()
+        self._may_end.discard(name)
+
+    def arguments(self, name: str) -> list[str]:
+        """Return the --ros-args of one node, without that word."""
+        return self._process(name).arguments[1:]
+
+    def _process(self, name: str) -> bringup.Process:
+        return next(process for process in self._processes if process.name == name)
 
     def wait_until_ready(self, robot: Robot, told: Callable[[list[str]], None]) -> None:
         """Wait until every node is active; `told` hears of those that are not yet."""

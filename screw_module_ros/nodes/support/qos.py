@@ -24,3 +24,6 @@ NEWEST = COMMAND
 
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE)
 """States at 50 to 200 Hz: reliable, so that clients with default settings receive them."""
+
+PERMISSION = _keep_last(10, ReliabilityPolicy.RELIABLE)
+"""What the drives take safety_state with: each refusal counts, also one that others talk over."""

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All rows, and the page made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from . import (
+    rows_bus,
+    rows_commands,
+    rows_drive,
+    rows_intruders,
+    rows_nodes,
+    rows_operator,
+    rows_sensors,
+)
+from .row import GOES_ON, SAFE_STATES, Row
+from .ticks import HEARTBEAT_S, RATE, SAFETY_S, SUPERVISOR_S
+
+_MODULES = (
+    rows_nodes,
+    rows_bus,
+    rows_sensors,
+    rows_drive,
+    rows_commands,
+    rows_operator,
+    rows_intruders,
+)
+PAGE = "docs/faults.md"
+
+
+def all_rows() -> list[Row]:
+    """Return the catalogue, in the order it is carried out."""
+    return [row for module in _MODULES for row in module.rows()]
+
+
+def chosen(
+    groups: Iterable[str] = (), names: Iterable[str] = (), representative: bool = False
+) -> list[Row]:
+    """Return the rows of these groups and names, all without any; a name may be a part of one.
+
+    Raises ValueError naming what does not exist.
+    """
+    rows, groups, names = all_rows(), list(groups), list(names)
+    known = list(dict.fromkeys(row.group for row in rows))
+    for group in groups:
+        if group not in known:
+            raise ValueError(f"no group {group!r}; there are {', '.join(known)}")
+    for name in names:
+        if not any(name in row.name for row in rows):
+            raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
+    return [
+        row
+        for row in rows
+        if (not groups or row.group in groups)
+        and (not names or any(name in row.name for name in names))
+        and (not representative or row.representative)
+    ]
+
+
+def page() -> str:
+    """Return docs/faults.md."""
+    rows = all_rows()
+    lines = [_HEAD.format(count=len(rows), **_FIGURES)]
+    for group in dict.fromkeys(row.group for row in rows):
+        members = [row for row in rows if row.group == group]
+        lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
+        lines += [_line(same) for same in _merged(members)]
+    return "\n".join(lines) + "\n"
+
+
+def _merged(rows: list[Row]) -> list[list[Row]]:
+    """Put rows together that differ in their mode only."""
+    found: dict[tuple, list[Row]] = {}
+    for row in rows:
+        key = (row.fault, row.noticed_by, row.within, row.plane_within, row.safe, row.alarm)
+        found.setdefault(key, []).append(row)
+    return list(found.values())
+
+
+def _line(rows: list[Row]) -> str:
+    row = rows[0]
+    modes = ", ".join(dict.fromkeys(one.mode_name for one in rows))
+    within = "" if row.safe == GOES_ON else f"{row.within} / {row.plane_within or '–'}"
+    alarm = row.alarm.text if row.alarm else "none: nothing is wrong for the robot"
+    cells = (
+        f"`{row.name}`" + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
+        row.fault, modes, row.noticed_by, within, row.safe, alarm, row.way_back,
+    )  # fmt: skip
+    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+
+_FIGURES = {
+    "rate": f"{RATE:g}",
+    "safety": f"{SAFETY_S:g}",
+    "supervisor": f"{SUPERVISOR_S:g}",
+    "heartbeat": f"{HEARTBEAT_S:g}",
+    "states": "\n".join(f"- *{name}*: {text}" for name, text in SAFE_STATES.items()),
+}
+_HEAD = """<!-- made by `faults --table`; do not edit -->
+# Fault catalogue
+
+`make faults` carries out these {count} rows, one after the other on one running graph: separate
+processes against the simulated rig, the patient moving the handle. A row passes when
+
+- the rig's own motors (`sim/truth`) give no torque any more within the row's time,
+- the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
+- after the cause has gone nothing comes back by itself,
+- the way back leads to operation without restarting the graph, and
+- the patient's resting hand feels no step above 5 N on the way.
+
+Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
+the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults; limits
+that are a number of periods are those of the robot, those in seconds are widened by less than the
+ticks are (safety_state {safety} s, lost node {supervisor} s, heartbeat {heartbeat} s). At 1 kHz a
+sample is 1 ms.
+
+Safe states:
+{states}"""
+_COLUMNS = (
+    "| row | fault | mode | who notices | within [samples] | safe state | alarm | way back |\n"
+    "|---|---|---|---|---|---|---|---|"
+)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`faults`: carry out the fault catalogue against separate processes and the simulated rig."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import click
+
+from ..support.console import Console
+from ..support.graph_run import Interrupted
+from ..support.robot import RobotError
+from ..support.single import AlreadyRunning
+from .catalogue import chosen, page
+from .judge import judge
+from .row import GOES_ON, Row, Verdict
+from .stand import Stand
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
+@click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
+@click.option("--representative", is_flag=True, help="Only the short selection.")
+@click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
+@click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
+@click.option(
+    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the verdicts here.",
+)  # fmt: skip
+def command(group, row, representative, listed, table, json_file) -> None:
+    """Carry out the fault catalogue; exit with 1 when a row fails."""
+    console = Console()
+    try:
+        rows = chosen(group, row, representative)
+        if table:
+            click.echo(page(), nl=False)
+        elif listed:
+            for one in rows:
+                click.echo(f"{one.group:12} {one.name:44} {one.fault}")
+        else:
+            sys.exit(_carried_out(rows, console, json_file))
+    except Interrupted:
+        console.fail("stopped; every node was ended in order")
+        sys.exit(130)
+    except (ValueError, RobotError, AlreadyRunning, OSError) as error:
+        console.fail(f"faults: {error}")
+        sys.exit(2)
+
+
+def _carried_out(rows: list[Row], console: Console, json_file: Path | None) -> int:
+    begun = time.monotonic()
+    verdicts: list[Verdict] = []
+    with tempfile.TemporaryDirectory(prefix="faults_") as folder:
+        os.environ["ROS_LOG_DIR"] = folder
+        try:
+            while len(verdicts) < len(rows):
+                _one_graph(rows, verdicts, console, folder)
+        finally:
+            _write(json_file, rows, verdicts)
+    failed = [verdict.name for verdict in verdicts if not verdict.passed]
+    console.show(
+        f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
+        f"{time.monotonic() - begun:.0f} s" + (f"; failed: {', '.join(failed)}" if failed else "")
+    )
+    return 1 if failed else 0
+
+
+def _one_graph(rows: list[Row], verdicts: list[Verdict], console: Console, folder: str) -> None:
+    """Carry out rows on one graph, until all are done or it cannot be brought back."""
+    extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
+    with console.step("bring-up"):
+        stand = Stand(extra).__enter__()
+    try:
+        while len(verdicts) < len(rows):
+            row = rows[len(verdicts)]
+            verdict = judge(stand, row)
+            verdicts.append(verdict)
+            console.show(_told(row, verdict, len(verdicts), len(rows)))
+            if verdict.stuck:
+                return
+    finally:
+        stand.__exit__(None, None, None)
+
+
+def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
+    mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
+    if row.safe == GOES_ON:
+        figures = "goes on"
+    elif row.blind:
+        figures = "disabled"
+    else:
+        figures = f"{verdict.vertical:.0f} of {row.within}"
+        if row.plane_within:
+            figures += f", plane {verdict.plane:.0f} of {row.plane_within} samples"
+    line = (
+        f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
+        f"[dim]{verdict.seconds:.1f} s[/]"
+    )
+    if verdict.problem:
+        line += "\n      [red]" + verdict.problem.replace("[", "\\[") + "[/]"
+        if verdict.stuck:
+            line += "\n      the graph could not be brought back; a new one is started"
+    return line
+
+
+def _write(file: Path | None, rows: list[Row], verdicts: list[Verdict]) -> None:
+    if file is None:
+        return
+    done = [
+        {
+            "group": row.group,
+            "mode": row.mode_name,
+            "within": row.within,
+            "plane_within": row.plane_within,
+            "passed": verdict.passed,
+            **verdict._asdict(),
+        }
+        for row, verdict in zip(rows, verdicts, strict=False)
+    ]
+    file.write_text(json.dumps(done, indent=1, ensure_ascii=False) + "\n")
+
+
+def main() -> None:
+    """Console entry point."""
+    command()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One row of the catalogue: a fault, who must notice it, how soon, and the way back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from screw_module_ros.control.modes import MODE_NAMES
+
+if TYPE_CHECKING:
+    from .stand import Stand
+
+Act = Callable[["Stand"], object]
+"""What is done to a stand. Raises Failed when the robot's answer breaks the promise."""
+
+# Safe states.
+OFF = "both torques zero"
+VERTICAL_OFF = "vertical torque zero, plane works on"
+GOES_ON = "goes on"
+EITHER = "goes on, or both torques zero"
+SAFE_STATES = {
+    OFF: "torque of all axes zero, drives disabled, coasting",
+    VERTICAL_OFF: "vertical torque zero, coasting; the plane works on",
+    GOES_ON: "works on, no drive goes off and no torque limit is exceeded",
+    EITHER: "works on so, or stops in good order: it depends on chance or on the machine's speed",
+}
+
+
+class Failed(Exception):
+    """The row's promise was broken; the message says how."""
+
+
+class Alarm(NamedTuple):
+    """How the fault is told.
+
+    node: whose diagnostics entry; said: regular expression on its message, empty when the alarm is
+    that its entry no longer comes; reason: regular expression on one of safety_state's reasons,
+    empty when motion stays permitted.
+    """
+
+    node: str
+    said: str
+    reason: str = ""
+
+    @property
+    def text(self) -> str:
+        """The alarm for people."""
+        told = f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"
+        return f"{told}; safety_state: “{self.reason}”" if self.reason else told
+
+
+def nothing(stand: Stand) -> None:
+    """Do nothing: the fault is over by itself."""
+
+
+class Row(NamedTuple):
+    """One fault.
+
+    name: stable id; fault: what is injected; within, plane_within: samples of the vertical chain
+    after which the vertical axis and the plane may have no torque left, 0 where the robot goes on;
+    watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
+    it happen, take its cause away; blind: there is no rig to ask, the drives' own word decides;
+    way_back: what an operator does then.
+    """
+
+    name: str
+    group: str
+    fault: str
+    inject: Act
+    alarm: Alarm | None
+    way_back: str
+    noticed_by: str
+    within: int = 0
+    plane_within: int = 0
+    mode: int = 1
+    safe: str = OFF
+    back: Act = nothing
+    prepare: Act = nothing
+    watch: float = 0.4
+    blind: bool = False
+    representative: bool = False
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the control mode it happens in."""
+        return MODE_NAMES[self.mode]
+
+
+class Verdict(NamedTuple):
+    """What came of a row.
+
+    problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
+    vertical, plane: samples until no torque was left; step: largest force step on the patient's
+    hand on recovery [N]; seconds: the row took, by wall clock.
+    """
+
+    name: str
+    problem: str
+    stuck: bool = False
+    vertical: float = 0.0
+    plane: float = 0.0
+    step: float = 0.0
+    seconds: float = 0.0
+    alarm: str = ""
+    reason: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether all was as the row says."""
+        return not self.problem

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a CiA 402 drive can do, and fail to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from std_srvs.srv import SetBool, Trigger
+
+from .acts import both, cured, fault
+from .row import GOES_ON, OFF, Alarm, Failed, Row
+from .ticks import COMMAND_S, HEARTBEAT_S, samples
+
+GROUP = "drives"
+_AT_ONCE, _BEAT = 8, samples(HEARTBEAT_S) + 7
+_RESTART = 12
+_FOLLOWS = 8
+_STUCK = 20
+"""Samples in which a wrong torque is seen to stay: by time, and by the position."""
+
+# fault of the rig, text, samples until noticed (0 = goes on), regular expression of the alarm
+_FAULTS = (
+    ("over_current", "over-current, 2310", _AT_ONCE, "2310"),
+    ("over_voltage", "over-voltage, 3210", _AT_ONCE, "3210"),
+    ("under_voltage", "under-voltage, 3220", _AT_ONCE, "3220"),
+    ("over_temperature", "device too hot, 4210", _AT_ONCE, "4210"),
+    ("motor_temperature", "motor too hot, 4310", _AT_ONCE, "4310"),
+    ("watchdog", "software watchdog, 6010", _AT_ONCE, "6010"),
+    ("feedback", "position feedback broken, 7300", _AT_ONCE, "7300"),
+    ("heartbeat_fault", "it believes our heartbeat lost, 8130", _AT_ONCE, "8130"),
+    ("fault", "a fault with an unknown code", _AT_ONCE, "5000|fault"),
+    ("disable", "it drops to switch on disabled by itself", _AT_ONCE, "left operation enabled"),
+    ("torque_off", "safe torque off", _AT_ONCE, "left operation enabled"),
+    ("mode_lost", "it leaves torque mode", _AT_ONCE, "torque mode"),
+    ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
+    ("pdos_lost", "its PDOs stop, all else goes on", _BEAT, "drive|position"),
+    ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
+     max(samples(COMMAND_S), samples(HEARTBEAT_S)) + 7, "RPDO|8250|8130|heartbeat|position"),
+    ("reset", "it restarts in mid-run", _RESTART, "restarted|boot-up|position"),
+    ("power_off", "it loses its supply, later back", _RESTART,
+     "restarted|boot-up|heartbeat|position"),
+    ("stuck_torque", "it gives a torque nobody asked for", _STUCK, "torque|disagree|turns"),
+    ("motor_open", "a motor wire is broken: enabled, but no torque", 0, ""),
+    ("warning", "it warns (statusword bit 7)", 0, ""),
+    ("sdo_silent", "it does not answer SDO requests", 0, ""),
+    ("inputs", "its limit switch inputs are set", 0, ""),
+)  # fmt: skip
+_BACK = {
+    "amplifier": "mend it; amplifier/clear_fault, reset, enable",
+    "manus": "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
+}
+
+
+def rows() -> Iterator[Row]:
+    """The vertical drive with every fault, a planar one too."""
+    for name, text, within, said in _FAULTS:
+        yield _row("drive", "amplifier", name, text, within, said)
+    for name, text, within, said in _FAULTS:
+        yield _row("shoulder", "manus", name, text, within, said)
+    for name, text, within in (
+        ("position_freeze", "its position stands still", 45),
+        ("position_jump", "its position jumps", 25),
+    ):
+        yield _row("drive", "amplifier", name, text, within, "")._replace(
+            alarm=Alarm("impedance_controller", "disagree", "disagree"),
+            noticed_by="impedance_controller",
+            way_back="reset, enable",
+        )
+    yield _row("shoulder", "manus", "position_jump", "its position jumps", _AT_ONCE, "jumped")
+    yield _refuses_to_enable()
+
+
+def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
+    stops = within > 0
+    follows = within + _FOLLOWS
+    vertical, plane = (within, follows) if device == "drive" else (follows, within)
+    return Row(
+        name=f"{device}-{name}",
+        group=GROUP,
+        fault=f"{device}: {text}",
+        inject=fault(device, name),
+        back=cured(device),
+        alarm=_alarm(device, node, name, said) if stops else None,
+        way_back=_BACK[node] if stops else "none is needed",
+        noticed_by=f"{node}; the drive itself" if stops else "nobody: no torque is too much",
+        within=vertical if stops else 0,
+        plane_within=plane if stops else 0,
+        safe=OFF if stops else GOES_ON,
+        watch=0.4 if stops else 1.0,
+        representative=(device, name) in {("drive", "over_temperature"), ("shoulder", "reset")},
+    )
+
+
+def _alarm(device: str, node: str, name: str, said: str) -> Alarm:
+    if (device, name) == ("drive", "pdos_lost"):  # whoever is first: it depends on the rate
+        return Alarm("supervisor", "amplifier|disagree", "amplifier|disagree")
+    return Alarm(node, said, node)
+
+
+def _refuses_to_enable() -> Row:
+    """Over-temperature, and then a drive that does not come back at the first try."""
+    row = _row("drive", "amplifier", "over_temperature", "too hot; cleared too early", _AT_ONCE,
+               "4210")  # fmt: skip
+    return row._replace(
+        name="drive-cleared-too-early",
+        inject=both(fault("drive", "over_temperature"), _clear_in_vain),
+    )
+
+
+def _clear_in_vain(stand) -> None:
+    """Ask for what cannot be had while the cause persists; it must be refused."""
+    robot = stand.robot
+    if robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True)).success:
+        raise Failed("amplifier/enable was granted in fault")
+    if robot.call(Trigger, "amplifier/clear_fault").success:
+        raise Failed("amplifier/clear_fault succeeded while the cause persists")

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two of a kind, and what an attacker or a clumsy user would do: faults of our own invention."""
+
+from __future__ import annotations
+
+import math
+import struct
+import time
+from collections.abc import Iterator
+
+import can
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
+from screw_module_msgs.srv import SetControlMode
+from std_srvs.srv import SetBool, Trigger
+
+from .acts import both, called, published, refused
+from .row import EITHER, GOES_ON, OFF, Act, Alarm, Failed, Row, nothing
+from .stand import SPRING
+
+GROUP = "intruders"
+_AT_ONCE, _FOLLOWS = 8, 8
+_TWO = r"second node|nodes publish|is a second"
+_FUTURE = 1_000_000
+
+
+def rows() -> Iterator[Row]:
+    """Two controllers, amplifiers, encoders, supervisors, games; foreign frames; storms."""
+    yield from _twins()
+    yield from _topics()
+    yield from _frames()
+    yield from _storms()
+
+
+def _row(
+    name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str,
+    back: Act = nothing, safe: str = OFF, within: int = _AT_ONCE, watch: float = 0.5,
+) -> Row:  # fmt: skip
+    stops = safe != GOES_ON
+    return Row(
+        name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, way_back=way_back,
+        noticed_by=who, within=within if stops else 0,
+        plane_within=within + _FOLLOWS if stops else 0, safe=safe, watch=watch,
+    )  # fmt: skip
+
+
+def _twins() -> Iterator[Row]:
+    yield _row("two-controllers", "a second impedance_controller under another name", _twin(
+        "impedance_controller", "screw/force_command"), "amplifier",
+        Alarm("amplifier", _TWO, "amplifier"), "stop it; amplifier/clear_fault, reset, enable",
+        within=25)  # fmt: skip
+    for node in ("amplifier", "encoder", "manus", "force_sensor"):
+        yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
+                   _guest(node), f"the second {node}: it does not start",
+                   Alarm(f"{node}_2", "already driven by another process"), "stop it",
+                   safe=GOES_ON, watch=1.0)  # fmt: skip
+    yield _row("two-supervisors", "emergency stop, while a second supervisor permits motion",
+               both(_permits, called("supervisor/estop"), _enable_in_vain),
+               "amplifier, manus: two nodes publish safety_state",
+               Alarm("amplifier", "publish safety_state", "emergency stop"),
+               "stop it; clear_fault, reset, enable", within=_AT_ONCE + 8)  # fmt: skip
+    yield _row("two-games", "two games with contradictory set points, 1000 a second",
+               _second_game, "controller and manus: speed and acceleration are limited", None,
+               "none is needed", safe=GOES_ON, watch=2.0)  # fmt: skip
+
+
+def _guest(node: str) -> Act:
+    return lambda stand: stand.start(node, "-r", f"__node:={node}_2")
+
+
+def _twin(node: str, topic: str) -> Act:
+    """Start a second node and wait until its first message is about to come."""
+
+    def act(stand) -> float:
+        stand.start(node, "-r", f"__node:={node}_2")
+        stand.until(lambda: stand.heard.node.count_publishers(topic) > 1, 15.0)
+        stand.until(lambda: "amplifier" in stand.heard.ever_disabled(), 3.0)
+        return stand.heard.now.time - 1e-3
+
+    return act
+
+
+def _permits(stand) -> None:
+    published(
+        SafetyState, "safety_state", 0, 0.001, level=SafetyState.OK, motion_permitted=True,
+        vertical_permitted=True, planar_permitted=True,
+    )(stand)  # fmt: skip
+
+
+def _enable_in_vain(stand) -> None:
+    """Nobody may enable while two say contradictory things."""
+    stand.robot.pause(0.3)
+    for node in ("amplifier", "manus"):
+        for _ in range(10):
+            answer = stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=True))
+            if answer.success:
+                raise Failed(f"{node}/enable was granted after an emergency stop")
+
+
+def _second_game(stand) -> None:
+    published(
+        EndpointSetpoint, "setpoint", 0, 0.001, position__x=-0.1, position__y=-0.1,
+        position__z=0.05,
+    )(stand)  # fmt: skip
+
+
+def _topics() -> Iterator[Row]:
+    yield _row("command-from-the-future", "force commands with tick numbers far ahead",
+               _future_commands, "amplifier", Alarm("amplifier", "force command", "amplifier"),
+               "stop the sender; amplifier/clear_fault, reset, enable")  # fmt: skip
+    yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
+               published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
+               "amplifier limits it to 65 N; the next true one follows", None, "none is needed",
+               safe=EITHER)  # fmt: skip
+    x, y, z, *_ = SPRING
+    yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
+               published(EndpointSetpoint, "setpoint", 0, 0.005, position__x=math.nan,
+                         position__y=math.nan, position__z=z, velocity__x=math.nan),
+               "manus leaves its axes alone", None, "none is needed", safe=GOES_ON,
+               watch=1.0)  # fmt: skip
+
+
+def _future_commands(stand) -> None:
+    def make() -> ForceCommand:
+        return ForceCommand(
+            force=10.0, monotonic_ns=time.monotonic_ns(),
+            sequence=(time.monotonic_ns() // 20_000_000 + _FUTURE) & 0xFFFFFFFF,
+        )  # fmt: skip
+
+    stand.intrude(ForceCommand, "screw/force_command", make, 20, 0.005)
+
+
+def _frames() -> Iterator[Row]:
+    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, 1000)
+    yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
+               _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it",
+               None, "stop it; clear_fault, reset, enable", safe=EITHER, within=20)  # fmt: skip
+    wrong = struct.pack(">Hh", 0x000F, 0)
+    yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
+               "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
+               Alarm("amplifier", "drive", "amplifier"),
+               "stop it; amplifier/clear_fault, reset, enable", within=12)  # fmt: skip
+    nmt = struct.pack("<BB", 0x80, 0)
+    yield _row("foreign-nmt-preoperational", "a foreign master sends all devices of the drive's "
+               "bus to PRE-OPERATIONAL", _frames_on("amplifier", 0x000, nmt, 0.05), "amplifier",
+               Alarm("amplifier", "drive", "amplifier"),
+               "stop it; amplifier/clear_fault, reset, enable", within=22)  # fmt: skip
+    yield _row("foreign-sync", "a foreign master sends SYNC on the encoder's bus",
+               _frames_on("encoder", 0x080, b"", 0.005), "encoder",
+               Alarm("encoder", "somebody else sends SYNC", "encoder"),
+               "stop it; encoder/home, reset, enable", within=14)  # fmt: skip
+
+
+def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
+    def act(stand) -> None:
+        bus = stand.bus(node)
+        frame = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        stand.babble(lambda: bus.send(frame), period)
+
+    return act
+
+
+def _storms() -> Iterator[Row]:
+    yield _row("clear-fault-storm", "clear_fault while enabled, again and again",
+               _storm([("amplifier/clear_fault", Trigger, {}), ("manus/clear_fault", Trigger, {})]),
+               "amplifier, manus: nothing changes", None, "none is needed",
+               safe=GOES_ON)  # fmt: skip
+    yield _row("mode-storm", "set_mode through all modes, again and again",
+               _storm([("impedance_controller/set_mode", SetControlMode, {"mode": mode})
+                       for mode in (0, 1, 2, 3, 4, 1)]),
+               "impedance_controller fades", None, "none is needed", safe=GOES_ON)  # fmt: skip
+    yield _row("parameter-storm", "stiffness changed 500 times a second between its limits",
+               _parameter_storm, "impedance_controller fades", None, "none is needed",
+               safe=GOES_ON, watch=1.5)  # fmt: skip
+    yield _row("encoder-deactivated", "lifecycle deactivate of the encoder in motion",
+               _transition("encoder", Transition.TRANSITION_DEACTIVATE), "impedance_controller",
+               Alarm("impedance_controller", "encoder", "encoder"),
+               "lifecycle activate; encoder/home, reset, enable",
+               _transition("encoder", Transition.TRANSITION_ACTIVATE), within=14)  # fmt: skip
+    yield _row("amplifier-deactivated", "lifecycle deactivate of the amplifier in motion",
+               _transition("amplifier", Transition.TRANSITION_DEACTIVATE), "amplifier",
+               Alarm("supervisor", "amplifier", "amplifier"),
+               "lifecycle activate; clear_fault, reset, enable",
+               _transition("amplifier", Transition.TRANSITION_ACTIVATE), within=32)  # fmt: skip
+    yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
+               both(refused("force_sensor/tare"), called("force_sensor/untare")),
+               "force_sensor refuses", None, "none is needed", safe=GOES_ON)  # fmt: skip
+
+
+def _storm(calls: list[tuple]) -> Act:
+    def act(stand) -> None:
+        for service, kind, fields in calls * 5:
+            stand.robot.call(kind, service, kind.Request(**fields))
+
+    return act
+
+
+def _parameter_storm(stand) -> None:
+    """Without waiting for answers."""
+    client = stand.heard.node.create_client(SetParameters, "impedance_controller/set_parameters")
+    stand.until(client.service_is_ready, 5.0)
+    for number in range(500):
+        value = 0.0 if number % 2 else 1000.0
+        parameter = Parameter("stiffness", value=value).to_parameter_msg()
+        client.call_async(SetParameters.Request(parameters=[parameter]))
+        stand.robot.pause(0.002)
+    stand.configure()
+
+
+def _transition(node: str, number: int) -> Act:
+    def act(stand) -> None:
+        request = ChangeState.Request(transition=Transition(id=number))
+        answer = stand.robot.call(ChangeState, f"{node}/change_state", request)
+        if not answer.success:
+            raise Failed(f"{node} refused the transition")
+
+    return act

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an operator, a patient and the computer itself do."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from screw_module_msgs.msg import EndpointSetpoint
+from screw_module_msgs.srv import SetFixture
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.control.modes import MODE_NAMES
+
+from ..support.robot import arm
+from .acts import both, called, cured, fault, published, refused, repeated, switched
+from .row import EITHER, GOES_ON, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
+from .stand import HOME, SPRING
+
+_AT_ONCE, _FOLLOWS = 8, 8
+_ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
+_RESET = "supervisor/reset, enable"
+_DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
+_BAG_LIMIT = 200_000  # [B]
+
+
+def rows() -> Iterator[Row]:
+    """Operator, patient, machine."""
+    for mode in MODE_NAMES:
+        yield _stops(
+            f"estop-{MODE_NAMES[mode].lower()}", "emergency stop", called("supervisor/estop"),
+            "supervisor", _ESTOP, _RESET,
+        )._replace(mode=mode, representative=mode == 4)  # fmt: skip
+    yield from _operator()
+    yield from _patient()
+    yield from _machine()
+
+
+def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str) -> Row:
+    return Row(
+        name=name, group="operator", fault=text, inject=act, alarm=alarm, way_back=way_back,
+        noticed_by=who, within=_AT_ONCE, plane_within=_AT_ONCE + _FOLLOWS,
+    )  # fmt: skip
+
+
+def _goes_on(name: str, text: str, act: Act, who: str, back: Act = nothing) -> Row:
+    return Row(
+        name=name, group="operator", fault=text, inject=act, back=back, alarm=None,
+        way_back="none is needed", noticed_by=who, safe=GOES_ON, watch=0.5,
+    )  # fmt: skip
+
+
+def _operator() -> Iterator[Row]:
+    estop, reset = called("supervisor/estop"), called("supervisor/reset")
+    yield _stops("estop-pressed-often", "emergency stop, 20 times", repeated(estop, 20),
+                 "supervisor", _ESTOP, _RESET)  # fmt: skip
+    yield _stops("estop-reset-at-once", "emergency stop, reset while still stopping",
+                 both(estop, reset), "supervisor", _ESTOP, "enable")  # fmt: skip
+    yield _stops("estop-enable-without-reset", "enable after an emergency stop, without reset",
+                 both(estop, refused("amplifier/enable", SetBool, "emergency", data=True),
+                      refused("manus/enable", SetBool, "emergency", data=True)),
+                 "amplifier, manus refuse", _ESTOP, _RESET)  # fmt: skip
+    yield _stops("reset-while-cause-persists", "cable out, reset again and again",
+                 both(fault("encoder", "cable_out"), _until_latched,
+                      repeated(refused("supervisor/reset", said=""), 10)),
+                 "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
+                 "plug it in; reset, enable")._replace(
+        back=cured("encoder"), within=14, plane_within=22)  # fmt: skip
+    yield _goes_on("reset-while-enabled", "reset while a drive is enabled",
+                   repeated(refused("supervisor/reset", said="still enabled"), 5),
+                   "supervisor refuses")  # fmt: skip
+    yield _goes_on("enable-again", "enable while enabled, 20 times",
+                   repeated(both(switched("amplifier/enable", True),
+                                 switched("manus/enable", True)), 10),
+                   "amplifier, manus: nothing changes")  # fmt: skip
+    yield _goes_on("home-while-moving", "encoder/home in motion", _home_in_motion,
+                   "encoder refuses, or the origin moves in small steps")._replace(
+        safe=EITHER, within=20, plane_within=30, way_back="encoder/home at the mark, reset, enable",
+        back=_home_again)  # fmt: skip
+    yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
+                   refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
+    yield Row(
+        name="lock-vertical", group="operator", fault="supervisor/lock_vertical in motion",
+        inject=switched("supervisor/lock_vertical", True),
+        back=switched("supervisor/lock_vertical", False), alarm=None,
+        way_back="lock_vertical off, amplifier/enable", noticed_by="supervisor",
+        within=_AT_ONCE, plane_within=0, safe=VERTICAL_OFF,
+    )  # fmt: skip
+    yield _stops("disable", "both drives disabled by their services, in motion",
+                 both(switched("amplifier/enable", False), switched("manus/enable", False)),
+                 "amplifier, manus", None, "enable")  # fmt: skip
+
+
+def _until_latched(stand) -> None:
+    stand.until(lambda: {"amplifier", "manus"} <= stand.heard.ever_disabled(), 3.0)
+    stand.until(lambda: any("encoder" in r for r in stand.heard.reasons()), 3.0)
+    stand.robot.pause(0.6)  # until the encoder counts as lost, not only as late
+
+
+def _home_in_motion(stand) -> None:
+    for _ in range(3):
+        stand.robot.call(Trigger, "encoder/home")
+
+
+def _home_again(stand) -> None:
+    """Give the encoder its true origin again."""
+    for node in ("amplifier", "manus"):
+        stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
+    stand.place(HOME)
+    stand.robot.trigger("encoder/home")
+
+
+def _patient() -> Iterator[Row]:
+    yield Row(
+        name="end-stop-full-speed", group="operator",
+        fault="the patient throws the handle against the upper end stop",
+        inject=_throw(0.5), alarm=None, way_back="reset, enable",
+        noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
+        safe=EITHER, watch=1.0,
+    )  # fmt: skip
+    yield Row(
+        name="end-stop-bottom", group="operator",
+        fault="the patient throws the handle against the lower end stop",
+        inject=_throw(-0.3), alarm=None, way_back="reset, enable",
+        noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
+        safe=EITHER, watch=1.0, mode=3,
+    )  # fmt: skip
+    for mode in (1, 3, 4):
+        yield _goes_on(f"patient-lets-go-{MODE_NAMES[mode].lower()}",
+                       "the patient lets go of the handle", _fixture("free"),
+                       "nobody: forces stay within their limits",
+                       _fixture("human_arm"))._replace(mode=mode, watch=1.0)  # fmt: skip
+    yield Row(
+        name="pin-in-while-enabled", group="operator", fault="the lock pin goes in in motion",
+        inject=_pin(True), back=_pin(False), alarm=None, way_back="pin out, reset, enable",
+        noticed_by="nobody, or impedance_controller by the jolt", within=20, plane_within=30,
+        safe=EITHER, watch=1.0,
+    )  # fmt: skip
+    yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls", _tare_loaded,
+                   "force_sensor refuses a loaded handle")  # fmt: skip
+
+
+def _throw(height: float) -> Act:
+    def act(stand) -> None:
+        stand.robot.set_arm(
+            arm((0.0, 0.0, height), 0.1, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
+        )
+
+    return act
+
+
+def _fixture(name: str) -> Act:
+    return lambda stand: stand.robot.set_fixture(name)
+
+
+def _pin(locked: bool) -> Act:
+    def act(stand) -> None:
+        request = SetFixture.Request(fixture="", position=float("nan"), locked=locked)
+        stand.robot.ask(SetFixture, "sim_rig/set_fixture", request)
+
+    return act
+
+
+def _tare_loaded(stand) -> None:
+    stand.robot.set_arm(
+        arm((0.0, 0.0, HOME + 0.1), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
+    )
+    stand.robot.pause(0.5)
+    refused("force_sensor/tare")(stand)
+
+
+def _machine() -> Iterator[Row]:
+    yield _goes_on("disk-full-while-recording", "the disk is full while recording", _disk_full,
+                   "session_recorder", _disk_again)._replace(
+        group="machine", alarm=Alarm("session_recorder", "."), way_back="make room, start again",
+        watch=1.0)  # fmt: skip
+    yield _goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
+                   _delete_bag, "session_recorder, at the latest when it stops",
+                   _disk_again)._replace(group="machine", watch=1.0)  # fmt: skip
+    yield _goes_on("clock-jump", "samples and set points with stamps of another year",
+                   both(_stamped(4_000_000_000), _stamped(1)),
+                   "nobody: only CLOCK_MONOTONIC counts")._replace(group="machine")  # fmt: skip
+    yield Row(
+        name="bring-up-in-reverse", group="machine",
+        fault="all nodes but the rig stopped in motion, started again in the wrong order",
+        inject=_stop_all, back=_start_in_reverse, alarm=None,
+        way_back="home, clear_fault, reset, enable", noticed_by="all of them", within=60,
+        plane_within=60, watch=1.0,
+    )  # fmt: skip
+
+
+def _recording(stand) -> Path:
+    if stand.robot.said("session_recorder") == "nothing":
+        raise Failed("no recorder")
+    return stand.robot.start_recording()
+
+
+def _disk_full(stand) -> None:
+    _recording(stand)
+    stand.robot.pause(0.3)
+    _limit_files(stand, _BAG_LIMIT)
+
+
+def _limit_files(stand, size: int) -> None:
+    resource.prlimit(
+        stand.graph.pid("session_recorder"), resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY)
+    )
+
+
+def _disk_again(stand) -> None:
+    """There is room again: stop what was recorded, and a new recording works."""
+    _limit_files(stand, resource.RLIM_INFINITY)
+    called("session_recorder/stop")(stand)
+    folder = _recording(stand)
+    stand.robot.pause(0.3)
+    stand.robot.stop_recording()
+    shutil.rmtree(folder)
+
+
+def _delete_bag(stand) -> None:
+    shutil.rmtree(_recording(stand))
+
+
+def _stamped(second: int) -> Act:
+    """Set points that are right but for their stamp."""
+    x, y, z, *_ = SPRING
+    return published(
+        EndpointSetpoint, "setpoint", 20, 0.005, header__stamp__sec=second,
+        position__x=x, position__y=y, position__z=z,
+    )  # fmt: skip
+
+
+def _stop_all(stand) -> None:
+    for node in ("supervisor", *_DRIVERS):
+        stand.terminate(node)
+
+
+def _start_in_reverse(stand) -> None:
+    for node in (*reversed(_DRIVERS), "supervisor"):
+        stand.restart(node)
+
+

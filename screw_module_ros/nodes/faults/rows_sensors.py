@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What encoder and force sensor can say that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from screw_module_ros.control.watch import FORCE_FAULT_BITS
+
+from .acts import both, cured, fault, rehomed
+from .row import EITHER, GOES_ON, OFF, Alarm, Row, nothing
+from .ticks import STALE
+
+_FOLLOWS = 8
+_AT_ONCE, _SILENT, _APART = 8, STALE + 7, 45
+"""Samples until noticed: by the sample itself; by its absence; against the drive's own position,
+which takes until the patient's hand has moved by more than their tolerance."""
+_UNHOMED = "mend it; encoder/home at the reference mark, reset, enable"
+_TARE = "mend it; let go of the handle, force_sensor/tare, reset, enable"
+_NOT_NEEDED = "none is needed"
+_ENCODER = Alarm("impedance_controller", "encoder", "encoder")
+
+# name, value, text, safe, within, alarm, way back
+_ENCODER_FAULTS = (
+    ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, "reset, enable"),
+    ("jump", 2e5, "position jumps by ten turns", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
+    ("jump", 5e3, "position jumps by a quarter turn", OFF, 25, _ENCODER, _UNHOMED),
+    ("spike", 2e5, "one position is wrong by ten turns", OFF, _AT_ONCE, _ENCODER, "reset, enable"),
+    ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
+    ("noise", 1e5, "position is noisy by 95 mm", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
+    ("index_lost", 0, "index pulse lost (alarm, EMCY 7305)", OFF, _SILENT,
+     Alarm("encoder", "7305|index", "encoder"), _UNHOMED),
+    ("position_error", 0, "position error (alarm, EMCY 7300)", OFF, _SILENT,
+     Alarm("encoder", "7300|position", "encoder"), _UNHOMED),
+    ("reset", 0, "restarts in mid-run", OFF, _SILENT, Alarm("encoder", "restarted", "encoder"),
+     _UNHOMED),
+    ("power_off", 0, "loses its supply, later back", OFF, _SILENT,
+     Alarm("encoder", "restarted", "encoder"), _UNHOMED),
+    ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, _SILENT,
+     Alarm("encoder", "3100", "encoder"), _UNHOMED),
+    ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, "reset, enable"),
+    ("heartbeat_lost", 0, "its heartbeat stops, all else goes on", GOES_ON, 0, None, _NOT_NEEDED),
+    ("sdo_silent", 0, "it does not answer SDO requests", GOES_ON, 0, None, _NOT_NEEDED),
+)  # fmt: skip
+_FORCE = Alarm("impedance_controller", "force sensor", "force")
+_FORCE_FAULTS = (
+    ("bias", 10, "off by 10 N", GOES_ON, 0, None, _TARE),
+    ("bias", 250, "off by 250 N", OFF, _AT_ONCE,
+     Alarm("impedance_controller", "on the handle, more than", "on the handle"), "reset, enable"),
+    ("drift", 5, "drifts by 5 N/s", GOES_ON, 0, None, _TARE),
+    ("noise", 500, "gauges noisy by 500 counts", EITHER, _AT_ONCE, None, "reset, enable"),
+    ("freeze", 0, "gauges stand still", GOES_ON, 0, None, _NOT_NEEDED),
+    ("half", 0, "the second frame of each sample is missing", OFF, _SILENT, _FORCE,
+     "reset, enable"),
+    ("reset", 0, "restarts after its watchdog", EITHER, _SILENT, None, _TARE),
+)  # fmt: skip
+
+
+def rows() -> Iterator[Row]:
+    """Both sensors; the force sensor in the mode that uses it."""
+    for given in _ENCODER_FAULTS:
+        yield _row("encoder", 1, *given)
+    yield _rollover()
+    for given in _FORCE_FAULTS:
+        yield _row("force_sensor", 3, *given)
+    for gauge in range(6):
+        yield _row(
+            "force_sensor", 3, "saturate", gauge, f"gauge {gauge} at its limit", OFF, _SILENT,
+            Alarm("impedance_controller", "force sensor", "force"), _TARE,
+        )  # fmt: skip
+    for bit in range(16):
+        yield _status(bit)
+
+
+def _row(device, mode, name, value, text, safe, within, alarm, way_back) -> Row:
+    stops = safe != GOES_ON
+    return Row(
+        name=f"{device}-{name}" + (f"-{value:g}" if value or name == "saturate" else ""),
+        group=device.replace("_", " "),
+        fault=f"{device}: {text}",
+        inject=fault(device, name, float(value)),
+        back=both(cured(device), rehomed) if way_back == _UNHOMED else cured(device),
+        alarm=alarm,
+        way_back=way_back,
+        noticed_by=_who(alarm, device) if stops else "nobody: it cannot be told from a patient",
+        within=within,
+        plane_within=within + _FOLLOWS if stops else 0,
+        mode=mode,
+        safe=safe,
+        watch=1.0 if safe != OFF else 0.4,
+        representative=(device, name) in {("encoder", "spike"), ("force_sensor", "half")},
+    )
+
+
+def _who(alarm: Alarm | None, device: str) -> str:
+    return alarm.node if alarm else f"{device} or impedance_controller"
+
+
+def _status(bit: int) -> Row:
+    """Each bit of the ATI status word, by itself."""
+    told = FORCE_FAULT_BITS.get(bit)
+    text = f"status bit {bit}: {told}" if told else f"status bit {bit}, which is no fault"
+    alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if told else None
+    safe, within = (OFF, _AT_ONCE) if told else (GOES_ON, 0)
+    row = _row("force_sensor", 3, "status", bit, text, safe, within, alarm, _TARE)
+    return row._replace(
+        name=f"force_sensor-status-{bit}",
+        noticed_by="impedance_controller" if told else "force_sensor counts it",
+    )
+
+
+def _rollover() -> Row:
+    """The counter wraps while the patient moves the handle across it."""
+    row = _row(
+        "encoder", 1, "rollover", 0, "counter wraps at 2^32 in motion", GOES_ON, 0, None,
+        _NOT_NEEDED,
+    )  # fmt: skip
+    return row._replace(
+        prepare=fault("encoder", "near_rollover", 2000.0),
+        inject=nothing,
+        noticed_by="nobody: the driver unwraps it",
+        watch=2.5,
+    )

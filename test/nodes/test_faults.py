@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fault catalogue: complete, documented, and in part carried out."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.nodes.bringup import executable_path
+from screw_module_ros.nodes.faults.catalogue import PAGE, all_rows, chosen, page
+from screw_module_ros.nodes.faults.judge import _largest_step, _torque_samples, _vertical
+from screw_module_ros.nodes.faults.listener import Moment
+from screw_module_ros.nodes.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF
+from screw_module_ros.nodes.faults.rows_bus import DEVICES
+from screw_module_ros.nodes.faults.ticks import PERIOD
+from screw_module_ros.nodes.support.graph import GRAPH
+
+ROWS = all_rows()
+NAMES = [row.name for row in ROWS]
+REPOSITORY = Path(__file__).parents[2]
+# Enough to see that real processes are started, harmed, judged and brought back.
+CARRIED_OUT = ("drive-cable_out", "drive-over_temperature", "estop-combined")
+
+
+def test_names_are_unique_and_speak_for_themselves():
+    assert len(set(NAMES)) == len(NAMES)
+    assert all(name == name.strip() and " " not in name for name in NAMES)
+
+
+def test_every_node_is_killed_frozen_and_stopped_in_every_mode():
+    acts = ("killed", "frozen", "stopped")
+    for entry, act, mode in itertools.product(GRAPH, acts, MODE_NAMES.values()):
+        assert f"{entry.executable}-{act}-{mode.lower()}" in NAMES
+
+
+def test_every_mode_has_its_emergency_stop():
+    assert {f"estop-{mode.lower()}" for mode in MODE_NAMES.values()} <= set(NAMES)
+
+
+@pytest.mark.parametrize("fault", ["cable_out", "bus_off", "truncate", "lengthen", "foreign_ids",
+                                   "duplicate", "reorder", "delay-500ms", "flood"])  # fmt: skip
+def test_every_device_has_its_bus_faults(fault):
+    assert {f"{device.name}-{fault}" for device in DEVICES} <= set(NAMES)
+
+
+def test_every_status_bit_of_the_force_sensor():
+    assert {f"force_sensor-status-{bit}" for bit in range(16)} <= set(NAMES)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=NAMES)
+def test_a_row_is_complete(row):
+    """Who notices, what it leads to and the way back are said; a stop has a time and an alarm."""
+    assert row.fault and row.noticed_by and row.way_back
+    assert row.mode in MODE_NAMES
+    assert row.safe in (OFF, VERTICAL_OFF, EITHER, GOES_ON)
+    assert (row.within == 0) == (row.safe == GOES_ON)
+    if row.safe == OFF and row.name not in ("disable", "bring-up-in-reverse"):
+        assert row.alarm is not None and row.alarm.node
+
+
+def test_the_page_is_up_to_date():
+    """Made by `faults --table`."""
+    assert (REPOSITORY / PAGE).read_text() == page()
+
+
+def test_a_selection_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="no group 'nowhere'; there are nodes"):
+        chosen(groups=["nowhere"])
+    with pytest.raises(ValueError, match="no row with 'nothing-like-it'"):
+        chosen(names=["nothing-like-it"])
+
+
+def moments(torques, forces=()):
+    """Return moments half a sample apart."""
+    forces = forces or [0.0] * len(torques)
+    still = {"joints": (0.0, 0.0), "height": 0.0, "speed": 0.0, "plane": (0.0, 0.0)}
+    return [
+        Moment((k + 1) * PERIOD / 2, torque, force=(0.0, 0.0, force), joint_speed=0.0, **still)
+        for k, (torque, force) in enumerate(zip(torques, forces, strict=True))
+    ]
+
+
+def test_torque_that_comes_back_counts_until_its_end():
+    assert _torque_samples(moments([0.1, 0.0, 0.0, 0.1, 0.0]), 0.0, _vertical) == pytest.approx(2.0)
+    assert _torque_samples(moments([0.0, 0.0]), 0.0, _vertical) == 0.0
+
+
+def test_a_step_is_seen_and_a_slope_is_not():
+    """The change within three samples counts, not how far the force goes in the end."""
+    slope = [0.5 * k for k in range(40)]
+    assert _largest_step(moments([0.0] * 40, slope)) == pytest.approx(3.0)
+    step = [0.0] * 20 + [7.0] * 20
+    assert _largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
+
+
+@pytest.mark.timeout(150)
+def test_some_rows_carried_out(tmp_path):
+    """The command itself, on separate processes: rows pass, and their figures are written."""
+    verdicts = tmp_path / "verdicts.json"
+    words = [word for name in CARRIED_OUT for word in ("--row", name)]
+    done = subprocess.run(
+        [executable_path("faults"), "--json", str(verdicts), *words],
+        capture_output=True, text=True, timeout=140, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {one["name"]: one for one in json.loads(verdicts.read_text())}
+    assert set(found) == set(CARRIED_OUT)
+    assert all(one["passed"] and one["reason"] for one in found.values())
