@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo faults bench reproduce test lint shell clean
+.PHONY: help build demo faults bench soak reproduce test lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -25,6 +25,9 @@ faults: build  ## every fault of docs/faults.md, carried out; ARGS="--representa
 
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
 	@tools/run bench $(ARGS)
+
+soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--minutes 60"
+	@tools/run soak $(ARGS)
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)

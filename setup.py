@@ -19,6 +19,7 @@ NODES = (
     "sim_rig",
     "bringup",
     "demo",
+    "soak",
     "characterize",
     "bench",
 )
