@@ -12,7 +12,9 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Callable
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 
 import click
@@ -60,7 +62,8 @@ def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> 
     code = 0
     try:
         if cases:
-            measure_graph(measured, runs, seconds, console)
+            save = partial(write, seconds=seconds, loop=loop, file=file)
+            measure_graph(measured, runs, seconds, console, save)
         if LOOP in wanted:
             loop = measure_loop(runs, console)
     except (KeyboardInterrupt, Interrupted):
@@ -69,35 +72,43 @@ def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> 
     except (AlreadyRunning, OSError) as error:
         console.fail(f"bench did not work: {error}")
         code = 1
-    measured = {case: done for case, done in measured.items() if done}
-    tell(measured, seconds, loop, file, console)
+    write(measured, seconds, loop, file)
+    if done := _done(measured):
+        console.show(timing_table(done), LEGEND, processor_table(done))
+    if loop:
+        console.show(loop_table(loop))
+    console.show(f"As JSON: {file}")
     sys.exit(code)
 
 
-def tell(
-    measured: dict[Case, list[Run]], seconds: float, loop: list[Speed], file: Path, console: Console
+def write(
+    measured: dict[Case, list[Run]], seconds: float, loop: list[Speed], file: Path
 ) -> None:
-    """Show what was measured and write it to `file`; with nothing measured, do nothing."""
-    if not (measured or loop):
-        return
-    if measured:
-        console.show(timing_table(measured), LEGEND, processor_table(measured))
-    if loop:
-        console.show(loop_table(loop))
+    """Write what was measured so far."""
     content = {
         "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "python": platform.python_version(),
         "cores": len(os.sched_getaffinity(0)),
-        **content_of(measured, seconds, loop),
+        **content_of(_done(measured), seconds, loop),
     }
     file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    console.show(f"As JSON: {file}")
+
+
+def _done(measured: dict[Case, list[Run]]) -> dict[Case, list[Run]]:
+    return {case: runs for case, runs in measured.items() if runs}
 
 
 def measure_graph(
-    found: dict[Case, list[Run]], runs: int, seconds: float, console: Console
+    found: dict[Case, list[Run]],
+    runs: int,
+    seconds: float,
+    console: Console,
+    save: Callable[[dict[Case, list[Run]]], None],
 ) -> None:
-    """Add `runs` runs to each case, in turn: a change of the machine's mood meets all of them."""
+    """Add `runs` runs to each case, in turn: a change of the machine's mood meets all of them.
+
+    save: called after each run, so that a long measurement is never lost.
+    """
     with tempfile.TemporaryDirectory(prefix="screw_module_bench-") as folder:
         os.environ.setdefault("ROS_LOG_DIR", folder)
         place = own_place()  # one domain for all runs
@@ -107,6 +118,7 @@ def measure_graph(
                     run = _one_run(case, seconds, f"run {number} of {runs}", console)
                     if run is not None:
                         done.append(run)
+                        save(found)
         finally:
             place.release()
 
