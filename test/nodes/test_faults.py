@@ -60,7 +60,7 @@ def test_a_row_is_complete(row):
     assert row.safe in (OFF, VERTICAL_OFF, EITHER, GOES_ON)
     assert (row.within == 0) == (row.safe == GOES_ON)
     if row.safe == OFF and row.name not in ("disable", "bring-up-in-reverse"):
-        assert row.alarm is not None and row.alarm.node
+        assert row.alarm is not None and (row.alarm.node or row.alarm.reason)
 
 
 def test_the_page_is_up_to_date():

@@ -34,9 +34,9 @@ class Failed(Exception):
 class Alarm(NamedTuple):
     """How the fault is told.
 
-    node: whose diagnostics entry; said: regular expression on its message, empty when the alarm is
-    that its entry no longer comes; reason: regular expression on one of safety_state's reasons,
-    empty when motion stays permitted.
+    node: whose diagnostics entry, empty where it passes too soon for one; said: regular expression
+    on its message, empty when the alarm is that its entry no longer comes; reason: regular
+    expression on one of safety_state's reasons, empty when motion stays permitted.
     """
 
     node: str
@@ -46,8 +46,9 @@ class Alarm(NamedTuple):
     @property
     def text(self) -> str:
         """The alarm for people."""
-        told = f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"
-        return f"{told}; safety_state: “{self.reason}”" if self.reason else told
+        told = [f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"]
+        reason = [f"safety_state: “{self.reason}”"] if self.reason else []
+        return "; ".join((told if self.node else []) + reason)
 
 
 def nothing(stand: Stand) -> None:

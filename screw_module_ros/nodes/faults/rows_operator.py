@@ -57,10 +57,11 @@ def _operator() -> Iterator[Row]:
     yield _stops("estop-pressed-often", "emergency stop, 20 times", repeated(estop, 20),
                  "supervisor", _ESTOP, _RESET)  # fmt: skip
     yield _stops("estop-reset-at-once", "emergency stop, reset while still stopping",
-                 both(estop, reset), "supervisor", _ESTOP, "enable")  # fmt: skip
+                 both(estop, reset), "supervisor", Alarm("", "", "emergency stop"),
+                 "enable")  # fmt: skip
     yield _stops("estop-enable-without-reset", "enable after an emergency stop, without reset",
-                 both(estop, refused("amplifier/enable", SetBool, "emergency", data=True),
-                      refused("manus/enable", SetBool, "emergency", data=True)),
+                 both(estop, refused("amplifier/enable", SetBool, data=True),
+                      refused("manus/enable", SetBool, data=True)),
                  "amplifier, manus refuse", _ESTOP, _RESET)  # fmt: skip
     yield _stops("reset-while-cause-persists", "cable out, reset again and again",
                  both(fault("encoder", "cable_out"), _until_latched,
@@ -165,9 +166,9 @@ def _pin(locked: bool) -> Act:
 
 def _tare_loaded(stand) -> None:
     stand.robot.set_arm(
-        arm((0.0, 0.0, HOME + 0.1), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
+        arm((0.0, 0.0, HOME - 0.2), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
     )
-    stand.robot.pause(0.5)
+    stand.robot.pause(0.6)
     refused("force_sensor/tare")(stand)
 
 

@@ -30,6 +30,7 @@ from .single import AlreadyRunning, Lock, lock_node
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
+_TEARDOWN_S = 7  # bringup becomes impatient after 8
 _IDLE_S = 0.05
 
 OK, WARN, ERROR, STALE = (
