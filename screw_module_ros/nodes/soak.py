@@ -183,9 +183,7 @@ class Soak:
             )
             if now >= change_due:
                 change_due += options.change
-                self._go_on(robot)
-                robot.set_mode(_MODES[self.changes % len(_MODES)])
-                self.changes += 1
+                self._go_on(robot, graph)
             if now >= look_due:
                 look_due += options.every
                 self._look(robot, pids, now)
@@ -207,18 +205,26 @@ class Soak:
         values["session_recorder", "waiting"] = self._waiting
         self.samples.append(report.Sample(now, values))
 
-    def _go_on(self, robot: Robot) -> None:
-        """Put the torque on again where something took it off, and note why."""
+    def _go_on(self, robot: Robot, graph: GraphRun) -> None:
+        """Change the mode; put the torque on again where something took it off, and note why.
+
+        What does not work on a machine that is too busy is tried again next time.
+        """
         try:
+            robot.set_mode(_MODES[self.changes % len(_MODES)])
+            self.changes += 1
             robot.check_enabled()
         except RobotError as error:
-            at = time.monotonic() - self._begun
-            self.stops.append(f"after {at:.0f} s: {error}")
-            self._enable(robot)
+            graph.watch()  # a node that ended is no matter of patience
+            self.stops.append(f"after {time.monotonic() - self._begun:.0f} s: {error}")
+            try:
+                self._enable(robot, attempts=1)
+            except RobotError as again:
+                self.stops.append(f"after {time.monotonic() - self._begun:.0f} s: {again}")
 
-    def _enable(self, robot: Robot) -> None:
+    def _enable(self, robot: Robot, attempts: int = _ATTEMPTS) -> None:
         """Put the torque on; on a machine that is too busy it may take several attempts."""
-        for left in reversed(range(_ATTEMPTS)):
+        for left in reversed(range(attempts)):
             try:
                 robot.clear_faults()
                 robot.permit()
