@@ -69,13 +69,18 @@ class VerticalAxis:
         self._period_ns = period_ns
 
     def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
-        """Act on a force command [N] at once; return whether it was plausible and was written."""
+        """Act on a force command [N] at once; return whether it was plausible and new.
+
+        A zero is written in any case: nobody who asks for less has to be in order.
+        """
         accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
         if self._watch.fault and not self.drives.fault:
             self.drives.fault = self._watch.fault
             self._watch.reset()
         if accepted:
             self._write(force, now_ns)
+        elif force == 0.0:  # a controller that stops repeats the sample it last answered
+            self._write(0.0, now_ns)
         return accepted
 
     def idle(self, now_ns: int) -> None:

@@ -145,6 +145,21 @@ def test_silent_controller(enabled):
     assert enabled.enable() == ""
 
 
+def test_a_repeated_zero_is_obeyed_at_once(enabled):
+    """The last zero of a controller that stops bears the number of its last sample."""
+    enabled.setpoint = (enabled.home + 0.03, 0.0)
+    rows = enabled.seconds(1.0)
+    assert abs(rows[-1].torque) > 1e-3
+    enabled.commanding = False
+    last = enabled.now_ns - 1_000_000
+    assert not enabled.axis.command(enabled._sequence - 1, last, 0.0, enabled.now_ns)
+    assert enabled.axis.last.command == 0.0
+    enabled.axis.idle(enabled.now_ns + 3_000_000)
+    assert enabled.axis.last.command == 0.0, "the force before does not come back"
+    assert not enabled.axis.command(enabled._sequence - 1, last, 5.0, enabled.now_ns)
+    assert enabled.axis.last.command == 0.0, "any other repeated force is not acted upon"
+
+
 def test_drive_fault_recovers_on_request_only(enabled):
     """clear_fault leads back to switched on, enable is a separate act; no step in force."""
     enabled.rig.inject("drive", "fault", 0.0, 0.0, enabled.now_ns)
