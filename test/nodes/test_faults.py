@@ -96,6 +96,8 @@ def test_a_step_is_seen_and_a_slope_is_not():
     assert _largest_step(moments([0.0] * 40, slope)) == pytest.approx(3.0)
     step = [0.0] * 20 + [7.0] * 20
     assert _largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
+    knock = [0.0] * 20 + [9.0] + [0.0] * 20
+    assert _largest_step(moments([0.0] * 41, knock)) == 0.0
 
 
 @pytest.mark.timeout(150)

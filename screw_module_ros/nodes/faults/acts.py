@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import reduce
 from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
@@ -94,8 +95,8 @@ def published(
             message.monotonic_ns = now
             message.sequence = (now // _PERIOD_NS + 1) & 0xFFFFFFFF
         for name, value in fields.items():
-            owner, _, last = name.rpartition("__")
-            setattr(getattr(message, owner) if owner else message, last, value)
+            *owners, last = name.split("__")
+            setattr(reduce(getattr, owners, message), last, value)
         return message
 
     def act(stand) -> float:

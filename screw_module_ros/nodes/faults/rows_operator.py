@@ -23,6 +23,7 @@ _AT_ONCE, _FOLLOWS = 8, 8
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
 _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
+_STIFF = 400.0  # [N/m]
 _BAG_LIMIT = 200_000  # [B]
 
 
@@ -139,8 +140,8 @@ def _patient() -> Iterator[Row]:
         noticed_by="nobody, or impedance_controller by the jolt", within=20, plane_within=30,
         safe=EITHER, watch=1.0,
     )  # fmt: skip
-    yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls", _tare_loaded,
-                   "force_sensor refuses a loaded handle")  # fmt: skip
+    yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls",
+                   _tare_loaded, "force_sensor refuses a loaded handle", lambda stand: stand.configure())  # fmt: skip
 
 
 def _throw(height: float) -> Act:
@@ -165,10 +166,11 @@ def _pin(locked: bool) -> Act:
 
 
 def _tare_loaded(stand) -> None:
+    stand.robot.set_impedance(_STIFF, 0.0)
     stand.robot.set_arm(
         arm((0.0, 0.0, HOME - 0.2), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
     )
-    stand.robot.pause(0.6)
+    stand.robot.pause(1.5)
     refused("force_sensor/tare")(stand)
 
 
