@@ -153,10 +153,7 @@ class Soak:
                     seconds = self._options.seconds
                     with console.progress(f"working for {seconds:g} s", seconds) as passed:
                         self._work(robot, graph, passed)
-                    with console.step("torque off, recording closed"):
-                        robot.enable_plane(False)
-                        robot.enable(False)
-                        robot.stop_recording()
+                    self._finish(robot, graph)
             finally:
                 with console.step("stopping all nodes"):
                     graph.stop()
@@ -169,6 +166,17 @@ class Soak:
         except RobotError:
             graph.watch()  # a node that ended is no matter of patience
             self._enable(robot)
+
+    def _finish(self, robot: Robot, graph: GraphRun) -> None:
+        """Torque off, bag closed; nodes that do not answer in time do both when they are ended."""
+        with self._console.step("torque off, recording closed"):
+            try:
+                robot.stop_recording()
+                robot.enable_plane(False)
+                robot.enable(False)
+            except RobotError as error:
+                graph.watch()
+                self.stops.append(f"at the end: {error}")
 
     def _work(self, robot: Robot, graph: GraphRun, passed) -> None:
         robot.set_arm(arm(target=(0.0, 0.0, SPRING.centre), duration=1.0,

@@ -131,14 +131,17 @@ def verdicts(
     messages = sum(count.messages for count in counts)
     missed = sum(max(0, count.missed) for count in counts)
     dropped = sum(count.dropped for count in counts)
-    lost = sum(count.lost for count in counts)
+    # Gaps in the tick numbers that the recorder made are its own and counted above.
+    skipped = {n: c.lost - max(0, c.missed) for n, c in audit.topics.items()}
+    skipped = {name: number for name, number in skipped.items() if number > 0}
+    lost = sum(skipped.values())
     told = f"its own word: {recorder.get('missed', 0)} and {recorder.get('dropped', 0)}"
     lines.append(
         Line("recorder lost nothing", not missed + dropped,
              f"of {messages} messages {missed} not received, {dropped} not written ({told})")
     )  # fmt: skip
-    share = lost / messages if messages else 0.0
-    where = ", ".join(f"{name} {c.lost}" for name, c in audit.topics.items() if c.lost)
+    share = lost / (messages + missed + lost) if lost else 0.0
+    where = ", ".join(f"{name} {number}" for name, number in skipped.items())
     text = f"{lost} tick numbers ({share:.3%}) were skipped by the robot" if lost else "0 skipped"
     lines.append(Line("zero lost samples", not lost, f"{text}{': ' if where else ''}{where}"))
     other = [p for p in audit.problems if not _only_lost(p)]

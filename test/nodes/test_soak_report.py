@@ -94,6 +94,7 @@ def test_too_few_samples_make_no_trend():
         ({"missed": 3}, ["recorder lost nothing"]),
         ({"dropped": 1}, ["recorder lost nothing"]),
         ({"lost": 2, "gaps": 1}, ["zero lost samples"]),
+        ({"missed": 3, "lost": 3, "gaps": 1}, ["recorder lost nothing"]),
         ({"missed": -1}, []),  # two publishers: unknown
     ],
 )

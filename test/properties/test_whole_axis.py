@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controller, gate, driver and the simulated rig in one loop, with the rig's faults at any time."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future
+
+from anything import fixed, near
+from bench import Bench
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
+
+from screw_module_ros.axes.vertical import ForceLimits
+from screw_module_ros.control.gate import CLOSED, OPEN
+from screw_module_ros.control.linearization import default_linearization, torque_command
+from screw_module_ros.geometry import force_to_torque
+
+LARGEST = torque_command(default_linearization(), force_to_torque(max(ForceLimits()))) + 0.001
+FORCE_STEP = 2.0 + 1e-9  # [N] a tick, the law's rate limit at 1 kHz
+FAULTS = st.sampled_from(
+    (
+        ("encoder", "freeze", 0.0), ("encoder", "jump", 0.0), ("encoder", "cable_out", 0.0),
+        ("force_sensor", "saturate", 0.0), ("force_sensor", "status", 5.0),
+        ("force_sensor", "cable_out", 0.0), ("drive", "fault", 0.0), ("drive", "cable_out", 0.0),
+    )
+)  # fmt: skip
+
+
+class WholeAxis(RuleBasedStateMachine):
+    """An operator, a game and bad luck, each doing anything; every tick is judged."""
+
+    @initialize(mode=st.integers(1, 4))
+    def begin(self, mode):
+        self.bench = Bench()
+        self.bench.ready()
+        self.bench.rows.clear()
+        self.asked = False
+        self.force = 0.0
+        self.open_ticks = 0
+        self.bench.controller.mode = mode
+        self.bench.setpoint = (0.3, 0.0)
+        self.bring_up()
+        assert self.bench.torque_passes
+
+    def teardown(self):
+        if hasattr(self, "bench"):
+            self.bench.close()
+
+    @rule(count=st.integers(1, 60))
+    def work(self, count):
+        bench = self.bench
+        for _ in range(count):
+            bench.tick()
+            self.judge(bench.rows[-1])
+
+    def judge(self, row) -> None:
+        drives = self.bench.axis.drives
+        assert math.isfinite(row.torque) and math.isfinite(row.force)
+        assert row.force == 0.0 or abs(row.force - self.force) <= 20 * FORCE_STEP
+        self.force = row.force
+        self.open_ticks = self.open_ticks + 1 if drives.gate.phase == OPEN else 0
+        ramp = min(1.0, self.open_ticks / 500.0)
+        assert abs(row.torque) <= ramp * LARGEST + 0.001
+        if not (self.asked and self.bench.permitted and drives.gate.phase == OPEN):
+            assert row.torque == 0.0
+        if self.bench.controller.faulted:
+            assert self.bench.controller.output.force == 0.0
+        if drives.gate.phase == CLOSED and drives._asked.empty():
+            self.asked = False
+
+    @rule(mode=st.integers(0, 4), setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)))
+    def play(self, mode, setpoint):
+        self.bench.controller.mode, self.bench.setpoint = mode, setpoint
+        self.work(40)
+
+    @rule(fault=FAULTS)
+    def bad_luck(self, fault):
+        device, name, value = fault
+        self.bench.rig.inject(device, name, value, 0.0, self.bench.now_ns)
+        self.work(60)
+
+    @rule(permitted=st.booleans())
+    def supervisor(self, permitted):
+        self.bench.permitted = permitted
+        self.work(5)
+
+    @rule()
+    def mend(self):
+        """Take every fault away; nothing may come back by that alone."""
+        asked = self.asked
+        for device in ("encoder", "force_sensor", "drive"):
+            self.bench.rig.inject(device, "clear", 0.0, 0.0, self.bench.now_ns)
+        self.work(60)
+        assert asked or not self.bench.torque_passes
+
+    @rule()
+    def bring_up(self):
+        """All an operator would do, in order."""
+        bench = self.bench
+        self.mend()
+        bench.permitted = True
+        if bench.drive.fault:
+            bench.drive.clear_fault()
+        self.work(150)
+        bench.controller.reset(bench.now_ns)
+        for action in (bench.axis.drives._clear, bench.axis.drives._open):
+            bench.axis.drives._asked.put((action, Future()))
+            self.asked = self.asked or action == bench.axis.drives._open
+            self.work(10)
+        self.work(100)
+
+    @rule()
+    def disable(self):
+        self.bench.axis.drives._asked.put((self.bench.axis.drives._disable, Future()))
+        self.asked = False
+        self.work(5)
+
+
+TestWholeAxis = WholeAxis.TestCase
+TestWholeAxis.settings = fixed(5, 12)
