@@ -10,12 +10,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 import uuid
 from pathlib import Path
 
 import isolation
 import leftovers
 
+LEAVE_S = 3.0
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -42,7 +44,13 @@ def run(command: list[str], env: dict[str, str]) -> int:
 
 
 def clean_up(watch: leftovers.Watch) -> bool:
-    """Remove what the run left behind, saying what it was; return whether there was nothing."""
+    """Remove what the run left behind, saying what it was; return whether there was nothing.
+
+    A process that ends by itself once pytest has ended, as that of multiprocessing does, may do so.
+    """
+    patience = time.monotonic() + LEAVE_S
+    while watch.processes() and time.monotonic() < patience:
+        time.sleep(0.1)
     processes, files = watch.processes(), watch.files()
     for pid, command in processes.items():
         print(f"left running, killed now: {pid} {command}", file=sys.stderr)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import time
 
 import pytest
 from lifecycle_msgs.msg import State, Transition
@@ -156,7 +157,24 @@ def test_somebody_else_may_command_while_the_controller_is_off(robot):
         robot.node.destroy_publisher(publisher)
         change(robot, Transition.TRANSITION_CONFIGURE)
         change(robot, Transition.TRANSITION_ACTIVATE)
+    wait_until_heard_again(robot)
     robot.pull()
+
+
+def wait_until_heard_again(robot: Robot) -> None:
+    """Wait for a state of the controller, and then for a permission given after it."""
+    newest = {ImpedanceState: 0, SafetyState: 0}
+
+    def newer(kind: type, than: int) -> bool:
+        state = robot.state(kind)
+        if state is not None:
+            newest[kind] = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
+        return newest[kind] > than
+
+    begun = time.time_ns()
+    robot.wait_until(lambda: newer(ImpedanceState, begun), 10.0, "the controller is silent")
+    heard = newest[ImpedanceState] + 100_000_000
+    robot.wait_until(lambda: newer(SafetyState, heard), 10.0, "the supervisor is silent")
 
 
 def change(robot: Robot, transition: int) -> None:
