@@ -25,7 +25,7 @@ class Stream:
         self.monotonic_ns = 0
         self.fault = ""
         self._period_ns = period_ns
-        self._sequence = 0
+        self._sequence: int | None = None
         self._repeats = 0.0
 
     def accept(self, sequence: int, monotonic_ns: int, now_ns: int) -> bool:
@@ -34,8 +34,10 @@ class Stream:
             # It would look fresh for ever.
             self.fault = self.fault or f"{self.name}: a sample is stamped in the future"
             return False
+        known = self._sequence
         if self.seen and (
-            sequence_gap(self._sequence, sequence) < 0 or monotonic_ns <= self.monotonic_ns
+            monotonic_ns <= self.monotonic_ns
+            or (known is not None and sequence_gap(known, sequence) < 0)
         ):
             self._repeats += 1.0
             if self._repeats >= _REPEATS_OF_TWO_SENDERS:
@@ -54,6 +56,10 @@ class Stream:
             self.fault = self.fault or f"{self.name}: no sample for {age_ns / 1e6:.1f} ms"
 
     def reset(self) -> None:
-        """Forget the fault; the newest sample stays the newest."""
+        """Forget the fault and the numbers: they may have been a foreign sender's.
+
+        The newest sample stays the newest.
+        """
         self.fault = ""
+        self._sequence = None
         self._repeats = 0.0

@@ -48,13 +48,14 @@ class DeadlineMeter:
     def tick(self, sequence: int, acquired_ns: int, done_ns: int) -> None:
         """Count one tick: its number, when it was acquired and when its command was out [ns].
 
-        A number that was counted before, or an older one, is ignored.
+        A number that was counted before, or an older one, is ignored, unless it was acquired later:
+        then the numbers had been a foreign sender's, and counting begins anew.
         """
         if self._sequence is not None:
             gap = sequence_gap(self._sequence, sequence)
-            if gap < 0:
+            if gap < 0 and acquired_ns <= self._acquired_ns:
                 return
-            if gap:
+            if gap > 0:
                 self.lost += gap
                 self.consecutive_missed += gap
                 for _ in range(min(gap, SUCCESS_WINDOW)):

@@ -34,6 +34,7 @@ from .support.driver import DriverNode, RateSettings, device_values
 from .support.realtime import Inbox, Tick
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
+from .support.senders import Senders
 from .support.timing_report import broken_contract, latency_values, timing_values
 
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
@@ -99,6 +100,7 @@ class AmplifierNode(DriverNode):
             ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
         )
         self._take_safety = self._inbox.subscribe(SafetyState, "safety_state", qos.PERMISSION)
+        self._supervisors = Senders(self, "safety_state")
         self._publisher = self.create_publisher(
             AmplifierState, "screw/amplifier_state", qos.STATE
         )
@@ -147,6 +149,7 @@ class AmplifierNode(DriverNode):
         if self._inbox is not None:
             self._inbox.close()
             self._inbox = None
+            self._supervisors.close()
             self.destroy_publisher(self._publisher)
         self._drive = None
         self.close_port()
@@ -214,6 +217,8 @@ class AmplifierNode(DriverNode):
         for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             self._axis.drives.permit(safety.vertical_permitted, reason, now)
+        if self._supervisors.many:
+            self._axis.drives.permit(False, self._supervisors.told, now)
         missed = self._meter.missed_in_a_row(now)
         drives = self._axis.drives
         if drives.enabled and missed >= self._missed_limit and not drives.fault:

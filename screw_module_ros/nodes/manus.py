@@ -28,6 +28,7 @@ from .support.freshness import Newest
 from .support.realtime import Inbox
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
+from .support.senders import Senders
 
 JOINTS = ("shoulder", "elbow")
 _NOWHERE = (math.nan, math.nan, 0.0, 0.0)
@@ -118,6 +119,7 @@ class ManusNode(DriverNode):
         )
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
         self._take_safety = take(SafetyState, "safety_state", qos.PERMISSION)
+        self._supervisors = Senders(self, "safety_state")
         self._publisher = self.create_publisher(PlanarState, "manus/state", qos.STATE)
 
     def begin(self) -> None:
@@ -140,6 +142,7 @@ class ManusNode(DriverNode):
         if self._inbox is not None:
             self._inbox.close()
             self._inbox = None
+            self._supervisors.close()
             self.destroy_publisher(self._publisher)
         self._axes = None
         self.close_port()
@@ -183,6 +186,8 @@ class ManusNode(DriverNode):
         for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(safety.planar_permitted, reason, now)
+        if self._supervisors.many:
+            drives.permit(False, self._supervisors.told, now)
         force = self._force.fresh(now)
         if force is not None and not math.hypot(force.fx, force.fy) <= self._own.handle_force_limit:
             drives.fault = drives.fault or (

@@ -55,3 +55,14 @@ def test_a_stamp_from_the_future_does_not_look_fresh_for_ever(watch):
     assert not send(watch, 5, stamp_ns=2**62)
     assert watch.newest_ns == 0
     assert "future" in watch.fault
+
+
+def test_a_number_from_the_future_blocks_nobody_for_ever(watch):
+    """A foreign sender's tick numbers go with the fault: the true commands are heard again."""
+    assert send(watch, 100)
+    assert watch.accept(1_000_100, 101 * PERIOD_NS, 10.0, 101 * PERIOD_NS)
+    assert not any(send(watch, tick) for tick in range(102, 110))
+    assert "second node" in watch.fault
+    watch.reset()
+    assert all(send(watch, tick) for tick in range(110, 120))
+    assert not watch.fault

@@ -64,6 +64,15 @@ def test_repeated_and_older_ticks_are_ignored():
     assert (meter.samples, meter.late, meter.lost) == (2, 0, 0)
 
 
+def test_numbers_of_a_foreign_sender_are_left_behind():
+    """Ticks acquired later count, whatever somebody's number from the future was."""
+    meter = run([100, 100])
+    meter.tick(1_000_000, 2 * PERIOD_NS, 2 * PERIOD_NS)
+    samples, lost = meter.samples, meter.lost
+    meter.tick(3, 3 * PERIOD_NS, 3 * PERIOD_NS + 100)
+    assert (meter.samples, meter.lost, meter.consecutive_missed) == (samples + 1, lost, 0)
+
+
 def test_the_number_wraps():
     meter = DeadlineMeter(PERIOD_NS)
     meter.tick(2**32 - 1, 0, 0)

@@ -107,8 +107,8 @@ processes against the simulated rig, the patient moving the handle. A row passes
 - the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
 - after the cause has gone nothing comes back by itself,
 - the way back leads to operation without restarting the graph, and
-- the patient's resting hand feels no step above 5 N on the way: no change by more within three
-  samples (a knock of 5 ms in the play between nut and handle is none).
+- the patient's resting hand feels no step above 5 N on the way: no change by more within 25
+  ms (a knock of 5 ms in the play between nut and handle is none).
 
 Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
 the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults; limits

@@ -19,8 +19,8 @@ from .stand import Stand
 from .ticks import PERIOD
 
 LARGEST_STEP = 5.0
-"""Change of the force on the resting hand within `STEP_SAMPLES` [N]."""
-STEP_SAMPLES = 3
+"""Change of the force on the resting hand within `STEP_S` [N]."""
+STEP_S = 0.025
 ROW_S = 75.0
 _ALARM_S = 8.0
 _SILENT_S = 2.5
@@ -196,7 +196,7 @@ def _check_it_goes_on(stand: Stand, row: Row, begin: float, facts: dict) -> None
 
 
 def _largest_step(moments: Sequence[Moment]) -> float:
-    """Return the largest change of a component of the patient's force within STEP_SAMPLES [N].
+    """Return the largest change of a component of the patient's force within STEP_S [N].
 
     A knock in the play between nut and handle, of 5 ms, is none: the median of three counts.
     """
@@ -204,7 +204,7 @@ def _largest_step(moments: Sequence[Moment]) -> float:
     times = [moment.time for moment in moments[1:-1]]
     forces = [_median(three) for three in zip(moments, moments[1:], moments[2:], strict=False)]
     for time_now, force in zip(times, forces, strict=True):
-        while times[first] < time_now - STEP_SAMPLES * PERIOD * 1.01:
+        while times[first] < time_now - STEP_S * 1.01:
             first += 1
         pairs = zip(forces[first], force, strict=True)
         largest = max(largest, *(abs(b - a) for a, b in pairs))

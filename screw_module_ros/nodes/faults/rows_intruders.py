@@ -17,7 +17,7 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, called, published, refused
+from .acts import both, called, published
 from .row import EITHER, GOES_ON, OFF, Act, Alarm, Failed, Row, nothing
 from .stand import SPRING
 
@@ -60,7 +60,7 @@ def _twins() -> Iterator[Row]:
     yield _row("two-supervisors", "emergency stop, while a second supervisor permits motion",
                both(_permits, called("supervisor/estop"), _enable_in_vain),
                "amplifier, manus: two nodes publish safety_state",
-               Alarm("amplifier", "publish safety_state", "emergency stop"),
+               Alarm("supervisor", "emergency stop", "emergency stop"),
                "stop it; clear_fault, reset, enable", within=_AT_ONCE + 8)  # fmt: skip
     yield _row("two-games", "two games with contradictory set points, 1000 a second",
                _second_game, "controller and manus: speed and acceleration are limited", None,
@@ -186,8 +186,9 @@ def _storms() -> Iterator[Row]:
                "lifecycle activate; clear_fault, reset, enable",
                _transition("amplifier", Transition.TRANSITION_ACTIVATE), within=32)  # fmt: skip
     yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
-               both(refused("force_sensor/tare"), called("force_sensor/untare")),
-               "force_sensor refuses", None, "none is needed", safe=GOES_ON)  # fmt: skip
+               both(called("force_sensor/tare"), called("force_sensor/untare")),
+               "force_sensor refuses a load or an uneasy force", None, "none is needed",
+               safe=GOES_ON)  # fmt: skip
 
 
 def _storm(calls: list[tuple]) -> Act:

@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from screw_module_ros.control.modes import MODE_NAMES
 
 from ..support.robot import arm
-from .acts import both, called, cured, fault, published, refused, repeated, switched
+from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
 from .row import EITHER, GOES_ON, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
 from .stand import HOME, SPRING
 
@@ -110,8 +110,7 @@ def _home_again(stand) -> None:
     """Give the encoder its true origin again."""
     for node in ("amplifier", "manus"):
         stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
-    stand.place(HOME)
-    stand.robot.trigger("encoder/home")
+    rehomed(stand)
 
 
 def _patient() -> Iterator[Row]:
@@ -141,7 +140,8 @@ def _patient() -> Iterator[Row]:
         safe=EITHER, watch=1.0,
     )  # fmt: skip
     yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls",
-                   _tare_loaded, "force_sensor refuses a loaded handle", lambda stand: stand.configure())  # fmt: skip
+                   _tare_loaded, "force_sensor refuses a loaded handle",
+                   lambda stand: stand.configure())  # fmt: skip
 
 
 def _throw(height: float) -> Act:

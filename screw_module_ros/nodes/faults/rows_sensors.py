@@ -34,8 +34,7 @@ _ENCODER_FAULTS = (
      Alarm("encoder", "7300|position", "encoder"), _UNHOMED),
     ("reset", 0, "restarts in mid-run", OFF, _SILENT, Alarm("encoder", "restarted", "encoder"),
      _UNHOMED),
-    ("power_off", 0, "loses its supply, later back", OFF, _SILENT,
-     Alarm("encoder", "restarted", "encoder"), _UNHOMED),
+    ("power_off", 0, "loses its supply, later back", OFF, _SILENT, _ENCODER, _UNHOMED),
     ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, _SILENT,
      Alarm("encoder", "3100", "encoder"), _UNHOMED),
     ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, "reset, enable"),
@@ -116,7 +115,7 @@ def _rollover() -> Row:
         _NOT_NEEDED,
     )  # fmt: skip
     return row._replace(
-        prepare=fault("encoder", "near_rollover", 2000.0),
+        prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
         inject=nothing,
         noticed_by="nobody: the driver unwraps it",
         watch=2.5,

@@ -150,7 +150,9 @@ class Stand:
 
     def start(self, node: str, *arguments: str) -> None:
         """Start one more process of an executable, with the same CAN ports."""
-        words = ["--ros-args", *self.graph.arguments(node), *arguments]
+        own = f"{node}:"
+        given = [word.removeprefix(own) for word in self.graph.arguments(node)]
+        words = ["--ros-args", *given, *arguments]
         self._guests.append(bringup.Process(node, words))
 
     def intrude(
