@@ -171,11 +171,13 @@ class GatedDrives:
         wait: sleeps so many seconds, or less when the process ends. A permission that was given
         just now may still be on its way, so its absence is no reason to refuse at once.
         """
-        refused = self._ask(self._open)
         patience = time.monotonic() + _PERMISSION_S
-        while refused and not self._permitted and time.monotonic() < patience:
-            wait(_POLL_S)
+        while True:
+            lacking = not self._permitted  # before asking: it may come while the answer is made
             refused = self._ask(self._open)
+            if not refused or not lacking or time.monotonic() > patience:
+                break
+            wait(_POLL_S)
         if refused:
             return refused
         deadline = time.monotonic() + self._settings.drive_timeout + _ANSWER_S
