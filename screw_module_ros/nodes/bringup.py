@@ -22,6 +22,7 @@ from screw_module_ros.resources import resource_path
 
 from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, placement
 from .support.leftovers import remove_orphans
+from .support.runtime import TELL_WHERE
 
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -54,15 +55,26 @@ class Process:
         return self._process.poll()
 
     def stop(self) -> int:
-        """SIGINT, then SIGTERM, then SIGKILL, each with time to obey; return the exit code."""
+        """SIGINT, then SIGTERM, then SIGKILL, each with time to obey; return the exit code.
+
+        A node that had done its work and was only held up by Fast DDS has ended well.
+        """
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             if self._process.poll() is None:
                 self._process.send_signal(number)
             try:
-                return self._process.wait(_POLITE_S)
+                return self._ended(self._process.wait(_POLITE_S))
             except subprocess.TimeoutExpired:
                 click.echo(f"bringup: {self.name} ignored {number.name}", err=True)
+                self._process.send_signal(TELL_WHERE)
         return self._process.wait()
+
+    def _ended(self, code: int) -> int:
+        if code != -signal.SIGALRM:
+            return code
+        click.echo(f"bringup: {self.name} was done, but Fast DDS did not let it go", err=True)
+        remove_orphans()
+        return 0
 
 
 def executable_path(name: str) -> str:

@@ -8,6 +8,7 @@ active, and nothing else, so that no callback stands between a sample and its co
 
 from __future__ import annotations
 
+import faulthandler
 import logging
 import signal
 import sys
@@ -30,7 +31,9 @@ from .single import AlreadyRunning, Lock, lock_node
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
-_TEARDOWN_S = 7  # bringup becomes impatient after 8
+_TEARDOWN_S = 6  # bringup becomes impatient after 8
+TELL_WHERE = signal.SIGUSR2
+"""A node that gets this signal writes to stderr where its threads are."""
 _IDLE_S = 0.05
 
 OK, WARN, ERROR, STALE = (
@@ -155,11 +158,15 @@ class ModuleNode(LifecycleNode):
         self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def close(self) -> None:
-        """Stop and disconnect from wherever the node is; safe to call twice."""
+    def close(self, ended: Callable[[], None] = lambda: None) -> None:
+        """Stop and disconnect from wherever the node is; safe to call twice.
+
+        ended: called when the node's work is done and only topics and buses are left to close.
+        """
         if self._active.is_set():
             self._leave_step()
             self.end()
+        ended()
         if self._phase != "finalized":
             self.disconnect()
         self._phase = "finalized"
@@ -267,6 +274,7 @@ def run_together(
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
+    faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
     # What canopen logs, our errors say with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
@@ -309,9 +317,19 @@ def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> 
         for one in served:
             one.join()
         for node in reversed(nodes):  # the drive goes off while its controller is still there
-            node.close()
+            signal.alarm(0)
+            node.close(_end_if_locked_up)
         for one in served:
             one.executor.shutdown(timeout_sec=0.0)
+
+
+def _end_if_locked_up() -> None:
+    """See to it that the process ends: Fast DDS can lock up while it removes a topic.
+
+    The torque is off by then. The signal's own action works where no Python can.
+    """
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(_TEARDOWN_S)
 
 
 def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
