@@ -24,6 +24,7 @@ STEP_S = 0.025
 ROW_S = 75.0
 _ALARM_S = 8.0
 _SILENT_S = 2.5
+_LONG_PAUSE_MS = 20
 _LARGEST_TORQUE = 0.25  # 65 N at the handle and the linearization's 0.025 Nm [Nm]
 _LARGEST_JOINT_TORQUE = 26.0  # limit of the planar drives [Nm]
 
@@ -34,6 +35,7 @@ def judge(stand: Stand, row: Row) -> Verdict:
     stand.deadline = begun + ROW_S
     facts: dict = {}
     problem, stuck = "", False
+    slipped = stand.heard.slipped
     try:
         row.prepare(stand)
         _bring_up(stand, row.mode)
@@ -46,12 +48,14 @@ def judge(stand: Stand, row: Row) -> Verdict:
         raise
     except Exception as error:
         problem = f"the row itself is broken: {type(error).__name__}: {error}"
+    pause = stand.heard.slipped - slipped
+    if problem and pause > _LONG_PAUSE_MS:
+        problem += f" [the machine stood still for {pause} ms meanwhile]"
     if problem:
-        stuck = not _recovered(stand, row)
+        stuck = not _recovered(stand, row, facts)
     stand.deadline = float("inf")
-    return Verdict(
-        row.name, problem, stuck=stuck, seconds=time.monotonic() - begun, **facts
-    )
+    facts.pop("back", None)
+    return Verdict(row.name, problem, stuck=stuck, seconds=time.monotonic() - begun, **facts)
 
 
 def _bring_up(stand: Stand, mode: int) -> None:
@@ -67,12 +71,18 @@ def _bring_up(stand: Stand, mode: int) -> None:
             return
 
 
-def _recovered(stand: Stand, row: Row) -> bool:
+def _take_back(stand: Stand, row: Row, facts: dict) -> None:
+    facts["back"] = True
+    row.back(stand)
+    stand.dismiss()
+
+
+def _recovered(stand: Stand, row: Row, facts: dict) -> bool:
     """Take the fault back after a failure, so that the next row has a fair chance."""
     stand.deadline = time.monotonic() + ROW_S
     try:
-        row.back(stand)
-        stand.dismiss()
+        if "back" not in facts:
+            _take_back(stand, row, facts)
         stand.ready(row.mode)
     except Interrupted:
         raise
@@ -97,16 +107,16 @@ def _strike(stand: Stand, row: Row, facts: dict) -> None:
     else:
         _await_no_torque(stand, row, begin, facts)
     _await_alarm(stand, row, facts)
-    row.back(stand)
-    stand.dismiss()
+    _take_back(stand, row, facts)
     if not row.blind:
         _check_it_stays_off(stand, row, begin)
     stand.ready(row.mode)
     facts["step"] = _largest_step(heard.since(stand.enabled_at))
     if facts["step"] > LARGEST_STEP:
         raise Failed(f"a step of {facts['step']:.1f} N on the patient's hand on recovery")
-    if row.safe == OFF and not {"amplifier", "manus"} <= heard.ever_disabled() and not row.blind:
-        raise Failed("a drive was never disabled")
+    on = {"amplifier", "manus"} - heard.ever_disabled()
+    if row.safe == OFF and on and not row.blind:
+        raise Failed(f"{' and '.join(sorted(on))} was never disabled")
 
 
 # Torque ------------------------------------------------------------------------------------
@@ -183,8 +193,7 @@ def _check_it_goes_on(stand: Stand, row: Row, begin: float, facts: dict) -> None
     _await_alarm(stand, row, facts)
     moments, off = heard.since(begin), heard.ever_disabled()
     told = "; ".join(heard.reasons()) or "no reason told"
-    row.back(stand)
-    stand.dismiss()
+    _take_back(stand, row, facts)
     if not moments:
         raise Failed("simulated time stands still")
     if max(abs(m.torque) for m in moments) > _LARGEST_TORQUE:

@@ -67,6 +67,7 @@ class Listener:
         self._ever_enabled: set[str] = set()
         self._ever_disabled: set[str] = set()
         self.homed = False
+        self.slipped = 0  # ms of simulated time the rig gave up because the machine was busy
         self.force_status = 0
         self._context = Context()
         self._context.init()
@@ -115,6 +116,7 @@ class Listener:
             tuple(truth.planar_position),
             max(map(abs, truth.joint_velocity)),
         )
+        self.slipped = truth.slipped
         with self._lock:
             if self._moments and moment.time < self._moments[-1].time:
                 self._moments.clear()  # the rig was started anew
