@@ -34,6 +34,7 @@ __all__ = ["Robot", "RobotError", "arm"]
 
 _NAN = math.nan
 _AFTER_CLEARING_S = 0.2
+_HEARD_S = 1.0
 _LEAVE = (_NAN, _NAN, _NAN)
 
 
@@ -136,7 +137,7 @@ class Robot(Client):
         self._enable("manus", PlanarState, on)
 
     def _enable(self, node: str, kind: type, on: bool) -> None:
-        self.ask(SetBool, f"{node}/enable", SetBool.Request(data=on))
+        self._ask_to_enable(node, on)
         state = None
 
         def switched() -> bool:
@@ -147,6 +148,21 @@ class Robot(Client):
         if not self.met(switched, ANSWER_S):
             reason = state.reason if state else self.said(node)
             raise RobotError(f"{node} did not switch {'on' if on else 'off'}: {reason}")
+
+    def _ask_to_enable(self, node: str, on: bool) -> None:
+        """Ask, and again while the supervisor permits what the drive has not heard yet."""
+        refusal = ""
+
+        def answered() -> bool:
+            nonlocal refusal
+            answer = self.call(SetBool, f"{node}/enable", SetBool.Request(data=on))
+            refusal = "" if answer.success else answer.message
+            safety = self.state(SafetyState)
+            return not refusal or safety is None or safety.level != SafetyState.OK
+
+        self.met(answered, _HEARD_S)
+        if refusal:
+            raise RobotError(f"{node}/enable was refused: {refusal}")
 
     def set_mode(self, mode: int) -> None:
         """Choose the vertical law, a constant of ForceCommand."""
