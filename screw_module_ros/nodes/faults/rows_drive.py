@@ -59,7 +59,7 @@ def rows() -> Iterator[Row]:
         yield _row("shoulder", "manus", name, text, within, said)
     for name, text, within in (
         ("position_freeze", "its position stands still", 45),
-        ("position_jump", "its position jumps", 25),
+        ("position_jump", "its position jumps", 45),
     ):
         yield _row("drive", "amplifier", name, text, within, "")._replace(
             alarm=Alarm("impedance_controller", "disagree", "disagree"),

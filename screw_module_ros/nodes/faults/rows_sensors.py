@@ -24,7 +24,7 @@ _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _ENCODER_FAULTS = (
     ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, "reset, enable"),
     ("jump", 2e5, "position jumps by ten turns", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
-    ("jump", 5e3, "position jumps by a quarter turn", OFF, 25, _ENCODER, _UNHOMED),
+    ("jump", 5e3, "position jumps by a quarter turn", OFF, _APART, _ENCODER, _UNHOMED),
     ("spike", 2e5, "one position is wrong by ten turns", OFF, _AT_ONCE, _ENCODER, "reset, enable"),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
     ("noise", 1e5, "position is noisy by 95 mm", OFF, _AT_ONCE, _ENCODER, _UNHOMED),

@@ -49,6 +49,7 @@ _TARE_AGAIN_S = 2.5
 _AT_HOME, _RESTING, _RESTING_JOINT = 0.002, 0.004, 0.01
 _REST_S, _RESTING_FORCE = 0.1, 0.3  # a hand that rests feels less change in this time [s], [N]
 _ENDED_S = 12.0
+_HOMING_S = 20.0  # a joint whose drive has lost its settings brakes
 _MATCHED_S = 0.05  # the other end may know of a match a moment later
 _BUS_OF = {node: bus for bus, node in NODE_OF_BUS.items()}
 
@@ -326,7 +327,7 @@ class Stand:
         if not plane.homed:
             still = arm((0.0, 0.0, math.nan), 0.2, amplitude=_STILL, omega=_STILL)
             self.robot.set_arm(still)
-            self.robot.wait_until(self._plane_at_home, 5.0, "the plane does not come to rest")
+            self.robot.wait_until(self._plane_at_home, _HOMING_S, "the plane does not come to rest")
             return self._try(Trigger, "manus/home") or "manus: homed"
         return ""
 

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A refusal of the supervisor stands for a while, whatever others say meanwhile."""
+
+from __future__ import annotations
+
+from screw_module_ros.axes.gated_drives import GatedDrives
+from screw_module_ros.control.gate import GateSettings
+
+MS = 1_000_000
+
+
+def permitted(drives: GatedDrives, now_ns: int) -> bool:
+    return drives._input(0, now_ns).permitted
+
+
+def test_a_second_sender_cannot_talk_over_a_refusal():
+    """One that permits in between gets nothing while refusals keep coming."""
+    drives = GatedDrives([], GateSettings(), MS)
+    for k in range(1000):
+        drives.permit(k % 20 != 0, "emergency stop", k * MS)
+        assert not permitted(drives, k * MS)
+    assert drives._safety_reason == "emergency stop"
+
+
+def test_permission_comes_back_once_nobody_refuses():
+    drives = GatedDrives([], GateSettings(), MS)
+    drives.permit(True, "", MS)
+    assert permitted(drives, MS), "the first word is believed"
+    drives.permit(False, "estop", 2 * MS)
+    allowed = []
+    for k in range(3, 500):
+        drives.permit(True, "", k * MS)
+        if permitted(drives, k * MS):
+            allowed.append(k)
+    assert 150 < allowed[0] < 300
+    assert allowed == list(range(allowed[0], 500))
