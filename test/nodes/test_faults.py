@@ -13,7 +13,7 @@ import pytest
 from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.faults.catalogue import PAGE, all_rows, chosen, page
-from screw_module_ros.nodes.faults.judge import _largest_step, _torque_samples, _vertical
+from screw_module_ros.nodes.faults.judge import STEP_S, _largest_step, _torque_samples, _vertical
 from screw_module_ros.nodes.faults.listener import Moment
 from screw_module_ros.nodes.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF
 from screw_module_ros.nodes.faults.rows_bus import DEVICES
@@ -91,9 +91,11 @@ def test_torque_that_comes_back_counts_until_its_end():
 
 
 def test_a_step_is_seen_and_a_slope_is_not():
-    """The change within three samples counts, not how far the force goes in the end."""
+    """The change within STEP_S counts, not how far the force goes in the end."""
     slope = [0.5 * k for k in range(40)]
-    assert _largest_step(moments([0.0] * 40, slope)) == pytest.approx(3.0)
+    apart = int(STEP_S * 1.01 / (PERIOD / 2))
+    assert 1 <= apart < 10
+    assert _largest_step(moments([0.0] * 40, slope)) == pytest.approx(0.5 * apart)
     step = [0.0] * 20 + [7.0] * 20
     assert _largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
     knock = [0.0] * 20 + [9.0] + [0.0] * 20
