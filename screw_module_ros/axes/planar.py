@@ -82,6 +82,7 @@ class Joint:
         self._count = 0
         self._offset = 0.0
         self.velocity = 0.0
+        self.jumped = False
 
     @property
     def angle(self) -> float:
@@ -107,7 +108,8 @@ class Joint:
             self.velocity, self._filter = lowpass_step(
                 self._coefficients, self._filter, raw_velocity
             )
-        if abs(step) * resolution > self._settings.jump * periods:
+        self.jumped = abs(step) * resolution > self._settings.jump * periods
+        if self.jumped:
             return f"jumped by {step * resolution:.3f} rad"
         if abs(self.velocity) > self._settings.speed:
             return f"turns at {self.velocity:.1f} rad/s"
@@ -189,6 +191,8 @@ class PlanarAxes:
             wrong = joint.take(drive.reading.position, drive.settings.direction, periods)
             if wrong:
                 self._fault(f"{drive.label} {wrong}")
+                # Where it is now nobody knows: after a jump and back it may be turns away.
+                self.homed = self.homed and not joint.jumped
 
     def _fault(self, reason: str) -> None:
         self.drives.fault = self.drives.fault or reason
