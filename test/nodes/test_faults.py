@@ -102,6 +102,15 @@ def test_a_step_is_seen_and_a_slope_is_not():
     assert _largest_step(moments([0.0] * 41, knock)) == 0.0
 
 
+def test_the_short_selection_has_something_of_everything():
+    short = chosen(representative=True)
+    assert {row.group for row in short} == {row.group for row in ROWS}
+    assert {row.mode for row in short} == set(MODE_NAMES)
+    nodes = {row.name.partition("-")[0] for row in short if row.group == "nodes"}
+    assert nodes == {entry.executable for entry in GRAPH}
+    assert len(short) < len(ROWS) / 5
+
+
 @pytest.mark.timeout(150)
 def test_some_rows_carried_out(tmp_path):
     """The command itself, on separate processes: rows pass, and their figures are written."""

@@ -27,6 +27,7 @@ _MODULES = (
     rows_intruders,
 )
 PAGE = "docs/faults.md"
+_STRIDE = 6  # of the short selection; each group, mode and node comes up
 
 
 def all_rows() -> list[Row]:
@@ -51,10 +52,9 @@ def chosen(
             raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
     return [
         row
-        for row in rows
+        for row in (rows[::_STRIDE] if representative else rows)
         if (not groups or row.group in groups)
         and (not names or any(name in row.name for name in names))
-        and (not representative or row.representative)
     ]
 
 
@@ -109,6 +109,9 @@ processes against the simulated rig, the patient moving the handle. A row passes
 - the way back leads to operation without restarting the graph, and
 - the patient's resting hand feels no step above 5 N on the way: no change by more within 25
   ms (a knock of 5 ms in the play between nut and handle is none).
+
+A failure while the machine stood still, by the rig's own clock for more than a sample, says
+nothing about the robot; such a row is carried out again, at most twice, and the summary counts it.
 
 Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
 the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults; limits

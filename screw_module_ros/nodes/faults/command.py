@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -14,25 +13,29 @@ import click
 
 from ..support.console import Console
 from ..support.graph_run import Interrupted
+from ..support.isolation import DOMAIN_VARIABLE
 from ..support.robot import RobotError
 from ..support.single import AlreadyRunning
 from .catalogue import chosen, page
-from .judge import judge
+from .crew import Crew
 from .row import GOES_ON, Row, Verdict
-from .stand import Stand
 
 
 @click.command(context_settings={"show_default": True})
 @click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
 @click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
-@click.option("--representative", is_flag=True, help="Only the short selection.")
+@click.option("--representative", is_flag=True, help="Every sixth row: some of each kind.")
 @click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
 @click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
 @click.option(
     "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path),
     help="Write the verdicts here.",
 )  # fmt: skip
-def command(group, row, representative, listed, table, json_file) -> None:
+@click.option(
+    "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
+    help="Graphs at once, by default one per core; one where ROS_DOMAIN_ID is set.",
+)  # fmt: skip
+def command(group, row, representative, listed, table, json_file, jobs) -> None:
     """Carry out the fault catalogue; exit with 1 when a row fails."""
     console = Console()
     try:
@@ -43,7 +46,7 @@ def command(group, row, representative, listed, table, json_file) -> None:
             for one in rows:
                 click.echo(f"{one.group:12} {one.name:44} {one.fault}")
         else:
-            sys.exit(_carried_out(rows, console, json_file))
+            sys.exit(_carried_out(rows, jobs, console, json_file))
     except Interrupted:
         console.fail("stopped; every node was ended in order")
         sys.exit(130)
@@ -52,39 +55,26 @@ def command(group, row, representative, listed, table, json_file) -> None:
         sys.exit(2)
 
 
-def _carried_out(rows: list[Row], console: Console, json_file: Path | None) -> int:
+def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path | None) -> int:
     begun = time.monotonic()
+    named = {row.name: row for row in rows}
     verdicts: list[Verdict] = []
-    with tempfile.TemporaryDirectory(prefix="faults_") as folder:
-        os.environ["ROS_LOG_DIR"] = folder
-        try:
-            while len(verdicts) < len(rows):
-                _one_graph(rows, verdicts, console, folder)
-        finally:
-            _write(json_file, rows, verdicts)
+    try:
+        with Crew(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as crew:
+            for verdict in crew.verdicts():
+                verdicts.append(verdict)
+                console.show(_told(named[verdict.name], verdict, len(verdicts), len(rows)))
+    finally:
+        _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
+    repeated = sum(verdict.attempts > 1 for verdict in verdicts)
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
-        f"{time.monotonic() - begun:.0f} s" + (f"; failed: {', '.join(failed)}" if failed else "")
+        f"{time.monotonic() - begun:.0f} s"
+        + (f"; {repeated} again, as the machine had stood still" if repeated else "")
+        + (f"; failed: {', '.join(failed)}" if failed else "")
     )
     return 1 if failed else 0
-
-
-def _one_graph(rows: list[Row], verdicts: list[Verdict], console: Console, folder: str) -> None:
-    """Carry out rows on one graph, until all are done or it cannot be brought back."""
-    extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
-    with console.step("bring-up"):
-        stand = Stand(extra).__enter__()
-    try:
-        while len(verdicts) < len(rows):
-            row = rows[len(verdicts)]
-            verdict = judge(stand, row)
-            verdicts.append(verdict)
-            console.show(_told(row, verdict, len(verdicts), len(rows)))
-            if verdict.stuck:
-                return
-    finally:
-        stand.__exit__(None, None, None)
 
 
 def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
@@ -101,6 +91,8 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
         f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
         f"[dim]{verdict.seconds:.1f} s[/]"
     )
+    if verdict.attempts > 1:
+        line += f"\n      carried out {verdict.attempts} times: the machine had stood still"
     if verdict.problem:
         line += "\n      [red]" + verdict.problem.replace("[", "\\[") + "[/]"
         if verdict.stuck:
@@ -108,19 +100,19 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
     return line
 
 
-def _write(file: Path | None, rows: list[Row], verdicts: list[Verdict]) -> None:
+def _write(file: Path | None, rows: dict[str, Row], verdicts: list[Verdict]) -> None:
     if file is None:
         return
     done = [
         {
-            "group": row.group,
-            "mode": row.mode_name,
-            "within": row.within,
-            "plane_within": row.plane_within,
+            "group": rows[verdict.name].group,
+            "mode": rows[verdict.name].mode_name,
+            "within": rows[verdict.name].within,
+            "plane_within": rows[verdict.name].plane_within,
             "passed": verdict.passed,
             **verdict._asdict(),
         }
-        for row, verdict in zip(rows, verdicts, strict=False)
+        for verdict in verdicts
     ]
     file.write_text(json.dumps(done, indent=1, ensure_ascii=False) + "\n")
 

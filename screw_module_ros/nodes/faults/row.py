@@ -80,7 +80,6 @@ class Row(NamedTuple):
     prepare: Act = nothing
     watch: float = 0.4
     blind: bool = False
-    representative: bool = False
 
     @property
     def mode_name(self) -> str:
@@ -93,7 +92,8 @@ class Verdict(NamedTuple):
 
     problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
     vertical, plane: samples until no torque was left; step: largest force step on the patient's
-    hand on recovery [N]; seconds: the row took, by wall clock.
+    hand on recovery [N]; seconds: the row took, by wall clock; stood_still: simulated time the rig
+    gave up meanwhile, because the machine was busy [ms]; attempts: how often it was carried out.
     """
 
     name: str
@@ -105,6 +105,8 @@ class Verdict(NamedTuple):
     seconds: float = 0.0
     alarm: str = ""
     reason: str = ""
+    stood_still: int = 0
+    attempts: int = 1
 
     @property
     def passed(self) -> bool:

@@ -102,7 +102,6 @@ def _row(device: Device, kind: Kind) -> Row:
         plane_within=0 if kind.safe == GOES_ON else plane if stops else _BY_CHANCE,
         safe=kind.safe,
         watch=kind.watch,
-        representative=(device.name, kind.fault) in _REPRESENTATIVE,
     )
 
 
@@ -115,5 +114,3 @@ def _alarm(device: Device, kind: Kind) -> Alarm:
         return Alarm("supervisor", ".", ".")
     return device.alarm
 
-
-_REPRESENTATIVE = {("drive", "cable_out"), ("encoder", "truncate")}

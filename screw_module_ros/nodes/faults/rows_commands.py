@@ -68,7 +68,6 @@ def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm) -> Row:
         within=_AT_ONCE,
         plane_within=_AT_ONCE + _FOLLOWS,
         safe=OFF,
-        representative=name == "screw/force_command-force-NaN",
     )
 
 

@@ -87,7 +87,6 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         plane_within=plane if stops else 0,
         safe=OFF if stops else GOES_ON,
         watch=0.4 if stops else 1.0,
-        representative=(device, name) in {("drive", "over_temperature"), ("shoulder", "reset")},
     )
 
 

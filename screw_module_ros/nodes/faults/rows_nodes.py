@@ -101,8 +101,5 @@ def _row(part: Part, act: str, mode: int) -> Row:
         mode=mode,
         safe=part.safe,
         blind=part.blind,
-        representative=mode == 1 + len(node) % 4 and (node, act) in _REPRESENTATIVE,
     )
 
-
-_REPRESENTATIVE = {("encoder", FROZEN), ("amplifier", KILLED), ("supervisor", FROZEN)}

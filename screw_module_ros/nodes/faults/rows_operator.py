@@ -33,7 +33,7 @@ def rows() -> Iterator[Row]:
         yield _stops(
             f"estop-{MODE_NAMES[mode].lower()}", "emergency stop", called("supervisor/estop"),
             "supervisor", _ESTOP, _RESET,
-        )._replace(mode=mode, representative=mode == 4)  # fmt: skip
+        )._replace(mode=mode)  # fmt: skip
     yield from _operator()
     yield from _patient()
     yield from _machine()

@@ -87,7 +87,6 @@ def _row(device, mode, name, value, text, safe, within, alarm, way_back) -> Row:
         mode=mode,
         safe=safe,
         watch=1.0 if safe != OFF else 0.4,
-        representative=(device, name) in {("encoder", "spike"), ("force_sensor", "half")},
     )
 
 

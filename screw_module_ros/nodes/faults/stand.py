@@ -47,6 +47,7 @@ _LOWEST, _HIGHEST = 0.02, 0.33  # where the hand may rest [m]
 _READY_S, _STEP_S, _SETTLE_S = 45.0, 0.05, 0.6
 _TARE_AGAIN_S = 2.5
 _AT_HOME, _RESTING, _RESTING_JOINT = 0.002, 0.004, 0.01
+_AT_PLANE_HOME = 0.005  # the joints' stiction holds a soft hand 2 mm from its mark [m]
 _REST_S, _RESTING_FORCE = 0.1, 0.3  # a hand that rests feels less change in this time [s], [N]
 _ENDED_S = 12.0
 _HOMING_S = 20.0  # a joint whose drive has lost its settings brakes
@@ -102,6 +103,7 @@ class Stand:
             raise RobotError(f"the row's time is over{self.robot.complaints_text()}")
 
     def _prepare(self) -> None:
+        self.robot.wait_until(lambda: self.heard.now is not None, 5.0, "no sim/truth")
         self.robot.set_fixture("free")
         self.robot.tare()
         self.robot.set_fixture("human_arm")
@@ -327,13 +329,18 @@ class Stand:
         if not plane.homed:
             still = arm((0.0, 0.0, math.nan), 0.2, amplitude=_STILL, omega=_STILL)
             self.robot.set_arm(still)
-            self.robot.wait_until(self._plane_at_home, _HOMING_S, "the plane does not come to rest")
+            if not self.robot.met(self._plane_at_home, _HOMING_S):
+                now = self.heard.now
+                raise RobotError(
+                    f"the plane does not come to rest: {1e3 * math.hypot(*now.plane):.1f} mm from "
+                    f"its mark, {now.joint_speed:.2g} rad/s{robot.complaints_text()}"
+                )
             return self._try(Trigger, "manus/home") or "manus: homed"
         return ""
 
     def _plane_at_home(self) -> bool:
         now = self.heard.now
-        return math.hypot(*now.plane) < _AT_HOME and now.joint_speed < _RESTING_JOINT
+        return math.hypot(*now.plane) < _AT_PLANE_HOME and now.joint_speed < _RESTING_JOINT
 
     def _permission(self) -> str:
         state = self.robot.state(SafetyState)
@@ -352,6 +359,9 @@ class Stand:
         if controller.mode != mode:
             robot.set_mode(mode)
         self.mode = mode
+        silent = [node for node in ("amplifier", "manus") if not self.heard.fresh(node)]
+        if silent:
+            return f"{silent[0]} is silent"
         on = {node: self.heard.enabled(node) for node in ("amplifier", "manus")}
         if not all(on.values()):
             if not self.at_rest():

@@ -52,6 +52,7 @@ class GraphRun:
         self._handlers: dict[signal.Signals, Any] = {}
         self._was_ready = False
         self._may_end: set[str] = set()
+        self._crashed = False
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
@@ -126,6 +127,7 @@ class GraphRun:
         if old.exit_code() is None:
             raise RobotError(f"{name} still runs")
         if old.exit_code():
+            self._crashed = True
             remove_orphans()
         self._processes[self._processes.index(old)] = old.again()
         self._may_end.discard(name)
@@ -148,8 +150,8 @@ class GraphRun:
             if not self._was_ready:
                 self._terminate()
             self.codes = bringup.stop(self._processes)
-            if any(self.codes.values()):
-                remove_orphans()  # what a node that crashed left in shared memory
+            if self._crashed or any(self.codes.values()):
+                remove_orphans()  # what a node that crashed left, and the others then held
         return self.codes
 
     def _terminate(self) -> None:

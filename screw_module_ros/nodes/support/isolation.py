@@ -30,14 +30,20 @@ _SHIFTS = range(0, 1000, 10)
 
 
 class Place(NamedTuple):
-    """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them."""
+    """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them.
+
+    own_domain: the domain was taken for this run, it is nobody's wish.
+    """
 
     domain: int
     first_port: int
     locks: tuple[Lock, ...]
+    own_domain: bool
 
     def release(self) -> None:
         """Let others have the domain and the ports."""
+        if self.own_domain:
+            os.environ.pop(DOMAIN_VARIABLE, None)
         for lock in self.locks:
             lock.release()
 
@@ -58,7 +64,8 @@ def own_place() -> Place:
     """
     os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
     locks = []
-    if os.environ.get(DOMAIN_VARIABLE):
+    own_domain = not os.environ.get(DOMAIN_VARIABLE)
+    if not own_domain:
         domain = int(os.environ[DOMAIN_VARIABLE])
     else:
         domain, lock = _first_free(
@@ -72,7 +79,7 @@ def own_place() -> Place:
         lambda first: range(first, first + len(BUSES)),
     )
     locks.append(lock)
-    return Place(domain, port, tuple(locks))
+    return Place(domain, port, tuple(locks), own_domain)
 
 
 def _first_free(numbers, what: str, ports_of) -> tuple[int, Lock]:

@@ -41,39 +41,53 @@ class RealtimeSettings(NamedTuple):
 
 
 def prepare(settings: RealtimeSettings) -> list[str]:
-    """Give the threads of the process their scheduling.
+    """Make the process fit for a loop: cores, timers, no garbage to collect later.
 
-    The executor's thread gets the loop's: while it holds the interpreter's lock the loop waits for
-    it in short naps, and with less priority it would never be let finish. Of Fast DDS's threads
-    only those that bring samples get it: discovery is a burst of work and must not come first.
-    Call from the loop's thread after start-up. Returns what could not be had, as sentences.
+    Call from the loop's thread when the node is made. Returns what could not be had, as sentences.
     """
-    refused: list[str] = []
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    wanted = {core for core in settings.cores if core >= 0}
-    missing = wanted - set(range(os.cpu_count() or 1))
-    if missing:
-        refused.append(f"realtime.cores names {sorted(missing)}, which this machine does not have")
-    for thread in map(int, os.listdir("/proc/self/task")):
-        try:
-            if wanted and not missing:
-                os.sched_setaffinity(thread, wanted)
-            if settings.priority and _in_the_way_of_samples(thread):
-                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(settings.priority))
-        except PermissionError:
-            refused.append(
-                f"no permission for SCHED_FIFO {settings.priority}: running with the normal "
-                "scheduler (grant rtprio in limits.conf to have it)"
-            )
-            break
-        except (ProcessLookupError, FileNotFoundError):
-            continue
     if settings.priority:
         _keep_processor_awake()
     gc.collect()
     gc.freeze()
-    return refused
+    wanted = {core for core in settings.cores if core >= 0}
+    missing = wanted - set(range(os.cpu_count() or 1))
+    if missing:
+        return [f"realtime.cores names {sorted(missing)}, which this machine does not have"]
+    for thread in _threads() if wanted else ():
+        with contextlib.suppress(ProcessLookupError):
+            os.sched_setaffinity(thread, wanted)
+    return []
+
+
+def take_priority(settings: RealtimeSettings) -> list[str]:
+    """Give the threads of the process SCHED_FIFO, where that is asked for.
+
+    Call when the node is active, not before: to configure is half a second of work that must not
+    keep the loops of other nodes waiting. The executor's thread gets the loop's priority: while it
+    holds the interpreter's lock the loop waits for it in short naps, and with less it would never
+    be let finish. Of Fast DDS's threads only those that bring samples get it: discovery is a burst
+    of work and must not come first. Returns what could not be had, as sentences.
+    """
+    if not settings.priority:
+        return []
+    for thread in _threads():
+        try:
+            if _in_the_way_of_samples(thread):
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(settings.priority))
+        except PermissionError:
+            return [
+                f"no permission for SCHED_FIFO {settings.priority}: running with the normal "
+                "scheduler (grant rtprio in limits.conf to have it)"
+            ]
+        except (ProcessLookupError, FileNotFoundError):
+            continue
+    return []
+
+
+def _threads() -> list[int]:
+    return [int(thread) for thread in os.listdir("/proc/self/task")]
 
 
 def _keep_processor_awake() -> None:

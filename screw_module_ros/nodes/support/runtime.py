@@ -26,7 +26,7 @@ from rclpy.timer import Timer
 from screw_module_ros.settings import Setting
 
 from .parameters import ParameterError, Parameters
-from .realtime import RealtimeSettings, prepare
+from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 
 _LEAVE_STEP_S = 2.0
@@ -34,7 +34,7 @@ _RETRY_S = 1.0
 _TEARDOWN_S = 6  # bringup becomes impatient after 8
 TELL_WHERE = signal.SIGUSR2
 """A node that gets this signal writes to stderr where its threads are."""
-_IDLE_S = 0.05
+_IDLE_S, _ACTIVE_POLL_S = 0.05, 0.005
 
 OK, WARN, ERROR, STALE = (
     DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -306,8 +306,12 @@ def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> 
     try:
         for one in served:
             one.executor.create_task(one.node.start_by_itself)
-        for refused in prepare(_scheduling(nodes)):
-            first.get_logger().warning(refused)
+        scheduling = _scheduling(nodes)
+        refused = prepare(scheduling)
+        while not (first.stopping.is_set() or any(node.active for node in nodes)):
+            first.stopping.wait(_ACTIVE_POLL_S)
+        for sentence in refused + take_priority(scheduling):
+            first.get_logger().warning(sentence)
         loop(nodes)
     except Exception as error:
         first.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
