@@ -21,7 +21,6 @@ import click
 from screw_module_ros.resources import resource_path
 
 from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, placement
-from .support.leftovers import remove_orphans
 from .support.runtime import TELL_WHERE
 
 _POLITE_S = 8.0
@@ -73,7 +72,6 @@ class Process:
         if code != -signal.SIGALRM:
             return code
         click.echo(f"bringup: {self.name} was done, but Fast DDS did not let it go", err=True)
-        remove_orphans()
         return 0
 
 
@@ -126,10 +124,7 @@ def start(
 
 def stop(processes: list[Process]) -> dict[str, int]:
     """Stop in reverse order, so that the drives go off while the rig still answers."""
-    codes = {process.name: process.stop() for process in reversed(processes)}
-    if any(code == -signal.SIGKILL for code in codes.values()):
-        remove_orphans()
-    return codes
+    return {process.name: process.stop() for process in reversed(processes)}
 
 
 @click.command(context_settings={"ignore_unknown_options": True})

@@ -26,6 +26,7 @@ from screw_module_msgs.msg import (
 )
 
 from ..support import qos
+from ..support.transport import choose_transport
 
 NO_TORQUE = 5e-4
 """Less is no torque: the amplifier's pole dies away [Nm]; 0.17 N at the handle."""
@@ -69,6 +70,7 @@ class Listener:
         self.homed = False
         self.slipped = 0  # ms of simulated time the rig gave up because the machine was busy
         self.force_status = 0
+        choose_transport()
         self._context = Context()
         self._context.init()
         self.node = Node("fault_listener", context=self._context)

@@ -31,7 +31,6 @@ from .. import bringup
 from ..support import qos
 from ..support.graph_run import GraphRun
 from ..support.isolation import BUSES, NODE_OF_BUS
-from ..support.leftovers import remove_orphans
 from ..support.robot import Robot, RobotError, arm
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener
 from .ticks import slow_ticks
@@ -201,8 +200,8 @@ class Stand:
             self.heard.node.destroy_publisher(publisher)
         for bus in self._buses:
             bus.shutdown()
-        if any(guest.stop() for guest in self._guests):
-            remove_orphans()
+        for guest in self._guests:
+            guest.stop()
         self._threads, self._publishers, self._buses, self._guests = [], [], [], []
         self._over.clear()
 

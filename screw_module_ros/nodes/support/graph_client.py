@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger
 from . import qos
 from .freshness import Newest
 from .realtime import Inbox
+from .transport import choose_transport
 
 _POLL_S = 0.02
 _SERVE_S = 0.5
@@ -57,6 +58,7 @@ class Client:
         watch: Callable[[], None] = lambda: None,
     ):
         self.watch = watch
+        choose_transport()
         self._context = Context()
         self._context.init()
         self.node = Node(name, namespace=namespace or None, context=self._context)

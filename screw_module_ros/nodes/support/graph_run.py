@@ -20,7 +20,6 @@ from typing import Any
 from .. import bringup
 from .graph import nodes_of
 from .isolation import Place, own_place
-from .leftovers import remove_orphans
 from .robot import Robot, RobotError
 
 _POLITE_S = 8.0
@@ -52,7 +51,6 @@ class GraphRun:
         self._handlers: dict[signal.Signals, Any] = {}
         self._was_ready = False
         self._may_end: set[str] = set()
-        self._crashed = False
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
@@ -126,9 +124,6 @@ class GraphRun:
         old = self._process(name)
         if old.exit_code() is None:
             raise RobotError(f"{name} still runs")
-        if old.exit_code():
-            self._crashed = True
-            remove_orphans()
         self._processes[self._processes.index(old)] = old.again()
         self._may_end.discard(name)
 
@@ -150,8 +145,6 @@ class GraphRun:
             if not self._was_ready:
                 self._terminate()
             self.codes = bringup.stop(self._processes)
-            if self._crashed or any(self.codes.values()):
-                remove_orphans()  # what a node that crashed left, and the others then held
         return self.codes
 
     def _terminate(self) -> None:

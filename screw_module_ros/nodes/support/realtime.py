@@ -110,7 +110,7 @@ def _in_the_way_of_samples(thread: int) -> bool:
     if not name.startswith("dds."):
         return True
     port = name.rpartition(".")[2]
-    return name.startswith("dds.shm.") and port.isdigit() and int(port) % 2 == 1
+    return name.startswith(("dds.udp.", "dds.shm.")) and port.isdigit() and int(port) % 2 == 1
 
 
 class Tick(NamedTuple):

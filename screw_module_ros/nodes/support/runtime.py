@@ -28,6 +28,7 @@ from screw_module_ros.settings import Setting
 from .parameters import ParameterError, Parameters
 from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
+from .transport import choose_transport
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
@@ -277,6 +278,7 @@ def run_together(
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
     # What canopen logs, our errors say with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
+    choose_transport()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []
