@@ -40,7 +40,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/params", sorted(glob("params/*.yaml"))),
+        (f"share/{NAME}/params", sorted(glob("params/*.*"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
     ],
     zip_safe=False,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 import time
@@ -33,6 +34,9 @@ def rows() -> Iterator[Row]:
     yield from _topics()
     yield from _frames()
     yield from _storms()
+    yield _row("spectator-stutters", "a program that hears every sample is stopped and continued "
+               "again and again", _stutter, "nobody: who listens cannot hold up who speaks", None,
+               "none is needed", _flowing, safe=GOES_ON, watch=3.0)  # fmt: skip
 
 
 def _row(
@@ -219,3 +223,17 @@ def _transition(node: str, number: int) -> Act:
             raise Failed(f"{node} refused the transition")
 
     return act
+
+
+_SPECTATOR = "endpoint_state"
+_STUTTER_S = 0.017
+
+
+def _stutter(stand) -> None:
+    acts = itertools.cycle((stand.freeze, stand.thaw))
+    stand.babble(lambda: next(acts)(_SPECTATOR), _STUTTER_S)
+
+
+def _flowing(stand) -> None:
+    stand.dismiss()
+    stand.thaw(_SPECTATOR)

@@ -26,6 +26,7 @@ from rclpy.subscription import Subscription
 from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
+_LOWEST = 1  # of SCHED_FIFO
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
@@ -68,14 +69,17 @@ def take_priority(settings: RealtimeSettings) -> list[str]:
     keep the loops of other nodes waiting. The executor's thread gets the loop's priority: while it
     holds the interpreter's lock the loop waits for it in short naps, and with less it would never
     be let finish. Of Fast DDS's threads only those that bring samples get it: discovery is a burst
-    of work and must not come first. Returns what could not be had, as sentences.
+    of work and must not come first. It gets the lowest, because it holds locks that the loop needs
+    when it publishes: left among the ordinary threads of a busy machine, it keeps the loop waiting
+    for 0.5 s. Returns what could not be had, as sentences.
     """
     if not settings.priority:
         return []
     for thread in _threads():
         try:
-            if _in_the_way_of_samples(thread):
-                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(settings.priority))
+            first = _in_the_way_of_samples(thread)
+            priority = os.sched_param(settings.priority if first else _LOWEST)
+            os.sched_setscheduler(thread, os.SCHED_FIFO, priority)
         except PermissionError:
             return [
                 f"no permission for SCHED_FIFO {settings.priority}: running with the normal "
