@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of our processes go over UDP, and keep to this machine where that is asked for."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from screw_module_ros.nodes.support import transport
+from screw_module_ros.nodes.support.isolation import RANGE_VARIABLE
+from screw_module_ros.nodes.support.transport import (
+    BUILTIN_VARIABLE,
+    PROFILES_VARIABLE,
+    choose_transport,
+)
+
+VARIABLES = (BUILTIN_VARIABLE, PROFILES_VARIABLE, RANGE_VARIABLE)
+THREADS = """
+from pathlib import Path
+import rclpy
+from screw_module_ros.nodes.support.transport import choose_transport
+choose_transport()
+rclpy.init()
+node = rclpy.create_node("listens")
+for thread in Path("/proc/self/task").iterdir():
+    print((thread / "comm").read_text().strip())
+node.destroy_node()
+rclpy.shutdown()
+"""
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """Return a setter of the variables; all others of ours are unset."""
+    for name in VARIABLES:
+        monkeypatch.setenv(name, "")  # noted, so that it is set back
+        monkeypatch.delenv(name)
+
+    def given(**values: str) -> dict[str, str]:
+        for name, value in values.items():
+            monkeypatch.setenv(name, value)
+        return {name: os.environ[name] for name in VARIABLES if name in os.environ}
+
+    return given
+
+
+def test_udp_where_nothing_is_asked_for(environment):
+    choose_transport()
+    found = environment()
+    assert set(found) == {BUILTIN_VARIABLE}
+    assert found[BUILTIN_VARIABLE].startswith("UDPv4")
+
+
+def test_localhost_is_kept_by_a_profile(environment):
+    environment(**{RANGE_VARIABLE: "LOCALHOST"})
+    choose_transport()
+    found = environment()
+    assert set(found) == {PROFILES_VARIABLE, RANGE_VARIABLE}
+    assert "<address>127.0.0.1</address>" in Path(found[PROFILES_VARIABLE]).read_text()
+    choose_transport()  # children inherit it and find it done
+    assert environment() == found
+
+
+@pytest.mark.parametrize("name", [BUILTIN_VARIABLE, PROFILES_VARIABLE])
+def test_a_users_wish_is_respected(environment, name):
+    before = environment(**{name: "his own", RANGE_VARIABLE: "LOCALHOST"})
+    choose_transport()
+    assert environment() == before
+
+
+def test_other_rmw_implementations_are_left_alone(environment, monkeypatch):
+    monkeypatch.setattr(
+        transport, "get_rmw_implementation_identifier", lambda: "rmw_cyclonedds_cpp"
+    )
+    before = environment(**{RANGE_VARIABLE: "LOCALHOST"})
+    choose_transport()
+    assert environment() == before
+
+
+@pytest.mark.parametrize("discovery_range", ["LOCALHOST", "OFF"])
+def test_no_shared_memory_is_in_use(environment, discovery_range):
+    environment(**{RANGE_VARIABLE: discovery_range})
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], capture_output=True, text=True, timeout=60, check=True
+    )
+    names = done.stdout.split()
+    assert any(name.startswith("dds.udp.") for name in names)
+    assert not any(name.startswith("dds.shm") for name in names)
