@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fixtures for all tests: a ROS domain and CAN ports of their own, waiting, and no leaked bus.
 
-`make test` gives the run its domain and ports; pytest started by hand takes them here.
+`make test` gives the run its domain and ports; pytest started by hand takes them here, and so does
+each of several workers.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """Give this run its own ROS domain, in the environment of this process and its children."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
-        if isolation.PORT_VARIABLE in os.environ:
+        if isolation.PORT_VARIABLE in os.environ and "PYTEST_XDIST_WORKER" not in os.environ:
             yield int(os.environ[isolation.DOMAIN_VARIABLE])
             return
         with isolation.own_domain() as domain:
