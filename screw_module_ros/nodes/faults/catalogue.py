@@ -100,8 +100,9 @@ _FIGURES = {
 _HEAD = """<!-- made by `faults --table`; do not edit -->
 # Fault catalogue
 
-`make faults` carries out these {count} rows, one after the other on one running graph: separate
-processes against the simulated rig, the patient moving the handle. A row passes when
+`make faults` carries out these {count} rows on running graphs, one per core and one row after the
+other: separate processes against the simulated rig, the patient moving the handle. A row passes
+when
 
 - the rig's own motors (`sim/truth`) give no torque any more within the row's time,
 - the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,

@@ -246,18 +246,25 @@ class Stand:
         )
 
     def place(self, height: float = HOME) -> None:
-        """Carry the handle to a height [m], as a technician does; it is let go there."""
+        """Carry the handle to a height [m], as a technician does; the hand is there as well."""
+        rest = (math.nan, math.nan, 0.0)
+        self.robot.set_arm(arm((math.nan, math.nan, height), amplitude=rest, omega=rest))
         self.robot.ask(
             SetFixture,
             "sim_rig/set_fixture",
             SetFixture.Request(fixture="human_arm", position=height),
         )
-        self.robot.wait_until(
-            lambda: abs(self.heard.now.height - height) < _AT_HOME
-            and abs(self.heard.now.speed) < _RESTING,
-            5.0,
-            "the handle does not come to the reference mark",
-        )
+
+        def there() -> bool:
+            now = self.heard.now
+            return abs(now.height - height) < _AT_HOME and abs(now.speed) < _RESTING
+
+        if not self.robot.met(there, 5.0):
+            now = self.heard.now
+            raise RobotError(
+                f"the handle does not come to {height:g} m: {now.height:.4f} m, {now.speed:.3f} m/s"
+                f"{self.robot.complaints_text()}"
+            )
 
     # The way back --------------------------------------------------------------------------
 
