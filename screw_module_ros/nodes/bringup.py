@@ -22,6 +22,7 @@ from screw_module_ros.resources import resource_path
 
 from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, placement
 from .support.runtime import TELL_WHERE
+from .support.stopping import stop_on_signals
 
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -142,8 +143,7 @@ def command(
 ) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+    stop_on_signals(stopping)
     try:
         processes = start(
             not bench, params, namespace, list(only), list(without), composed=composed

@@ -17,13 +17,13 @@ from multiprocessing.process import BaseProcess
 
 from ..support.graph_run import Interrupted
 from ..support.robot import RobotError
+from ..support.stopping import SIGNALS
 from .catalogue import all_rows
 from .judge import judge
 from .row import Row, Verdict
 from .stand import Stand
 
 _POLL_S = 0.2
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Crew:
@@ -41,7 +41,7 @@ class Crew:
         self._handlers: dict = {}
 
     def __enter__(self) -> Crew:
-        for number in _SIGNALS:
+        for number in SIGNALS:
             self._handlers[number] = signal.signal(number, self._stop)
         context = multiprocessing.get_context("spawn")
         for _ in range(self._jobs):

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -21,10 +20,10 @@ from .. import bringup
 from .graph import nodes_of
 from .isolation import Place, own_place
 from .robot import Robot, RobotError
+from .stopping import SIGNALS
 
 _POLITE_S = 8.0
 _POLL_S = 0.02
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupted(Exception):
@@ -45,7 +44,7 @@ class GraphRun:
         """Prepare; `params`, `extra`, `composed`: as of `bringup.start`."""
         self._params, self._extra, self._composed = params, list(extra), composed
         self._only, self._without = list(only), list(without)
-        self._stopping = threading.Event()
+        self._stopping = False  # no Event: a handler that comes in another would lock up in it
         self._processes: list[bringup.Process] = []
         self._place: Place | None = None
         self._handlers: dict[signal.Signals, Any] = {}
@@ -55,8 +54,8 @@ class GraphRun:
 
     def __enter__(self) -> GraphRun:
         self._place = own_place()
-        for number in _SIGNALS:
-            self._handlers[number] = signal.signal(number, lambda *_: self._stopping.set())
+        for number in SIGNALS:
+            self._handlers[number] = signal.signal(number, self._stop)
         try:
             self._processes = bringup.start(
                 True,
@@ -70,6 +69,9 @@ class GraphRun:
             self._leave()
             raise
         return self
+
+    def _stop(self, *_: object) -> None:
+        self._stopping = True
 
     def __exit__(self, *_: object) -> None:
         self.stop()
@@ -93,7 +95,7 @@ class GraphRun:
 
     def watch(self) -> None:
         """Raise Interrupted after Ctrl-C, RobotError when a node has ended."""
-        if self._stopping.is_set():
+        if self._stopping:
             raise Interrupted
         for process in self._processes:
             code = process.exit_code()
@@ -158,7 +160,7 @@ class GraphRun:
 
     def check_codes(self) -> None:
         """Raise Interrupted after Ctrl-C, RobotError naming the nodes that ended with an error."""
-        if self._stopping.is_set():
+        if self._stopping:
             raise Interrupted
         if failed := [f"{name} (code {code})" for name, code in self.codes.items() if code]:
             raise RobotError(f"ended with an error: {', '.join(failed)}")

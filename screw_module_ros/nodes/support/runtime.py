@@ -28,6 +28,7 @@ from screw_module_ros.settings import Setting
 from .parameters import ParameterError, Parameters
 from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
+from .stopping import stop_on_signals
 from .transport import choose_transport
 
 _LEAVE_STEP_S = 2.0
@@ -273,8 +274,7 @@ def run_together(
     when the start is refused.
     """
     stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+    stop_on_signals(stopping)
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
     # What canopen logs, our errors say with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A signal ends a process in whatever the main thread is doing."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+# It is always about to wait: a handler that set the event itself would lock up every second time.
+WAITS = """
+import threading
+from screw_module_ros.nodes.support.stopping import stop_on_signals
+stopping = threading.Event()
+stop_on_signals(stopping)
+print("waits", flush=True)
+while not stopping.is_set():
+    stopping.wait(0)
+"""
+TIMES = 15
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_never_lost_in_a_lock(number):
+    for _ in range(TIMES):
+        with subprocess.Popen(
+            [sys.executable, "-c", WAITS], stdout=subprocess.PIPE, text=True
+        ) as process:
+            try:
+                assert process.stdout.readline() == "waits\n"
+                process.send_signal(number)
+                assert process.wait(20) == 0
+            finally:
+                process.kill()
