@@ -76,7 +76,8 @@ def test_never_against_the_motion_and_never_beyond_the_map(position, velocity):
 @given(heights, st.floats(-0.0021, 0.0021), st.floats(-0.0021, 0.0021))
 def test_slope_round_rest_is_bounded(position, one, other):
     difference = friction_force(MODEL, position, one) - friction_force(MODEL, position, other)
-    assert abs(difference) <= 8000.0 * abs(one - other) + 1e-9  # [Ns/m], 8 N per mm/s
+    # The steepest place of the thesis's map: 8480 Ns/m at 0.3275 m, downward.
+    assert abs(difference) <= 8500.0 * abs(one - other) + 1e-9
 
 
 @given(heights, speeds)
