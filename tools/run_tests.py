@@ -18,7 +18,6 @@ import isolation
 import leftovers
 
 LEAVE_S = 3.0
-WORKERS = ("-p", "xdist", "-n", "2", "--dist", "loadfile")
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -29,7 +28,7 @@ def main() -> int:
         env = {**os.environ, **isolation.variables(domain), leftovers.MARK: mark}
         # Plugins by name only: a sourced ROS brings some that do not fit this pytest.
         env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        command = [sys.executable, "-m", "pytest", *WORKERS, *sys.argv[1:]]
+        command = [sys.executable, "-m", "pytest", *sys.argv[1:]]
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
             code = run(command, env)
         clean = clean_up(watch)
