@@ -26,6 +26,7 @@ class Bench:
         self.states = {AmplifierState: AmplifierState(), SafetyState: SafetyState()}
         self.states[PlanarState] = PlanarState()
         self.obeys = True
+        self.causes = 0  # resets to refuse
         self.asked = []
         self.setpoints = []
         make = node.create_service
@@ -72,8 +73,13 @@ class Bench:
         return self._answer(request, response)
 
     def _reset(self, request, response):
-        self.states[SafetyState].level = SafetyState.OK
-        return self._answer(request, response)
+        self._answer(request, response)
+        if self.causes > 0:
+            self.causes -= 1
+            response.success, response.message = False, "the cause persists"
+        else:
+            self.states[SafetyState].level = SafetyState.OK
+        return response
 
 
 @pytest.fixture
@@ -194,6 +200,21 @@ def test_a_stop_is_reset_before_motion(robot, bench):
     bench.states[SafetyState].level = SafetyState.STOPPED
     robot.permit()
     assert bench.states[SafetyState].level == SafetyState.OK
+
+
+def test_a_cause_that_takes_a_while_to_go_is_waited_for(robot, bench):
+    bench.states[SafetyState].level = SafetyState.STOPPED
+    bench.causes = 2
+    robot.permit()
+    assert bench.causes == 0
+
+
+def test_a_cause_that_stays_is_told(robot, bench, monkeypatch):
+    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
+    bench.states[SafetyState].level = SafetyState.STOPPED
+    bench.causes = 1000
+    with pytest.raises(RobotError, match="no permission to move: the cause persists"):
+        robot.permit()
 
 
 def test_without_permission_the_reason_is_told(robot, bench, monkeypatch):

@@ -12,7 +12,7 @@ import pytest
 # It is always about to wait: a handler that set the event itself would lock up every second time.
 WAITS = """
 import threading
-from screw_module_ros.nodes.support.stopping import stop_on_signals
+from screw_module_ros.nodes.support.stopping import StopFlag, stop_on_signals
 stopping = threading.Event()
 stop_on_signals(stopping)
 print("waits", flush=True)
@@ -34,3 +34,16 @@ def test_a_signal_is_never_lost_in_a_lock(number):
                 assert process.wait(20) == 0
             finally:
                 process.kill()
+
+
+def test_the_flag_hears_signals_and_gives_them_back():
+    before = signal.getsignal(signal.SIGTERM)
+    flag = StopFlag()
+    flag.catch()
+    try:
+        assert not flag
+        signal.raise_signal(signal.SIGTERM)
+        assert flag
+    finally:
+        flag.release()
+    assert signal.getsignal(signal.SIGTERM) is before

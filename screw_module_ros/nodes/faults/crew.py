@@ -17,7 +17,7 @@ from multiprocessing.process import BaseProcess
 
 from ..support.graph_run import Interrupted
 from ..support.robot import RobotError
-from ..support.stopping import SIGNALS
+from ..support.stopping import StopFlag
 from .catalogue import all_rows
 from .judge import judge
 from .row import Row, Verdict
@@ -37,12 +37,10 @@ class Crew:
         self._names = [row.name for row in rows]
         self._jobs = min(jobs, len(rows))
         self._members: dict[Connection, BaseProcess] = {}
-        self._stopping = False
-        self._handlers: dict = {}
+        self._stopping = StopFlag()
 
     def __enter__(self) -> Crew:
-        for number in SIGNALS:
-            self._handlers[number] = signal.signal(number, self._stop)
+        self._stopping.catch()
         context = multiprocessing.get_context("spawn")
         for _ in range(self._jobs):
             ours, theirs = context.Pipe()
@@ -52,9 +50,6 @@ class Crew:
             self._members[ours] = member
         return self
 
-    def _stop(self, *_: object) -> None:
-        self._stopping = True
-
     def __exit__(self, kind: type | None, *_: object) -> None:
         for pipe, member in self._members.items():
             if kind is not None and member.is_alive():
@@ -62,8 +57,7 @@ class Crew:
             pipe.close()
         for member in self._members.values():
             member.join()
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
+        self._stopping.release()
 
     def verdicts(self) -> Iterator[Verdict]:
         """Yield the verdicts as they come.

@@ -14,13 +14,12 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from .. import bringup
 from .graph import nodes_of
 from .isolation import Place, own_place
 from .robot import Robot, RobotError
-from .stopping import SIGNALS
+from .stopping import StopFlag
 
 _POLITE_S = 8.0
 _POLL_S = 0.02
@@ -44,18 +43,16 @@ class GraphRun:
         """Prepare; `params`, `extra`, `composed`: as of `bringup.start`."""
         self._params, self._extra, self._composed = params, list(extra), composed
         self._only, self._without = list(only), list(without)
-        self._stopping = False  # no Event: a handler that comes in another would lock up in it
+        self._stopping = StopFlag()
         self._processes: list[bringup.Process] = []
         self._place: Place | None = None
-        self._handlers: dict[signal.Signals, Any] = {}
         self._was_ready = False
         self._may_end: set[str] = set()
         self.codes: dict[str, int] = {}
 
     def __enter__(self) -> GraphRun:
         self._place = own_place()
-        for number in SIGNALS:
-            self._handlers[number] = signal.signal(number, self._stop)
+        self._stopping.catch()
         try:
             self._processes = bringup.start(
                 True,
@@ -70,16 +67,12 @@ class GraphRun:
             raise
         return self
 
-    def _stop(self, *_: object) -> None:
-        self._stopping = True
-
     def __exit__(self, *_: object) -> None:
         self.stop()
         self._leave()
 
     def _leave(self) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
+        self._stopping.release()
         if self._place is not None:
             self._place.release()
 

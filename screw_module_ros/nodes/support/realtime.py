@@ -56,9 +56,12 @@ def prepare(settings: RealtimeSettings) -> list[str]:
     missing = wanted - set(range(os.cpu_count() or 1))
     if missing:
         return [f"realtime.cores names {sorted(missing)}, which this machine does not have"]
-    for thread in _threads() if wanted else ():
-        with contextlib.suppress(ProcessLookupError):
-            os.sched_setaffinity(thread, wanted)
+    try:
+        for thread in _threads() if wanted else ():
+            with contextlib.suppress(ProcessLookupError):
+                os.sched_setaffinity(thread, wanted)
+    except OSError as error:  # of a sandbox, or of cores that somebody has set aside
+        return [f"realtime.cores {sorted(wanted)} cannot be had: {error.strerror}"]
     return []
 
 

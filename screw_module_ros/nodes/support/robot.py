@@ -110,23 +110,26 @@ class Robot(Client):
             raise RobotError(f"the fault of {node} cannot be cleared: {refusal or self.said(node)}")
 
     def permit(self) -> None:
-        """Wait for the supervisor's permission; acknowledge what stopped the robot before."""
-        state = None
+        """Wait for the supervisor's permission; acknowledge what stopped the robot before.
 
-        def decided(*levels: int) -> bool:
-            nonlocal state
+        What stopped it may take a while to go, and is not to be acknowledged while it lasts.
+        """
+        refusal = ""
+
+        def permitted() -> bool:
+            nonlocal refusal
             state = self.state(SafetyState)
-            return state is not None and state.level in levels
+            if state is None or state.level != SafetyState.STOPPED:
+                return state is not None and state.level == SafetyState.OK
+            answer = self.call(Trigger, "supervisor/reset")
+            refusal = "" if answer.success else answer.message
+            self.pause(_AFTER_CLEARING_S)
+            return False
 
-        def wait(*levels: int) -> None:
-            if not self.met(lambda: decided(*levels), ANSWER_S):
-                reasons = ", ".join(state.reasons) if state else self.said("supervisor")
-                raise RobotError(f"the supervisor gives no permission to move: {reasons}")
-
-        wait(SafetyState.OK, SafetyState.STOPPED)
-        if state.level == SafetyState.STOPPED:
-            self.trigger("supervisor/reset")
-            wait(SafetyState.OK)
+        if not self.met(permitted, ANSWER_S):
+            state = self.state(SafetyState)
+            why = ", ".join(state.reasons) if state else self.said("supervisor")
+            raise RobotError(f"the supervisor gives no permission to move: {refusal or why}")
 
     def enable(self, on: bool = True) -> None:
         """Switch the torque of the vertical axis on or off."""

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM as an event that the main thread may wait for."""
+"""SIGINT and SIGTERM as an event to wait for, or as a flag to look at."""
 
 from __future__ import annotations
 
 import queue
 import signal
 import threading
+from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def stop_on_signals(stopping: threading.Event) -> None:
@@ -24,5 +25,33 @@ def stop_on_signals(stopping: threading.Event) -> None:
         stopping.set()
 
     threading.Thread(target=wait, name="signals", daemon=True).start()
-    for number in SIGNALS:
+    for number in _SIGNALS:
         signal.signal(number, lambda given, _: caught.put(given))
+
+
+class StopFlag:
+    """True once SIGINT or SIGTERM came between `catch` and `release`; both from the main thread.
+
+    No Event: a handler that interrupts another one in `set` would wait for it for ever.
+    """
+
+    def __init__(self) -> None:
+        self._came = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __bool__(self) -> bool:
+        return self._came
+
+    def catch(self) -> None:
+        """Take the signals from here on."""
+        for number in _SIGNALS:
+            self._before[number] = signal.signal(number, self._note)
+
+    def release(self) -> None:
+        """Give the signals back to who had them."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def _note(self, *_: object) -> None:
+        self._came = True
