@@ -21,6 +21,8 @@ from screw_module_ros.nodes.support.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path
 
+pytestmark = pytest.mark.graph
+
 NODES = ("impedance_controller", "amplifier")
 SERIAL = "SIM-0001"  # that of params/sim.yaml
 GRAVITY = 9.25

@@ -25,6 +25,8 @@ from screw_module_ros.nodes.support.graph import patience
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot
 
+pytestmark = pytest.mark.graph
+
 TICKS = 200.0
 AMPLIFIER = ("linearize", "force_up", "force_down")
 TRIES = 4

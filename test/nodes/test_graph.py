@@ -29,6 +29,8 @@ from screw_module_ros.nodes.support.graph import GRAPH, table
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
 
+pytestmark = pytest.mark.graph
+
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 HOME = 0.25
 

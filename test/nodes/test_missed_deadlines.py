@@ -13,6 +13,8 @@ from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot
 
+pytestmark = pytest.mark.graph
+
 PERIOD_NS = 10_000_000
 LIMIT = 20
 

@@ -29,6 +29,8 @@ from screw_module_ros.nodes.support.graph import COMPOSED
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
 
+pytestmark = pytest.mark.graph
+
 HOME = 0.25
 RATE = 200.0
 NO_TORQUE = 1e-3  # Nm, of a motor whose current decays

@@ -196,25 +196,32 @@ def test_a_drive_that_is_silent_is_waited_for(robot, bench, monkeypatch):
         robot.clear_faults()
 
 
-def test_a_stop_is_reset_before_motion(robot, bench):
+@pytest.fixture
+def stopped(robot, bench):
+    """The robot of an operator who has seen that it was stopped."""
     bench.states[SafetyState].level = SafetyState.STOPPED
-    robot.permit()
+    robot.wait_until(
+        lambda: robot.state(SafetyState) == bench.states[SafetyState], 5.0, "no safety_state"
+    )
+    return robot
+
+
+def test_a_stop_is_reset_before_motion(stopped, bench):
+    stopped.permit()
     assert bench.states[SafetyState].level == SafetyState.OK
 
 
-def test_a_cause_that_takes_a_while_to_go_is_waited_for(robot, bench):
-    bench.states[SafetyState].level = SafetyState.STOPPED
+def test_a_cause_that_takes_a_while_to_go_is_waited_for(stopped, bench):
     bench.causes = 2
-    robot.permit()
+    stopped.permit()
     assert bench.causes == 0
 
 
-def test_a_cause_that_stays_is_told(robot, bench, monkeypatch):
+def test_a_cause_that_stays_is_told(stopped, bench, monkeypatch):
     monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
-    bench.states[SafetyState].level = SafetyState.STOPPED
     bench.causes = 1000
     with pytest.raises(RobotError, match="no permission to move: the cause persists"):
-        robot.permit()
+        stopped.permit()
 
 
 def test_without_permission_the_reason_is_told(robot, bench, monkeypatch):
