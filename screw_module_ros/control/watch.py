@@ -144,7 +144,7 @@ class VerticalWatch:
         if self._settings.force_required and not self._force.seen:
             return "force sensor: no sample yet"
         self._encoder.check_age(now_ns, self._stale_ns)
-        if self._settings.force_required:
+        if self._settings.force_required or self._force.seen:
             self._force.check_age(now_ns, self._stale_ns)
         self._latch(self._encoder.fault or self._force.fault)
         return self._fault or (None if self._homed else "encoder: not homed")

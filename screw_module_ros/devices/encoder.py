@@ -26,6 +26,8 @@ from .unwrap import Unwrapper
 _POSITION = struct.Struct("<I")
 #: Beyond so many lost samples the velocity starts anew instead of being filtered through the gap.
 _LONGEST_GAP = 10
+#: Homing wants a position of now: at most so old, or ten periods where those are longer.
+_HOME_WITHIN_NS = 100_000_000
 
 
 class Encoder:
@@ -139,8 +141,7 @@ class Encoder:
         if self._port.counters.foreign_sync != self._foreign_sync:
             self._latch(f"somebody else sends SYNC on {self._port.name}")
         try:
-            if self._waiting:
-                self._drain()
+            self._drain()
             if self._begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send_sync(monotonic_ns)
         except BusError:
@@ -153,7 +154,10 @@ class Encoder:
         return reading
 
     def _drain(self) -> None:
-        """Take in what came after its tick was over, so that it is not laid to the next one."""
+        """Take in what came after its tick was over, so that it is not laid to the next one.
+
+        Also after an answer: one frame more would be taken for the next, and all one period old.
+        """
         self._tick_is_over = True
         try:
             self._port.pump(0.0)
@@ -231,11 +235,17 @@ class Encoder:
     def home(self) -> float:
         """Declare that the nut stands at the reference mark; return that height [m].
 
-        Raises NotHomed when there is no sample yet, a fault, or the nut moves.
+        Raises NotHomed when there is no sample yet, an old one, a fault, or the nut moves.
         """
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
             raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
+        age_ns = self._port.clock() - last.monotonic_ns
+        if age_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns):
+            raise NotHomed(
+                f"no position to home at: the newest is {age_ns * 1e-9:.3g} s old, the encoder "
+                "does not answer"
+            )
         if abs(last.velocity) > settings.home_speed_limit:
             raise NotHomed(
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "

@@ -78,6 +78,17 @@ def test_a_robot_without_a_force_sensor_can_be_allowed():
     assert bench.watch.check(bench.now_ns) is None
 
 
+def test_a_force_sensor_that_need_not_be_there_must_not_go():
+    bench = Bench(force_required=False)
+    for _ in range(5):
+        assert bench.step() is None
+    for _ in range(7):
+        bench.tick += 1
+        bench.watch.encoder(encoder(bench.tick), bench.now_ns)
+        reason = bench.watch.check(bench.now_ns)
+    assert "force sensor: no sample for" in reason
+
+
 def test_not_homed_is_waited_for_and_homing_is_no_jump():
     bench = Bench()
     for _ in range(3):

@@ -222,6 +222,22 @@ def test_homing_refuses_without_a_sample_and_in_motion(wire, encoder, encoder_en
         encoder.home()
 
 
+@pytest.mark.parametrize(("rate", "longest_ms"), [(1000.0, 100.0), (50.0, 200.0)])
+def test_homing_refuses_an_old_position(wire, encoder_end, rate, longest_ms):
+    driver = Encoder(wire.port, SETTINGS._replace(rate=rate))
+    driver.configure()
+    driver.start()
+    tick(wire, driver)
+    wire.advance(longest_ms + 1.0)
+    with pytest.raises(NotHomed, match="s old, the encoder does not answer"):
+        driver.home()
+    assert driver.homed is False
+    tick(wire, driver, 2)
+    wire.advance(longest_ms - 1.0)
+    driver.home()
+    assert driver.homed
+
+
 # -- what goes wrong -----------------------------------------------------------------------------
 
 
@@ -253,6 +269,15 @@ def test_duplicate_is_counted_as_unexpected(wire, encoder, encoder_end):
     wire.port.pump()
     assert encoder.reading().count == 0
     assert encoder.counters.unexpected == 1
+
+
+def test_one_frame_too_many_does_not_make_all_later_samples_old(wire, encoder, encoder_end):
+    for n in range(10):
+        encoder_end.position = n
+        sample = tick(wire, encoder, n)
+        assert (sample.sequence, sample.count) == (n, n)
+        if n == 3:
+            wire.emit(0x182, "63 00 00 00")  # after the tick's last look
 
 
 def test_late_answer_is_never_taken_for_a_new_one(wire, encoder, encoder_end):
