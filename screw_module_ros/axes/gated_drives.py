@@ -42,7 +42,6 @@ class GatedDrives:
         self._permitted = False
         self._refused_ns: int | None = None
         self._safety_reason = ""
-        self._refusal = ""
         self._closed_because = ""
         self._asked: queue.SimpleQueue[tuple[Callable, Future]] = queue.SimpleQueue()
 
@@ -73,8 +72,13 @@ class GatedDrives:
         before = self.gate
         self.gate = gate.gate_step(self._settings, before, inp)
         if before.phase != gate.CLOSED and self.gate.phase == gate.CLOSED:
-            self._close()
+            self._closed()
         return self.gate.scale
+
+    def close(self, now_ns: int) -> None:
+        """Close the gate as `disable` does; also for after the loop's end. now_ns [ns]."""
+        self.gate = gate.disable(self.gate, now_ns)
+        self._closed()
 
     def _input(self, command_ns: int, now_ns: int) -> GateInput:
         states = [drive.state(now_ns) for drive in self.drives]
@@ -95,7 +99,7 @@ class GatedDrives:
         """Return the owner's fault or a drive's, empty when there is none."""
         return self.fault or self._drive_fault()
 
-    def _close(self) -> None:
+    def _closed(self) -> None:
         self._closed_because = self._why(self.gate)
         for drive in self.drives:
             drive.request_disable()
@@ -135,8 +139,7 @@ class GatedDrives:
         return gate.PASSING
 
     def _disable(self, inp: GateInput) -> str:
-        self.gate = gate.disable(self.gate, inp.now_ns)
-        self._close()
+        self.close(inp.now_ns)
         return ""
 
     def _clear(self, inp: GateInput) -> str:

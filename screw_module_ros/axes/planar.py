@@ -23,6 +23,7 @@ from ..control.planar import (
 from ..control.planar_settings import PlanarSettings
 from ..devices import drive_exit
 from ..devices.drive import Drive
+from ..devices.errors import BusError
 from ..devices.port import Port
 from ..filters import (
     back_difference,
@@ -142,11 +143,13 @@ class PlanarAxes:
         self._acted_ns = 0
 
     def request(self, now_ns: int) -> None:
-        """Send SYNC and heartbeat. Raises BusError."""
+        """Send SYNC and heartbeat, the latter in any case. Raises BusError."""
         shoulder, elbow = self.drives.drives
-        shoulder.sync(now_ns)
-        shoulder.heartbeat(now_ns)
-        elbow.heartbeat(now_ns)  # the same heartbeat: sent once
+        try:
+            shoulder.sync(now_ns)
+        finally:
+            shoulder.heartbeat(now_ns)
+            elbow.heartbeat(now_ns)  # the same heartbeat: sent once
 
     def answered(self, since_ns: int) -> bool:
         """Return whether both drives have answered since `since_ns` [ns]."""
@@ -157,7 +160,7 @@ class PlanarAxes:
         return True
 
     def act(self, setpoint: tuple[float, float, float, float], now_ns: int) -> None:
-        """Take both positions and write both torques.
+        """Take both positions and write both torques, the second also when the first fails.
 
         setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. Raises BusError.
         """
@@ -178,7 +181,10 @@ class PlanarAxes:
         self._write(now_ns)
 
     def idle(self, now_ns: int) -> None:
-        """Write zero in a tick without both answers; latch when there were too many."""
+        """Write zero in a tick without both answers; latch when there were too many.
+
+        Raises BusError, after both writes.
+        """
         silent_ns = now_ns - self._acted_ns
         if self.drives.enabled and silent_ns > self._joint_settings.silence * self._period_ns:
             self._fault(f"no position for {silent_ns * 1e-6:.0f} ms")
@@ -202,10 +208,16 @@ class PlanarAxes:
         scale = self.drives.step(self._acted_ns, now_ns)
         output = self.output
         wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
-        self.written = tuple(
-            drive.write(scale * torque, now_ns)
-            for drive, torque in zip(self.drives.drives, wanted, strict=True)
-        )
+        written, failed = [], None
+        for drive, torque in zip(self.drives.drives, wanted, strict=True):
+            try:
+                written.append(drive.write(scale * torque, now_ns))
+            except BusError as error:  # no reason to leave the other drive without a command
+                written.append(0.0)
+                failed = failed or error
+        self.written = tuple(written)
+        if failed is not None:
+            raise failed
 
     # -- any thread ------------------------------------------------------------------------------
 
@@ -246,4 +258,5 @@ class PlanarAxes:
 
     def shutdown(self, port: Port) -> str:
         """Leave both drives cleanly after the loop has ended; return what did not work."""
+        self.drives.close(port.clock())  # an open gate would find its command old at the next start
         return drive_exit.leave(self.drives.drives, port)

@@ -3,7 +3,8 @@
 
 In any other order a drive ends in a fault and the next start begins there. The guards are armed
 until they are disarmed, so commands and heartbeats go on, for all drives of the bus, while the SDO
-conversation runs.
+conversation runs. A drive that was not seen out of operation enabled keeps its guards: our silence
+then stops it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from . import drive_setup
+from . import cia402, drive_setup
 from .cia402 import State
 from .errors import BusError, DeviceError
 from .port import Port
@@ -33,9 +34,9 @@ def leave(drives: Sequence[Drive], port: Port) -> str:
         drive.request_disable()
     problems: list[str] = []
     try:
-        problems += _disable(running, port)
-        problems += _disarm(running, port)
-        for drive in running:
+        _disable(running, port)
+        off = _disarm(running, port, problems)
+        for drive in off:
             drive.node.pre_operational()
     except BusError as error:
         problems.append(str(error))
@@ -44,28 +45,45 @@ def leave(drives: Sequence[Drive], port: Port) -> str:
     return "; ".join(problems)
 
 
-def _disable(drives: Sequence[Drive], port: Port) -> list[str]:
+def _disable(drives: Sequence[Drive], port: Port) -> None:
     begun_ns = port.clock()
 
     def is_over() -> bool:
-        return not _still_on(drives, port) or port.clock() - begun_ns > _DISABLE_WITHIN_NS
+        now_ns = port.clock()
+        off = all(_is_off(drive.state(now_ns)) for drive in drives)
+        return off or now_ns - begun_ns > _DISABLE_WITHIN_NS
 
     _command_until(drives, port, is_over)
-    return [f"the {label} still shows operation enabled" for label in _still_on(drives, port)]
 
 
-def _still_on(drives: Sequence[Drive], port: Port) -> list[str]:
-    now_ns = port.clock()
-    return [d.label for d in drives if d.state(now_ns) is State.OPERATION_ENABLED]
+def _is_off(state: State) -> bool:
+    return state not in (State.OPERATION_ENABLED, State.UNKNOWN)
 
 
-def _disarm(drives: Sequence[Drive], port: Port) -> list[str]:
-    """Run the SDO conversations beside the commands, which must not pause meanwhile."""
-    problems: list[str] = []
+def _state(drive: Drive, port: Port) -> State:
+    """Return what the drive says now, asked for where its statusword is stale."""
+    state = drive.state(port.clock())
+    return cia402.decode(drive.node.sdo.unsigned(0x6041)) if state is State.UNKNOWN else state
+
+
+def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Drive]:
+    """Disarm the drives that are off and return them; add what did not work to problems.
+
+    The SDO conversations run beside the commands, which must not pause meanwhile.
+    """
+    off: list[Drive] = []
 
     def talk() -> None:
         for drive in drives:
             try:
+                state = _state(drive, port)
+                if not _is_off(state):
+                    problems.append(
+                        f"guards of {drive.label} not disarmed, they stop it: its state is "
+                        f"{state.text}"
+                    )
+                    continue
+                off.append(drive)
                 drive_setup.disarm(drive.node)
             except DeviceError as error:
                 problems.append(f"guards of {drive.label} not disarmed: {error}")
@@ -74,7 +92,7 @@ def _disarm(drives: Sequence[Drive], port: Port) -> list[str]:
     talker.start()
     _command_until(drives, port, lambda: not talker.is_alive())
     talker.join()
-    return problems
+    return off
 
 
 def _command_until(drives: Sequence[Drive], port: Port, done: Callable[[], bool]) -> None:

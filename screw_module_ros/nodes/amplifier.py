@@ -206,6 +206,7 @@ class AmplifierNode(DriverNode):
         with suppress(DeviceError):
             if now - self._pumped_ns > self.period_ns:
                 self._pump(now)  # no command came that would have done it
+        with suppress(DeviceError):
             self._axis.idle(now)
         if now < self._state_due_ns:
             return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from contextlib import suppress
 from itertools import islice
 from typing import Annotated, NamedTuple
 
@@ -158,16 +159,20 @@ class ManusNode(DriverNode):
         """One tick."""
         tick = self.next_tick()
         now = tick.monotonic_ns
-        try:
+        # Errors of the bus are latched by the driver, shown by state and diagnostics; gate and
+        # writes get their turn whatever else fails.
+        with suppress(DeviceError):
             self._axes.request(now)
-            self._look_around(now)
-            if self._await_drives(now):
+        self._look_around(now)
+        answered = False
+        with suppress(DeviceError):
+            answered = self._await_drives(now)
+        with suppress(DeviceError):
+            if answered:
                 self._axes.act(self._wanted(now), now)
                 self._meter.tick(tick.sequence, now, time.monotonic_ns())
             else:
                 self._axes.idle(now)
-        except DeviceError:
-            pass  # latched by the driver, shown by state and diagnostics
         self._ticks += 1
         if self._ticks % self._own.state_every == 0:
             self._publish_state(tick.sequence, now)

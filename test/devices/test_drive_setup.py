@@ -260,6 +260,48 @@ def test_exit_from_a_dead_drive_ends_and_says_so(wire, drive_end):
     assert not drive.running
 
 
+def clock_that_runs(wire):
+    """Let each look at the clock take a tenth of a millisecond."""
+    wire.port.clock = lambda: wire.advance(0.1)
+
+
+def test_a_drive_that_does_not_go_off_keeps_its_guards(wire, drive_end):
+    drive = configured(wire)
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive.request_enable()
+    for _ in range(3):
+        tick(wire, drive)
+    drive_end.command = lambda word: None
+    drive_end.writes.clear()
+    wire.frames.clear()
+    clock_that_runs(wire)
+    told = drive.shutdown()
+    assert "not disarmed" in told and "operation enabled" in told
+    assert drive_end.writes == []
+    assert not wire.sent(0x000), "left to its guards"
+    assert not drive.running
+
+
+@pytest.mark.parametrize(("word", "disarmed"), [(0x0237, False), (0x0233, True), (None, False)])
+def test_a_silent_drive_is_asked_whether_it_is_off(wire, drive_end, word, disarmed):
+    """Its statuswords do not come; 6041 does, unless the drive lacks it."""
+    drive = configured(wire)
+    drive.start()
+    for _ in range(5):
+        tick(wire, drive)
+    drive_end.answering = False
+    if word is not None:
+        drive_end.objects[0x6041, 0] = word.to_bytes(2, "little")
+    drive_end.writes.clear()
+    clock_that_runs(wire)
+    wire.advance(50.0)
+    told = drive.shutdown()
+    assert ("not disarmed" in told) is not disarmed
+    assert drive_end.writes == ([(0x1400, 5, 0), (0x1016, 1, 0)] if disarmed else [])
+
+
 def test_two_drives_share_a_heartbeat_and_leave_together(wire):
     ends = [wire.attach(ScriptedDrive(wire, node)) for node in (3, 4)]
     beat = Heartbeat(wire.port, 113, 0.025)
