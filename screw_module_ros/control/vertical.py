@@ -12,7 +12,7 @@ predicts no longer shows up in Fpd + Fp, so the feedback works on the remainder 
 Near standstill the model says nothing (6.3.1) and the feedback does the work.
 
 Nothing jumps. Every part fades in and out with a weight of its own over `fade_time`; stiffness,
-damping, force gain and set point move at limited rates; and the command moves at most
+damping, force gain, gravity and set point move at limited rates; and the command moves at most
 `force_rate` dt per step whatever is switched: 2 N at 1 kHz by default. Enabling is such a switch,
 from OFF, with the set point at the measured position. Only to zero may the command jump.
 
@@ -79,13 +79,14 @@ class VerticalOutput(NamedTuple):
 class Blend(NamedTuple):
     """What is in force between two settings.
 
-    stiffness [N/m], damping [Ns/m], gain [1]: in use; base, friction, feedback: weights of the
+    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback: weights of the
     parts, 0 to 1, base for spring, damper and gravity.
     """
 
     stiffness: float
     damping: float
     gain: float
+    gravity: float
     base: float
     friction: float
     feedback: float
@@ -136,7 +137,7 @@ def vertical_step(
     )
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
-    gravity = blend.base * settings.gravity
+    gravity = blend.base * blend.gravity
     friction = _friction(settings, friction_model, inp) * blend.friction
     feedback = blend.feedback * feedback_force(
         blend.gain, impedance, handle_force, settings.feedback_limit
@@ -169,7 +170,9 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
 
 def _idle(settings: VerticalSettings, position: float, lowpass: LowpassState) -> VerticalState:
     """Return the state in which nothing is commanded, set point at position [m]."""
-    blend = Blend(settings.stiffness, settings.damping, settings.force_gain, 0.0, 0.0, 0.0)
+    blend = Blend(
+        settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0
+    )
     return VerticalState(_setpoint_at(settings, position), blend, lowpass, 0.0)
 
 
@@ -206,6 +209,7 @@ def _blended(settings: VerticalSettings, blend: Blend, mode: int, dt: float) -> 
         slew(blend.stiffness, settings.stiffness, settings.stiffness_rate * dt),
         slew(blend.damping, settings.damping, settings.damping_rate * dt),
         slew(blend.gain, settings.force_gain, settings.gain_rate * dt),
+        slew(blend.gravity, settings.gravity, settings.gravity_rate * dt),
         slew(blend.base, 1.0 if uses_impedance(mode) else 0.0, share),
         slew(blend.friction, 1.0 if uses_friction(mode) else 0.0, share),
         slew(blend.feedback, 1.0 if uses_feedback(mode) else 0.0, share),

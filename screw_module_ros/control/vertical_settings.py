@@ -45,6 +45,9 @@ class VerticalSettings(NamedTuple):
     gain_rate: Annotated[
         float, Setting("rate at which the force gain follows its setting", "1/s", 0.1, 100.0)
     ] = 2.5
+    gravity_rate: Annotated[
+        float, Setting("rate at which the carried weight follows its setting", "N/s", 1.0, 1e3)
+    ] = 20.0
     force_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 65.0
     force_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 45.0
     force_rate: Annotated[float, Setting("fastest change of the command", "N/s", 10.0, 1e5)] = (

@@ -65,6 +65,26 @@ def test_impedance_is_spring_and_gravity():
     assert (output.friction, output.feedback, output.saturated) == (0.0, 0.0, False)
 
 
+def test_gravity_set_anew_comes_at_its_rate_and_ends_exactly():
+    inp = REST._replace(setpoint_position=math.nan)
+    held, state = run(inp)
+    assert held.force == SETTINGS.gravity
+    law = SETTINGS._replace(gravity=50.0)
+    for _ in range(2000):
+        before = held.force
+        held, state = vertical_step(law, MODEL, state, inp, DT)
+        assert 0.0 <= held.force - before <= law.gravity_rate * DT + 1e-12
+    assert held.gravity == 50.0
+
+
+def test_a_constant_gravity_is_exact_from_the_first_step():
+    law = SETTINGS._replace(fade_time=0.05, gravity=50.0)
+    state = initial_state(law)
+    for step in range(1, 60):
+        output, state = vertical_step(law, MODEL, state, REST, DT)
+        assert output.gravity == pytest.approx(50.0 * min(1.0, step * DT / 0.05), abs=1e-12)
+
+
 def test_damper_acts_on_both_velocities():
     law = SETTINGS._replace(damping=20.0)
     output, _ = run(REST._replace(velocity=0.1, setpoint_velocity=0.05), law=law)
