@@ -17,6 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
 from screw_module_ros.recording import BagError, BagWriter, Session, Status, StorageSettings
+from screw_module_ros.recording.bag import REFUSED
 from screw_module_ros.recording.recovery import recover_all
 from screw_module_ros.recording.seal import CALIBRATION, PARAMETERS
 from screw_module_ros.recording.session import file_hashes
@@ -144,6 +145,8 @@ class SessionRecorder(ModuleNode):
         """Keep in the bag what the nodes were set to."""
         session.add_metadata(CALIBRATION, intake.calibrations())
         session.add_metadata(PARAMETERS, self._told.values)
+        if intake.refused:
+            session.add_metadata(REFUSED, intake.refused)
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from .audit import Counts, TopicAudit, layout
 from .definitions import Definition
 from .errors import BagExistsError, BagFolderError, BagWriteError
+from .expected import stride_of
 from .mcap_file import McapFile, Message
 from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
 from .seal import HASHES, sealed
@@ -25,6 +26,7 @@ from .storage import StorageSettings
 PREFIX = "screw_module_ros/"
 AUDIT = PREFIX + "audit"
 STATE = PREFIX + "state"
+REFUSED = "not recorded"  # topics that were asked for, and why they are not in the bag
 RECORDING, CLOSED, RECOVERED = "recording", "closed", "recovered"
 METADATA_FILE = "metadata.yaml"
 
@@ -106,7 +108,7 @@ class BagWriter:
         self._topics.append(topic)
         self._hashes.append(topic.type_hash or topic.definition.type_hash)
         self._qos.append(qos_yaml(topic.qos))
-        self._audits.append(TopicAudit(layout(topic.definition.text)))
+        self._audits.append(TopicAudit(layout(topic.definition.text), stride_of(topic.type)))
         self._done_counts.append(0)
         return self._declare(self._file, len(self._topics) - 1)
 

@@ -49,12 +49,14 @@ def _info(bag: Path) -> int:
 def _verify(bag: Path) -> int:
     report = verify(bag)
     _print_topics(report)
+    for remark in report.remarks:
+        print(f"NOTE {remark}")
     for problem in report.problems:
         print(f"PROBLEM {problem}")
     for name, gaps in report.gaps.items():
         for gap in gaps:
             print(f"  {name}: {gap.missing} missing after {gap.log_time} ns")
-    print("complete" if report.complete else "NOT complete")
+    print(report.verdict)
     return 0 if report.complete else 1
 
 

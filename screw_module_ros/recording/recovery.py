@@ -22,6 +22,7 @@ from mcap.records import Channel
 from .audit import Counts, TopicAudit, layout
 from .bag import AUDIT, METADATA_FILE, PREFIX, RECOVERED, STATE, write_atomically
 from .errors import BagError, BagReadError, BagWriteError
+from .expected import stride_of
 from .mcap_file import McapFile
 from .metadata import FileLine, TopicLine, document, information
 from .scan import ScannedChunk, chunks, data_start, is_complete
@@ -153,7 +154,7 @@ def _declare(file: McapFile, found: ScannedChunk, topics: dict[str, _Known]) -> 
         file.counts.setdefault(channel.id, 0)
         schema = next(s for s in file.schemas if s.id == channel.schema_id)
         if channel.topic not in topics:
-            audit = TopicAudit(layout(schema.data.decode()))
+            audit = TopicAudit(layout(schema.data.decode()), stride_of(schema.name))
             topics[channel.topic] = _Known(schema.name, audit, channel)
 
 

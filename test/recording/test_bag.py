@@ -122,7 +122,7 @@ def test_rosbags_understands_the_metadata_file(bag):
 def test_counts_and_notes_are_in_the_file_and_in_the_metadata_file(bag):
     with (bag / "bag_0.mcap").open("rb") as file:
         records = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
-    counts = Counts.from_text(records["screw_module_ros/audit"]["/screw/encoder"])
+    counts = Counts(**json.loads(records["screw_module_ros/audit"]["/screw/encoder"]))
     assert counts == Counts(messages=5000, stride=1)
     assert records["screw_module_ros/configuration"] == {"sim.yaml": "sha256:0"}
     inner = yaml.safe_load(records["rosbag2"]["serialized_metadata"])

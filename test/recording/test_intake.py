@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which topics the recorder takes, and with which quality of service."""
 
+from types import SimpleNamespace
+
 import pytest
 from rclpy.duration import Infinite
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -12,6 +14,7 @@ from screw_module_ros.nodes.session_intake import (
     message_class,
     offered,
 )
+from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.recording import BagError, Qos
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
@@ -73,3 +76,15 @@ def test_class_of_a_type():
 def test_unknown_type_is_named(name):
     with pytest.raises(BagError, match=f"{name} is not installed"):
         message_class(name)
+
+
+def test_what_is_refused_is_noted_in_the_bag():
+    noted = {}
+    recorder = SimpleNamespace(_told=SimpleNamespace(values={"/encoder": "{}"}))
+    session = SimpleNamespace(add_metadata=noted.__setitem__)
+    intake = SimpleNamespace(calibrations=dict, refused={})
+    SessionRecorder._note(recorder, session, intake)
+    assert noted == {"calibration": {}, "parameters": {"/encoder": "{}"}}
+    intake.refused["/odd"] = "its type is not installed"
+    SessionRecorder._note(recorder, session, intake)
+    assert noted["not recorded"] == intake.refused

@@ -31,7 +31,9 @@ def test_complete_bag(bag, capsys):
     assert report.complete
     assert report.topics == {"/screw/encoder": Counts(messages=5000, stride=1)}
     assert main(["verify", str(bag)]) == 0
-    assert capsys.readouterr().out.endswith("complete\n")
+    out = capsys.readouterr().out
+    assert out.endswith("\ncomplete; 1 topics: 1 counted by ticks and message numbers\n")
+    assert "NOTE" not in out
 
 
 def test_gaps_are_counted_and_placed(gappy, capsys):
@@ -44,7 +46,7 @@ def test_gaps_are_counted_and_placed(gappy, capsys):
     assert main(["verify", str(gappy)]) == 1
     out = capsys.readouterr().out
     assert f"3 missing after {START + 99 * MS} ns" in out
-    assert out.endswith("NOT complete\n")
+    assert "\nNOT complete; 1 topics: 1 counted by ticks" in out
 
 
 def test_counts_that_differ_from_the_metadata_file(bag):
@@ -158,3 +160,158 @@ def test_a_node_that_told_nothing_is_named(tmp_path, encoder_topic, samples):
     assert verify(tmp_path / "silent").problems == [
         "parameters: /manus: it did not tell its parameters"
     ]
+
+
+# What the data alone do not tell: topics that are silent, halved, or cannot be counted.
+
+OWN = "screw_module_msgs/msg/"
+ENCODER, PLANE = OWN + "EncoderSample", OWN + "PlanarState"
+RATES = {
+    "/encoder": '{"rate": 1000.0}',
+    "/manus": '{"rate": 500.0, "state_every": 4}',
+}
+
+
+@pytest.fixture
+def write(tmp_path, codec, definitions):
+    """Return a maker of bags: topics as (name, type, ticks of its messages, period [ms])."""
+
+    def make(*topics, parameters=RATES, numbered=True, **notes):
+        writer = BagWriter(tmp_path / "made")
+        for name, kind, ticks, period in topics:
+            topic = Topic(name, kind, definitions.find(kind), codec.hash(kind))
+            channel = writer.add_topic(topic)
+            for number, tick in enumerate(ticks, 1):
+                values = {}
+                if kind in (ENCODER, PLANE):
+                    values = {"sequence": tick, "monotonic_ns": round(tick * period * MS)}
+                data = codec.encode(kind, values)
+                log_time = START + round(tick * period * MS)
+                writer.write(
+                    [Message(channel, log_time, log_time, number if numbered else 0, data)]
+                )
+            if notes.get("several") == name:
+                writer.several_publishers(channel)
+        writer.add_metadata("parameters", parameters)
+        if "refused" in notes:
+            writer.add_metadata("not recorded", notes["refused"])
+        writer.close()
+        return tmp_path / "made"
+
+    return make
+
+
+def encoder(ticks, period=1.0):
+    return ("/screw/encoder", ENCODER, ticks, period)
+
+
+def plane(ticks, period=2.0):
+    return ("/manus/state", PLANE, ticks, period)
+
+
+def test_whole_bag_with_two_strides(write):
+    report = verify(write(encoder(range(3000)), plane(range(0, 1500, 4))))
+    assert (report.problems, report.remarks) == ([], [])
+    assert [count.stride for count in report.topics.values()] == [4, 1]
+
+
+def test_every_second_sample_gone_is_a_loss(write, capsys):
+    bag = write(encoder(range(0, 3000, 2)), plane(range(0, 3000, 8)))
+    assert verify(bag).problems == [
+        "/manus/state: of 375 messages 374 lost in 374 gaps",
+        "/screw/encoder: of 1500 messages 1499 lost in 1499 gaps",
+    ]
+    assert main(["verify", str(bag)]) == 1
+
+
+def test_the_recorder_itself_knows_the_stride(write):
+    noted = yaml.safe_load((write(encoder(range(0, 300, 2))) / "metadata.yaml").read_text())
+    custom = noted["rosbag2_bagfile_information"]["custom_data"]
+    assert json.loads(custom["screw_module_ros/audit"])["/screw/encoder"]["lost"] == 149
+
+
+@pytest.mark.parametrize(
+    "told", ["{}", "[]", "not JSON", '{"state_every": "often"}', '{"state_every": 0}']
+)
+def test_a_stride_that_is_learned_is_told(write, told):
+    parameters = {"/encoder": RATES["/encoder"], "/manus": told}
+    report = verify(write(encoder(range(2000)), plane(range(0, 1000, 8)), parameters=parameters))
+    assert report.complete
+    assert report.remarks == ["/manus/state: its stride of 8 ticks is learned from its messages"]
+
+
+def test_nodes_in_a_namespace_are_found(write):
+    parameters = {f"/left{name}": text for name, text in RATES.items()}
+    bag = write(encoder(range(10)), plane(range(0, 3000, 8)), parameters=parameters)
+    assert "374 lost" in verify(bag).problems[0]
+
+
+def test_a_sequence_that_is_slower_than_its_node_is_found(write):
+    """Numbers without a gap, but not those of the ticks."""
+    assert verify(write(encoder(range(3000), period=2.0), plane([0, 4]))).problems == [
+        "/screw/encoder: its sequence rises by 500 in a second, the rate of encoder is 1000 Hz"
+    ]
+
+
+def test_a_jump_of_the_sequence_is_no_clean_bill(write):
+    bag = write(encoder([*range(3000), *range(200_000, 203_000)]), plane([0, 4]))
+    assert verify(bag).problems == [
+        "/screw/encoder: its sequence jumped 1 times, over more than is counted"
+    ]
+
+
+def test_a_topic_that_begins_late_or_ends_early_is_named(write):
+    report = verify(write(encoder(range(4000)), plane(range(600, 1000, 4))))
+    assert report.complete
+    assert report.remarks == [
+        "/manus/state: begins 1.2 s after the recording and ends 2.0 s before it"
+    ]
+
+
+def test_a_silent_topic_is_named(write, capsys):
+    state = ("/screw/amplifier_state", OWN + "AmplifierState", [], 1.0)
+    bag = write(encoder([]), plane([0, 4]), state)
+    report = verify(bag)
+    assert report.problems == ["/screw/encoder: subscribed to, but no message came"]
+    assert report.remarks == ["no message at all: /screw/amplifier_state, /screw/encoder"]
+    assert main(["verify", str(bag)]) == 1
+    assert "2 without a message" in capsys.readouterr().out
+
+
+def test_a_silent_topic_that_need_not_speak_is_no_problem(write):
+    state = ("/screw/amplifier_state", OWN + "AmplifierState", [], 1.0)
+    report = verify(write(encoder(range(10)), plane([0, 4]), state))
+    assert report.complete
+    assert report.remarks == ["no message at all: /screw/amplifier_state"]
+
+
+def test_a_topic_that_is_not_there_at_all_is_named(write):
+    report = verify(write(plane([0, 4])))
+    assert report.complete  # it may have been left out on purpose
+    assert report.remarks == [f"/encoder was there, but no topic of type {ENCODER} is in the bag"]
+
+
+def test_a_topic_the_recorder_refused_is_a_problem(write):
+    refused = {"/odd": "its type odd_msgs/msg/Odd is not installed here"}
+    report = verify(write(encoder(range(10)), plane([0, 4]), refused=refused))
+    assert report.problems == [f"/odd: was to be recorded and is not: {refused['/odd']}"]
+
+
+def test_topics_that_cannot_be_counted_are_named(write, capsys):
+    state = ("/diagnostics", OWN + "AmplifierState", [1, 2, 3], 1.0)
+    bag = write(encoder(range(10)), plane([0, 4]), state, several="/diagnostics")
+    assert main(["verify", str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert "NOTE /diagnostics: messages not received are not counted: several publishers" in out
+    assert out.endswith(
+        "complete; 3 topics: 2 counted by ticks and message numbers, 1 not counted\n"
+    )
+
+
+def test_messages_without_numbers_are_not_called_received(write, capsys):
+    bag = write(encoder(range(10)), plane([0, 4]), numbered=False)
+    assert main(["verify", str(bag)]) == 0
+    out = capsys.readouterr().out
+    assert "/screw/encoder: messages not received are not counted: they carry no number" in out
+    assert out.endswith("complete; 2 topics: 2 counted by ticks\n")
+    assert verify(bag).topics["/screw/encoder"].missed == -1

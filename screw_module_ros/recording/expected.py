@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a bag should hold, told by the design and by the parameters noted in it, not by its data.
+
+A stride learned from the data hides a loss that is regular: with every second sample gone the rest
+looks like a topic of half the rate. So the topics that follow a node's ticks (design section 5) are
+held against what is known of them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, NamedTuple
+
+_PACKAGE = "screw_module_msgs/msg/"
+_LEAST_S = 1.0  # a shorter recording tells no rate
+_TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
+
+Parameters = Mapping[str, str]  # per node, its parameters as JSON
+
+
+class Ticked(NamedTuple):
+    """A type whose messages follow ticks.
+
+    publisher: node that publishes it. clock: node whose ticks its sequence counts.
+    every: ticks from one message to the next, or the parameter of `clock` that tells them.
+    """
+
+    publisher: str
+    clock: str
+    every: int | str
+
+
+TICKED = {
+    _PACKAGE + "EncoderSample": Ticked("encoder", "encoder", 1),
+    _PACKAGE + "ForceSample": Ticked("force_sensor", "force_sensor", 1),
+    _PACKAGE + "ForceCommand": Ticked("impedance_controller", "encoder", 1),
+    _PACKAGE + "PlanarState": Ticked("manus", "manus", "state_every"),
+}
+
+
+def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
+    """Return the ticks from one message of a type to the next, 0 when only the data can tell.
+
+    parameters: as noted in the bag; without them a type whose stride is a parameter gives 0.
+    """
+    ticked = TICKED.get(type_name)
+    if ticked is None:
+        return 0
+    if isinstance(ticked.every, int):
+        return ticked.every
+    every = _values(parameters or {}, ticked.clock).get(ticked.every)
+    return every if isinstance(every, int) and every > 0 else 0
+
+
+def wrong_rate(type_name: str, ticks: int, duration: float, parameters: Parameters) -> str:
+    """Say how the ticks that went by differ from the rate noted, empty when they fit.
+
+    ticks: from the first message to the last. duration: between them, by their own stamps [s].
+    """
+    ticked = TICKED.get(type_name)
+    if ticked is None or duration < _LEAST_S:
+        return ""
+    rate = _values(parameters, ticked.clock).get("rate")
+    if not isinstance(rate, int | float) or abs(ticks / duration - rate) <= _TOLERANCE * rate:
+        return ""
+    return (
+        f"its sequence rises by {ticks / duration:.0f} in a second, "
+        f"the rate of {ticked.clock} is {rate:g} Hz"
+    )
+
+
+def absent(types: Collection[str], parameters: Parameters) -> Iterator[str]:
+    """Say which nodes were there while no topic of theirs is in a bag with these types."""
+    for type_name, ticked in TICKED.items():
+        nodes = [name for name in parameters if name.rpartition("/")[2] == ticked.publisher]
+        if nodes and type_name not in types:
+            yield f"{nodes[0]} was there, but no topic of type {type_name} is in the bag"
+
+
+def _values(parameters: Parameters, node: str) -> dict[str, Any]:
+    """Return the parameters of the one node of this name, in whatever namespace; else none."""
+    found = [text for name, text in parameters.items() if name.rpartition("/")[2] == node]
+    if len(found) != 1:
+        return {}
+    try:
+        values = json.loads(found[0])
+    except ValueError:
+        return {}
+    return values if isinstance(values, dict) else {}
