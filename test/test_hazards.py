@@ -1,17 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/hazards.md names files and tests that exist."""
+"""docs/hazards.md names files, tests, rows and groups of the fault catalogue that exist."""
 
 from __future__ import annotations
 
 import re
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import pytest
+
+from screw_module_ros.nodes.faults.catalogue import all_rows
+from screw_module_ros.nodes.faults.row import Row
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
 NAMED = sorted(set(re.findall(r"`(test/[^`]+)`", TEXT)))
 FILES = sorted(set(re.findall(r"`([a-z_/0-9]+\.py)`", TEXT)) - set(NAMED))
+HAZARDS = [
+    cells
+    for line in TEXT.splitlines()
+    if line.startswith("| ")
+    and len(cells := [cell.strip() for cell in line.split("|")[1:-1]]) > 1
+    and cells[0] != "hazard"
+]
+PROOFS = " ; ".join(cells[-1] for cells in HAZARDS)
+QUOTED = sorted(set(re.findall(r"`([^`]+)`", PROOFS)))
+COMMANDS = [text for text in QUOTED if text.startswith("make ")]
+ROWS = [text for text in QUOTED if not text.startswith(("test/", "make "))]
+GROUPS = sorted(set(re.findall(r"all of ([a-z ]+?)(?= *(?:[,;(]|$))", PROOFS)))
+
+
+@pytest.fixture(scope="module")
+def catalogue() -> list[Row]:
+    """Return all rows; made here, so that a defect of theirs fails only what needs them."""
+    return all_rows()
 
 
 @pytest.mark.parametrize("named", NAMED)
@@ -28,8 +50,30 @@ def test_every_file_named_is_there(file):
     assert (ROOT / "screw_module_ros" / file).is_file()
 
 
+@pytest.mark.parametrize("pattern", ROWS)
+def test_every_row_named_is_there(catalogue, pattern):
+    assert any(fnmatchcase(row.name, pattern) for row in catalogue)
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_group_named_is_there(catalogue, group):
+    assert group in {row.group for row in catalogue}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_named_is_there(command):
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert re.search(rf"^{command.removeprefix('make ')}:", makefile, re.MULTILINE)
+
+
+def test_rows_and_groups_are_found_in_the_text():
+    assert len(ROWS) > 30
+    assert {"bus", "commands", "parameters"} <= set(GROUPS)
+
+
 def test_every_hazard_has_a_mitigation_and_a_proof():
-    rows = [line.split("|")[1:-1] for line in TEXT.splitlines() if line.startswith("| ")]
-    rows = [row for row in rows if row[0].strip() != "hazard"]
-    assert len(rows) > 20
-    assert all(len(row) == 4 and all(cell.strip() for cell in row) for row in rows)
+    assert len(HAZARDS) > 20
+    for cells in HAZARDS:
+        assert len(cells) == 4, cells[0]
+        assert all(cells), cells[0]
+        assert "`" in cells[-1], cells[0]
