@@ -43,21 +43,6 @@ def counts_to_height(counts: float, screw: Screw = SCREW) -> float:
     return counts * screw.lead / screw.counts_per_turn
 
 
-def height_to_counts(height: float, screw: Screw = SCREW) -> float:
-    """Return encoder counts [counts, not rounded] for a travel of the nut [m]."""
-    return height * screw.counts_per_turn / screw.lead
-
-
-def height_to_angle(height: float, screw: Screw = SCREW) -> float:
-    """Return the screw angle [rad] for a travel of the nut [m]."""
-    return 2.0 * math.pi * height / screw.lead
-
-
-def angle_to_height(angle: float, screw: Screw = SCREW) -> float:
-    """Return the travel of the nut [m] for a screw angle [rad]."""
-    return angle * screw.lead / (2.0 * math.pi)
-
-
 def force_to_torque(force: float, screw: Screw = SCREW) -> float:
     """Return the motor torque [Nm] that makes a force at the handle [N], without friction (3.1)."""
     return force * screw.lead / (2.0 * math.pi)

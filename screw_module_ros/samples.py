@@ -74,14 +74,6 @@ class DriveReading(NamedTuple):
     torque: float
 
 
-def tick_number(monotonic_ns: int, period_ns: int) -> int:
-    """Return the number of the tick an instant belongs to.
-
-    monotonic_ns: CLOCK_MONOTONIC [ns]; period_ns: tick period [ns]. The number wraps at 2^32.
-    """
-    return (monotonic_ns // period_ns) & SEQUENCE_MASK
-
-
 def sequence_gap(previous: int, current: int) -> int:
     """Return how many ticks are missing between two sequence numbers, modulo 2^32.
 

@@ -16,7 +16,6 @@ from .calibration import CalibrationError, Section, read_calibration
 
 FORMAT = "screw_module_ros/linearization"
 _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N at the handle
-_BISECTIONS = 60
 _FILE_KEYS = {
     "upper_joint": "joints_Nm",
     "lower_slope": "lower.slope",
@@ -58,22 +57,6 @@ def torque_command(linearization: Linearization, torque: float) -> float:
         return linearization.upper_slope * torque + linearization.upper_offset
     c3, c2, c1, c0 = linearization.cubic
     return ((c3 * torque + c2) * torque + c1) * torque + c0
-
-
-def torque_yielded(linearization: Linearization, command: float) -> float:
-    """Return the torque [Nm] a torque command [Nm] yields: the inverse, for checks and fits."""
-    low, high = linearization.lower_joint, linearization.upper_joint
-    if command < linearization.lower_slope * low + linearization.lower_offset:
-        return (command - linearization.lower_offset) / linearization.lower_slope
-    if command > linearization.upper_slope * high + linearization.upper_offset:
-        return (command - linearization.upper_offset) / linearization.upper_slope
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        if torque_command(linearization, middle) < command:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
 
 
 def default_linearization(dead_zone: float = 0.025, joint: float = 0.025) -> Linearization:

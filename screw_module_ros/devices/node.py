@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from canopen.nmt import NMT_STATES, NmtMaster
+from canopen.nmt import NMT_STATES as NMT_STATES  # for drive_logic
+from canopen.nmt import NmtMaster
 
 from . import emcy
 from .errors import NotConfigured, Refused, WrongDevice
@@ -87,11 +88,6 @@ class CanopenNode:
     def pre_operational(self) -> None:
         """Make this node, and no other, PRE-OPERATIONAL: its PDOs stop."""
         self._nmt.send_command(_NMT_PRE_OPERATIONAL)
-
-    @property
-    def state_text(self) -> str:
-        """Network state by name, as the last heartbeat said."""
-        return NMT_STATES.get(self.state, "unknown") if self.state is not None else "unknown"
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
         """Read who the node is and refuse another than expected; 0 = any.

@@ -13,7 +13,6 @@ from screw_module_ros.control.linearization import (
     default_linearization,
     load_linearization,
     torque_command,
-    torque_yielded,
     validated_linearization,
 )
 
@@ -57,13 +56,6 @@ def test_continuous_at_the_joints_with_a_tenth_of_slope_step(joint):
     assert above - below < 1e-6
     slopes = (at - below) / step, (above - at) / step
     assert min(slopes) / max(slopes) == pytest.approx(0.9, abs=1e-3)
-
-
-@given(torques)
-def test_inverse_undoes_the_map(torque):
-    assert torque_yielded(DEFAULT, torque_command(DEFAULT, torque)) == pytest.approx(
-        torque, abs=1e-9
-    )
 
 
 @given(torques, torques)
