@@ -27,7 +27,7 @@ class Setting(NamedTuple):
     low: smallest value allowed, None for no bound
     high: largest value allowed, None for no bound
     choices: the values allowed, empty for any
-    live: may change while the node is active
+    live: may change while the node is configured or active
     """
 
     text: str

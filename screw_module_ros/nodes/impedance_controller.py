@@ -194,14 +194,13 @@ class ImpedanceControllerNode(ModuleNode):
         if force is not None:
             self.feel(force, now)
         sample = self._take_encoder()
-        if sample is not None:
-            output = self.respond(sample, now)
-            if output is not None:
-                self._command.stamp = sample.stamp
-                self.tell(output)
-                self.count()
-        else:
-            self.idle(now)
+        output = self.respond(sample, now) if sample is not None else None
+        if output is not None:
+            self._command.stamp = sample.stamp
+            self.tell(output)
+            self.count()
+        elif (zero := self.idle(now)) is not None:
+            self.tell(zero)
         self._hear_amplifier(now)
         self.follow(now)
 
@@ -221,16 +220,19 @@ class ImpedanceControllerNode(ModuleNode):
             self._encoder = sample
         return output
 
+    @property
+    def answered(self) -> EncoderLike | None:
+        """The newest sample that was acted upon, None before the first."""
+        return self._encoder
+
     def count(self) -> None:
         """Count the newest sample as answered now."""
         sample = self._encoder
         self._meter.tick(sample.sequence, sample.monotonic_ns, time.monotonic_ns())
 
-    def idle(self, now: int) -> None:
-        """Do what is due without a sample: publish zero when they have ceased to come."""
-        zero = self._controller.idle(now)
-        if zero is not None:
-            self.tell(zero)
+    def idle(self, now: int) -> VerticalOutput | None:
+        """Return the zero to send when no sample came that can be acted upon, None when not due."""
+        return self._controller.idle(now)
 
     def tell(self, output: VerticalOutput, stamp_ns: int | None = None) -> None:
         """Publish the answer to the newest sample; stamp_ns: of the sample, None = as it is."""
@@ -269,11 +271,11 @@ class ImpedanceControllerNode(ModuleNode):
             self._publish_state(now)
 
     def _follow_supervisor(self, now: int) -> None:
-        """A reset there clears a fault here."""
+        """A reset there clears a fault here; one that was started anew counts from 0 again."""
         safety = self._safety.fresh(now)
         if safety is None:
             return
-        if self._resets is not None and safety.resets != self._resets:
+        if self._resets is not None and safety.resets > self._resets:
             self._controller.reset(now)
         self._resets = safety.resets
 

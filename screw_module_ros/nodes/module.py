@@ -82,7 +82,7 @@ class ModuleLoop:
         output = self._act(parts, sample, force, now)
         # The torque is out; what follows only tells of it and looks after the drive.
         self._publish(parts, sample, force, output)
-        self._look_after(parts, tick, sample, now)
+        self._look_after(parts, tick, now)
         if force is None and parts.force_sensor is not None:
             self._take_late_force(parts, due_ns)
 
@@ -122,16 +122,23 @@ class ModuleLoop:
     def _act(
         self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now: int
     ) -> VerticalOutput | None:
-        """Turn the samples into torque; return the controller's output, None without one."""
+        """Turn the samples into torque; return the controller's output, None without one.
+
+        Without a sample to act upon that is the zero in place of the last force, once.
+        """
         controller = parts.controller
         if controller is None:
             return None
         if force is not None:
             controller.feel(force, now)
         output = controller.respond(sample, now) if sample is not None else None
-        if output is not None:
-            if parts.amplifier is not None:
-                parts.amplifier.act(sample.sequence, sample.monotonic_ns, output.force, now)
+        responded = output is not None
+        if not responded:
+            output = controller.idle(now)
+        if output is not None and parts.amplifier is not None:
+            behind = controller.answered
+            parts.amplifier.act(behind.sequence, behind.monotonic_ns, output.force, now)
+        if responded:
             controller.count()
         return output
 
@@ -147,17 +154,13 @@ class ModuleLoop:
         if force is not None:
             parts.force_sensor.publish(force)
         if output is not None:
-            parts.controller.tell(output, sample.stamp_ns)
+            parts.controller.tell(output, parts.controller.answered.stamp_ns)
 
-    def _look_after(
-        self, parts: Parts, tick: Tick, sample: EncoderReading | None, now: int
-    ) -> None:
+    def _look_after(self, parts: Parts, tick: Tick, now: int) -> None:
         controller = parts.controller
         state = parts.amplifier.end_tick(tick) if parts.amplifier is not None else None
         if controller is None:
             return
-        if sample is None:
-            controller.idle(now)
         if state is not None:
             controller.hear_amplifier(state, now)
         controller.follow(now)

@@ -23,12 +23,12 @@ class Spring(NamedTuple):
 
 
 class Made(NamedTuple):
-    """A node under test: its parameters, what changed, and the switch for `active`."""
+    """A node under test: its parameters, what changed, and the switch for `configured`."""
 
     parameters: Parameters
     node: object
     changes: list
-    active: list
+    configured: list
 
 
 @pytest.fixture
@@ -43,10 +43,10 @@ def make():
             arguments = ["--ros-args", *arguments]
         node = rclpy.create_node("law", context=context, cli_args=arguments)
         nodes.append(node)
-        changes, active = [], []
-        parameters = Parameters(node, changes.append, lambda: bool(active))
+        changes, configured = [], []
+        parameters = Parameters(node, changes.append, lambda: bool(configured))
         parameters.declare(Spring, "spring")
-        return Made(parameters, node, changes, active)
+        return Made(parameters, node, changes, configured)
 
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     yield build
@@ -89,16 +89,36 @@ def test_an_unknown_name_is_refused_with_the_known_ones(make):
         made.parameters.finish()
 
 
-def test_live_change_while_active(make):
-    """A live field changes while active and the node hears of its tuple; a fixed one does not."""
+def test_live_change_while_configured(make):
+    """A live field changes and the node hears of its tuple; a fixed one does not."""
     made = make()
     made.parameters.finish()
-    made.active.append(True)
+    made.configured.append(True)
     good = made.node.set_parameters([Parameter("spring.stiffness", value=300.0)])[0]
     bad = made.node.set_parameters([Parameter("spring.kind", value="hard")])[0]
     assert good.successful and made.changes == [Spring]
-    assert not bad.successful and "deactivate first" in bad.reason
+    assert not bad.successful and "deactivate and clean up first" in bad.reason
     assert made.parameters.read(Spring, "spring") == Spring(stiffness=300.0)
+
+
+def test_a_fixed_parameter_is_refused_until_the_node_would_read_it(make_node):
+    """Inactive is too late: only configuring reads it, and activating would not take it over."""
+    node = make_node("supervisor")
+
+    def refused() -> str:
+        return node.set_parameters([Parameter("timeout", value=0.3)])[0].reason
+
+    node.trigger_configure()
+    assert "timeout" in refused() and "clean up first" in refused()
+    node.trigger_activate()
+    assert "deactivate and clean up first" in refused()
+    node.trigger_deactivate()
+    assert "clean up first" in refused()
+    node.trigger_cleanup()
+    assert refused() == ""
+    node.trigger_configure()
+    assert node._settings.timeout == 0.3
+    node.close()
 
 
 def test_a_bad_change_leaves_everything(make):

@@ -27,14 +27,14 @@ class ParameterError(ValueError):
 class Parameters:
     """The parameters of one node: NamedTuples of settings under name prefixes.
 
-    `changed(kind)` is called after fields of that tuple were changed at run time; `active()` tells
-    whether fields that are not live must be refused.
+    `changed(kind)` is called after fields of that tuple were changed at run time; `configured()`
+    tells whether fields that are not live must be refused.
     """
 
-    def __init__(self, node: Node, changed, active):
+    def __init__(self, node: Node, changed, configured):
         self._node = node
         self._changed = changed
-        self._active = active
+        self._configured = configured
         self._defaults: dict[tuple[type, str], tuple] = {}
         self._fields: dict[str, tuple[type, Field]] = {}
         self._declared = False
@@ -103,9 +103,12 @@ class Parameters:
             _, field = known
             current = self._node.get_parameter(parameter.name).value
             wrong = _problem(parameter.name, field, parameter.value, type(current))
-            if not wrong and not field.setting.live and self._active():
+            if not wrong and not field.setting.live and self._configured():
                 if list(_flat(parameter.value)) != list(_flat(current)):
-                    wrong = f"{parameter.name} is fixed while the node is active: deactivate first"
+                    wrong = (
+                        f"{parameter.name} is fixed while the node is configured: deactivate and "
+                        "clean up first"
+                    )
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
         return SetParametersResult(successful=True)
@@ -154,7 +157,7 @@ def _from_ros(value: Any) -> Any:
 def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     setting = field.setting
     unit = f" [{setting.unit}]" if setting.unit else ""
-    when = "" if setting.live else " Fixed while active."
+    when = "" if setting.live else " Fixed while configured."
     told = ParameterDescriptor(name=field.name, description=f"{setting.text}{unit}.{when}")
     if setting.choices:
         told.additional_constraints = "one of " + ", ".join(map(str, setting.choices))

@@ -74,7 +74,7 @@ class ModuleNode(LifecycleNode):
         self._outside_step.set()
         self._phase = "unconfigured"
         self._failure = ""
-        self.parameters = Parameters(self, self.changed, self._active.is_set)
+        self.parameters = Parameters(self, self.changed, self._is_configured)
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -112,6 +112,9 @@ class ModuleNode(LifecycleNode):
         """Take over parameters of the settings tuple `kind`, changed at run time."""
 
     # Lifecycle -----------------------------------------------------------------------------
+
+    def _is_configured(self) -> bool:
+        return self._phase in ("inactive", "active")
 
     @property
     def active(self) -> bool:

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sample that cannot be gets a zero at once, in its own process and in `module`; no graph."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from screw_module_ros.nodes.module import ModuleLoop, Parts
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+MS = 1_000_000
+
+
+class Axis:
+    """A controller node that has a force out, its messages, and the time."""
+
+    def __init__(self, node):
+        node.connect()
+        node.begin()
+        self.node = node
+        self.told: list = []
+        node._publish = lambda command: self.told.append((command.sequence, command.force))
+        self.tick = 100
+
+    @property
+    def now(self) -> int:
+        return self.tick * MS + 200_000
+
+    def sample(self, position: float = 0.18) -> EncoderReading:
+        self.tick += 1
+        return EncoderReading(self.tick, self.tick * MS, 7, 0, position, 0.0, True)
+
+    def force(self) -> ForceReading:
+        return ForceReading(self.tick, self.tick * MS, 7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+@pytest.fixture
+def axis(make_node):
+    made = Axis(make_node("impedance_controller"))
+    for _ in range(700):
+        sample = made.sample()
+        made.node.feel(made.force(), made.now)
+        output = made.node.respond(sample, made.now)
+    assert output.force > 5.0
+    yield made
+    made.node.close()
+
+
+def step(axis, monkeypatch, sample) -> None:
+    """One step of the node's loop with that sample on the topic."""
+    node = axis.node
+    monkeypatch.setattr("time.monotonic_ns", lambda: axis.now)
+    node._inbox = SimpleNamespace(wait=lambda timeout: None, close=node._inbox.close)
+    node._take_force = lambda: None
+    # A message of the topic: the field `stamp` is there, whatever it holds.
+    node._take_encoder = lambda: sample
+    node.follow = node._hear_amplifier = lambda now: None
+    node.step()
+
+
+def test_the_node_sends_zero_for_a_sample_that_is_no_number(axis, monkeypatch):
+    step(axis, monkeypatch, axis.sample(math.nan))
+    assert axis.told == [(axis.tick - 1, 0.0)], "with the sample it last answered"
+    assert "not a finite number" in axis.node._controller.reason
+    step(axis, monkeypatch, axis.sample(math.nan))
+    assert len(axis.told) == 1
+
+
+def test_the_node_goes_on_after_a_repeated_sample(axis, monkeypatch):
+    step(axis, monkeypatch, axis.node.answered)
+    assert axis.told == [] and axis.node._controller.reason == ""
+
+
+def act_and_publish(axis, sample):
+    """One period of `module`'s loop with that sample; return what the amplifier was given."""
+    given = []
+    amplifier = SimpleNamespace(
+        act=lambda sequence, stamp, force, now: given.append((sequence, force))
+    )
+    encoder = SimpleNamespace(publish=lambda sample: None)
+    parts = Parts(encoder, None, axis.node, amplifier)
+    loop = ModuleLoop.__new__(ModuleLoop)
+    output = loop._act(parts, sample, None, axis.now)
+    loop._publish(parts, sample, None, output)
+    return given
+
+
+def test_module_writes_zero_for_a_sample_that_is_no_number(axis):
+    given = act_and_publish(axis, axis.sample(math.nan))
+    assert given == axis.told == [(axis.tick - 1, 0.0)]
+
+
+def test_module_writes_zero_when_samples_cease(axis):
+    axis.tick += 10
+    given = act_and_publish(axis, None)
+    assert given == axis.told == [(axis.tick - 10, 0.0)]
+    assert act_and_publish(axis, None) == []
+
+
+# The supervisor's counter of resets ----------------------------------------------------------
+
+
+def test_only_a_rise_of_the_counter_resets(axis):
+    """A supervisor that was started anew counts from 0: no reset that anybody asked for."""
+    node = axis.node
+    node.respond(axis.sample(math.nan), axis.now)
+    assert node._controller.faulted
+    told = {}
+    node._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
+    for resets, faulted in ((3, True), (3, True), (0, True), (0, True), (1, False)):
+        told["resets"] = resets
+        node._follow_supervisor(axis.now)
+        assert node._controller.faulted is faulted, resets
