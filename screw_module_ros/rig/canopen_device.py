@@ -52,6 +52,7 @@ class CanopenDevice:
         self.faults = FaultBook(name, link)
         self.now_ns = 0
         self.refuse_guards = self.silent_sdo = self.mute_heartbeat = self.mute_pdos = False
+        self.deaf_pdos = False
         self.unpowered = False
         self._boot_at_ns: int | None = None
         self._started = False

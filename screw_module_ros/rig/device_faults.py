@@ -25,6 +25,7 @@ def add_common_faults(device: CanopenDevice) -> None:
     for name, attribute, text in (
         ("heartbeat_lost", "mute_heartbeat", "its heartbeat stops, all else goes on"),
         ("pdos_lost", "mute_pdos", "its PDOs stop, all else goes on"),
+        ("rpdos_lost", "deaf_pdos", "it hears no PDO, all else it does"),
         ("sdo_silent", "silent_sdo", "it does not answer SDO requests"),
         ("refuse_guards", "refuse_guards", "it aborts writes to 1016, 1017 and 1400:05"),
     ):

@@ -59,6 +59,7 @@ class Owner(Protocol):
 
     node: DeviceNode
     operational: bool
+    deaf_pdos: bool
 
     def send(self, can_id: int, data: bytes) -> None:
         """Put a frame on the bus."""
@@ -166,7 +167,7 @@ class Rpdo:
     def receive(self, data: bytes, now_ns: int) -> None:
         """Take a frame: too short is refused, too long is cut, both are reported."""
         owner = self._owner
-        if not owner.operational:
+        if not owner.operational or owner.deaf_pdos:
             return
         size = self._struct.size
         if len(data) < size:

@@ -13,12 +13,19 @@ import pytest
 from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.faults.catalogue import PAGE, all_rows, chosen, page
-from screw_module_ros.nodes.faults.judge import STEP_S, _largest_step, _torque_samples, _vertical
 from screw_module_ros.nodes.faults.listener import Moment
+from screw_module_ros.nodes.faults.measures import (
+    STEP_S,
+    largest_step,
+    torque_samples,
+    vertical,
+)
 from screw_module_ros.nodes.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF
-from screw_module_ros.nodes.faults.rows_bus import DEVICES
+from screw_module_ros.nodes.faults.rows_bus import DEVICES, KINDS, _size
 from screw_module_ros.nodes.faults.ticks import PERIOD
 from screw_module_ros.nodes.support.graph import GRAPH
+
+pytestmark = pytest.mark.graph
 
 ROWS = all_rows()
 NAMES = [row.name for row in ROWS]
@@ -42,8 +49,7 @@ def test_every_mode_has_its_emergency_stop():
     assert {f"estop-{mode.lower()}" for mode in MODE_NAMES.values()} <= set(NAMES)
 
 
-@pytest.mark.parametrize("fault", ["cable_out", "bus_off", "truncate", "lengthen", "foreign_ids",
-                                   "duplicate", "reorder", "delay-500ms", "flood"])  # fmt: skip
+@pytest.mark.parametrize("fault", [f"{kind.fault}{_size(kind)}" for kind in KINDS])
 def test_every_device_has_its_bus_faults(fault):
     assert {f"{device.name}-{fault}" for device in DEVICES} <= set(NAMES)
 
@@ -86,8 +92,8 @@ def moments(torques, forces=()):
 
 
 def test_torque_that_comes_back_counts_until_its_end():
-    assert _torque_samples(moments([0.1, 0.0, 0.0, 0.1, 0.0]), 0.0, _vertical) == pytest.approx(2.0)
-    assert _torque_samples(moments([0.0, 0.0]), 0.0, _vertical) == 0.0
+    assert torque_samples(moments([0.1, 0.0, 0.0, 0.1, 0.0]), 0.0, vertical) == pytest.approx(2.0)
+    assert torque_samples(moments([0.0, 0.0]), 0.0, vertical) == 0.0
 
 
 def test_a_step_is_seen_and_a_slope_is_not():
@@ -95,20 +101,23 @@ def test_a_step_is_seen_and_a_slope_is_not():
     slope = [0.5 * k for k in range(40)]
     apart = int(STEP_S * 1.01 / (PERIOD / 2))
     assert 1 <= apart < 10
-    assert _largest_step(moments([0.0] * 40, slope)) == pytest.approx(0.5 * apart)
+    assert largest_step(moments([0.0] * 40, slope)) == pytest.approx(0.5 * apart)
     step = [0.0] * 20 + [7.0] * 20
-    assert _largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
+    assert largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
     knock = [0.0] * 20 + [9.0] + [0.0] * 20
-    assert _largest_step(moments([0.0] * 41, knock)) == 0.0
+    assert largest_step(moments([0.0] * 41, knock)) == 0.0
 
 
 def test_the_short_selection_has_something_of_everything():
     short = chosen(representative=True)
     assert {row.group for row in short} == {row.group for row in ROWS}
     assert {row.mode for row in short} == set(MODE_NAMES)
-    nodes = {row.name.partition("-")[0] for row in short if row.group == "nodes"}
-    assert nodes == {entry.executable for entry in GRAPH}
-    assert len(short) < len(ROWS) / 5
+    acts = {row.name.rpartition("-")[0] for row in short if row.group == "nodes"}
+    assert acts == {f"{n.executable}-{a}" for n in GRAPH for a in ("killed", "frozen", "stopped")}
+    kinds = {row.name.partition("-")[2] for row in short if row.group == "bus"}
+    assert kinds >= {f"{kind.fault}{_size(kind)}" for kind in KINDS}
+    assert {row.name.partition("-")[0] for row in short} >= {device.name for device in DEVICES}
+    assert len(short) <= len(ROWS) / 5 + 1
 
 
 @pytest.mark.timeout(150)

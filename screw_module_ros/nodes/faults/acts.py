@@ -7,18 +7,22 @@ import time
 from functools import reduce
 from typing import Any
 
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from ..support.robot import RobotError
 from .row import Act, Failed
-from .ticks import PERIOD
-
-_PERIOD_NS = round(PERIOD * 1e9)
+from .ticks import PERIOD_NS
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
     """Make something go wrong in the simulated rig, until `cured`."""
-    return lambda stand: stand.robot.inject(device, name, value) and None
+
+    def act(stand) -> float:
+        stand.robot.inject(device, name, value)
+        return stand.just_now()
+
+    return act
 
 
 def cured(device: str) -> Act:
@@ -35,18 +39,22 @@ def rehomed(stand) -> None:
 
 
 def both(*acts: Act) -> Act:
-    """Do one after the other."""
+    """Do one after the other; the harm begins with the first that does any."""
 
-    def act(stand) -> None:
-        for one in acts:
-            one(stand)
+    def act(stand) -> float | None:
+        return next(filter(None, [one(stand) for one in acts]), None)
 
     return act
 
 
 def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
     """Call a service, whatever it answers."""
-    return lambda stand: stand.robot.call(kind, service, kind.Request(**fields)) and None
+
+    def act(stand) -> float:
+        stand.robot.call(kind, service, kind.Request(**fields))
+        return stand.just_now()
+
+    return act
 
 
 def switched(service: str, on: bool) -> Act:
@@ -54,11 +62,11 @@ def switched(service: str, on: bool) -> Act:
     return called(service, SetBool, data=on)
 
 
-def refused(service: str, kind: type = Trigger, said: str = "", **fields: Any) -> Act:
+def refused(service: str, service_type: type = Trigger, said: str = "", **fields: Any) -> Act:
     """Call a service that must refuse, in a sentence with `said` in it."""
 
     def act(stand) -> None:
-        answer = stand.robot.call(kind, service, kind.Request(**fields))
+        answer = stand.robot.call(service_type, service, service_type.Request(**fields))
         if answer.success or said not in answer.message:
             raise Failed(f"{service} was not refused as it should: {answer.message!r}")
 
@@ -67,15 +75,15 @@ def refused(service: str, kind: type = Trigger, said: str = "", **fields: Any) -
 
 def parameter_refused(node: str, name: str, value: Any) -> Act:
     """Set a parameter that must be refused in a sentence naming it."""
+    given = Parameter(name, value=value).to_parameter_msg()
 
     def act(stand) -> None:
-        try:
-            stand.robot.set_parameter(node, name, value)
-        except RobotError as error:
-            if "refused" not in str(error) or name not in str(error):
-                raise Failed(f"not refused with its name: {error}") from error
-        else:
+        request = SetParameters.Request(parameters=[given])
+        (result,) = stand.robot.call(SetParameters, f"{node}/set_parameters", request).results
+        if result.successful:
             raise Failed(f"{node} took {name} = {value!r}")
+        if name not in result.reason:
+            raise Failed(f"{node} refused {name} = {value!r} without its name: {result.reason}")
 
     return act
 
@@ -86,24 +94,22 @@ def published(
     """Publish a message with these fields on a topic, `count` times or until dismissed.
 
     Numbered messages look like the next true one: tick number, acquisition of now, `late` ns added.
+    A field may be a function of the stand, for what is known only then.
     """
 
-    def make() -> Any:
+    def make(stand) -> Any:
         message = kind()
         if hasattr(message, "monotonic_ns"):
             now = time.monotonic_ns() + late
             message.monotonic_ns = now
-            message.sequence = (now // _PERIOD_NS + 1) & 0xFFFFFFFF
+            message.sequence = (now // PERIOD_NS + 1) & 0xFFFFFFFF
         for name, value in fields.items():
             *owners, last = name.split("__")
-            setattr(reduce(getattr, owners, message), last, value)
+            told = value(stand) if callable(value) else value
+            setattr(reduce(getattr, owners, message), last, told)
         return message
 
-    def act(stand) -> float:
-        stand.intrude(kind, topic, make, count, period)
-        return 0.0
-
-    return act
+    return lambda stand: stand.intrude(kind, topic, lambda: make(stand), count, period)
 
 
 def game(*setpoint: float) -> Act:
@@ -117,9 +123,4 @@ def game(*setpoint: float) -> Act:
 
 def repeated(act: Act, times: int) -> Act:
     """Do an act so many times."""
-
-    def acts(stand) -> None:
-        for _ in range(times):
-            act(stand)
-
-    return acts
+    return both(*[act] * times)

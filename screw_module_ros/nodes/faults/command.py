@@ -24,7 +24,7 @@ from .row import GOES_ON, Row, Verdict
 @click.command(context_settings={"show_default": True})
 @click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
 @click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
-@click.option("--representative", is_flag=True, help="Every sixth row: some of each kind.")
+@click.option("--representative", is_flag=True, help="Every fifth row: some of each kind.")
 @click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
 @click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
 @click.option(

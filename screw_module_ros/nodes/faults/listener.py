@@ -35,6 +35,7 @@ NO_JOINT_TORQUE = 5e-3
 _KEPT = 20_000
 _FRESH_NS = 300_000_000
 _GAME_S = 0.05
+_ALARMS = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
 
 
 class Moment(NamedTuple):
@@ -66,10 +67,9 @@ class Listener:
         self._reasons: dict[str, None] = {}
         self._enabled: dict[str, bool] = {}
         self._ever_enabled: set[str] = set()
-        self._ever_disabled: set[str] = set()
+        self._disabled_at: dict[str, float] = {}  # the first time since `mark`
         self.homed = False
         self.slipped = 0  # ms of simulated time the rig gave up because the machine was busy
-        self.force_status = 0
         choose_transport()
         self._context = Context()
         self._context.init()
@@ -140,8 +140,11 @@ class Listener:
         def note(state) -> None:
             with self._lock:
                 self._enabled[node] = state.enabled
-                (self._ever_enabled if state.enabled else self._ever_disabled).add(node)
                 self._arrivals[node] = time.monotonic_ns()
+                if state.enabled:
+                    self._ever_enabled.add(node)
+                elif self._moments:
+                    self._disabled_at.setdefault(node, self._moments[-1].time)
 
         return note
 
@@ -150,7 +153,6 @@ class Listener:
         self._arrivals["encoder"] = time.monotonic_ns()
 
     def _force(self, sample: ForceSample) -> None:
-        self.force_status = sample.status
         self._arrivals["force_sensor"] = time.monotonic_ns()
 
     def _play(self) -> None:
@@ -172,7 +174,7 @@ class Listener:
             self._told.clear()
             self._reasons.clear()
             self._ever_enabled.clear()
-            self._ever_disabled.clear()
+            self._disabled_at.clear()
             return self._moments[-1].time if self._moments else 0.0
 
     def forget_enabled(self) -> None:
@@ -204,10 +206,14 @@ class Listener:
         """Return how long nothing has been heard [s]."""
         return (time.monotonic_ns() - self._arrivals.get(what, 0)) * 1e-9
 
-    def told(self) -> list[tuple[str, bytes, str]]:
-        """Return (node, level, message) of every diagnostics entry since `mark`."""
+    def alarms(self) -> dict[str, list[str]]:
+        """Return the messages of every diagnostics entry above OK since `mark`, by node."""
+        found: dict[str, list[str]] = {}
         with self._lock:
-            return list(self._told)
+            for node, level, message in self._told:
+                if level in _ALARMS:
+                    found.setdefault(node, []).append(message)
+        return found
 
     def reasons(self) -> list[str]:
         """Return every reason of safety_state since `mark`."""
@@ -223,10 +229,8 @@ class Listener:
         with self._lock:
             return set(self._ever_enabled)
 
-    def ever_disabled(self) -> set[str]:
-        """Return who was not enabled at some time since `mark`."""
+    def disabled_at(self) -> dict[str, float]:
+        """Return who was not enabled since `mark`, and since which simulated time [s]."""
         with self._lock:
-            return set(self._ever_disabled)
+            return dict(self._disabled_at)
 
-
-ALARMS = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)

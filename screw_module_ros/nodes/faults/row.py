@@ -22,9 +22,12 @@ EITHER = "goes on, or both torques zero"
 SAFE_STATES = {
     OFF: "torque of all axes zero, drives disabled, coasting",
     VERTICAL_OFF: "vertical torque zero, coasting; the plane works on",
-    GOES_ON: "works on, no drive goes off and no torque limit is exceeded",
+    GOES_ON: "works on, no drive goes off or silent and no torque limit is exceeded",
     EITHER: "works on so, or stops in good order: it depends on chance or on the machine's speed",
 }
+
+MISSED = "amplifier/clear_fault if it missed commands"
+"""Of the way back: the amplifier latches that before it hears of the supervisor's stop, or not."""
 
 
 class Failed(Exception):
@@ -61,8 +64,9 @@ class Row(NamedTuple):
     name: stable id; fault: what is injected; within, plane_within: samples of the vertical chain
     after which the vertical axis and the plane may have no torque left, 0 where the robot goes on;
     watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
-    it happen, take its cause away; blind: there is no rig to ask, the drives' own word decides;
-    way_back: what an operator does then.
+    it happen (and tell since when, in simulated time), take its cause away; blind: there is no rig
+    to ask meanwhile, the drives' own word decides; limp: the drive works on without torque;
+    way_back: what an operator does then, with each service he calls.
     """
 
     name: str
@@ -80,6 +84,7 @@ class Row(NamedTuple):
     prepare: Act = nothing
     watch: float = 0.4
     blind: bool = False
+    limp: bool = False
 
     @property
     def mode_name(self) -> str:

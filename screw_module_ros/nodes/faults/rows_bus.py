@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from .acts import cured, fault
-from .row import EITHER, GOES_ON, OFF, Alarm, Row
+from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 from .ticks import COMMAND_S, HEARTBEAT_S, STALE, samples
 
 GROUP = "bus"
@@ -29,10 +29,10 @@ class Device(NamedTuple):
 _DRIVE = max(samples(COMMAND_S), samples(HEARTBEAT_S), STALE)
 DEVICES = (
     Device("encoder", "impedance_controller", STALE, Alarm("impedance_controller", "encoder:",
-           "encoder"), "mend it; encoder/home after a boot-up, reset, enable"),
+           "encoder"), f"mend it; encoder/home after a boot-up, {MISSED}, reset, enable"),
     Device("force_sensor", "impedance_controller", STALE, Alarm("impedance_controller",
-           "force sensor", "force"), "mend it; force_sensor/tare after a bad status, reset,"
-           " enable"),
+           "force sensor", "force"), "mend it; force_sensor/tare after a bad status, "
+           f"{MISSED}, reset, enable"),
     Device("drive", "amplifier; the drive itself", _DRIVE, Alarm("amplifier", "drive",
            "amplifier"), "mend it; amplifier/clear_fault, reset, enable"),
     Device("shoulder", "manus; the drive itself", _DRIVE, Alarm("manus", "drive|position",
@@ -73,13 +73,13 @@ _FLOOD_S = 30.0
 
 
 def rows() -> Iterator[Row]:
-    """Every kind x device; half a minute of flooding on the bus of the encoder."""
+    """Every kind x device; half a minute of flooding on every bus."""
     for device in DEVICES:
         for kind in KINDS:
             yield _row(device, kind)
     long = KINDS[-1]._replace(text="30 s of bus flooding, 1000 frames/s", watch=_FLOOD_S)
-    yield _row(DEVICES[0], long)._replace(name="encoder-flood-30s")
-    yield _row(DEVICES[2], long)._replace(name="drive-flood-30s")
+    for device in DEVICES[:4]:  # the elbow is on the shoulder's bus
+        yield _row(device, long)._replace(name=f"{device.name}-flood-30s")
 
 
 def _row(device: Device, kind: Kind) -> Row:

@@ -6,11 +6,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
-from screw_module_msgs.srv import SetControlMode, SetImpedance
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    EndpointState,
+    ForceCommand,
+    ForceSample,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
+from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
 
 from .acts import both, game, parameter_refused, published, refused
-from .row import GOES_ON, OFF, Act, Alarm, Row
+from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 from .stand import SPRING
 
 _NAN, _INF = math.nan, math.inf
@@ -20,13 +30,17 @@ _COUNT, _EVERY_S = 25, 0.007  # messages; the true ones come between and often h
 
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _FORCE = Alarm("impedance_controller", "force sensor", "force")
+_TWO_SUPERVISORS = "nodes publish safety_state|second"
 _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
 # topic, type, field, bad values, who notices, alarm
 _SAMPLES = (
     ("screw/encoder", EncoderSample, "position", "impedance_controller", _ENCODER),
     ("screw/encoder", EncoderSample, "velocity", "impedance_controller", _ENCODER),
     ("handle/force", ForceSample, "fx", "impedance_controller or manus", _FORCE),
+    ("handle/force", ForceSample, "fy", "impedance_controller or manus", _FORCE),
     ("handle/force", ForceSample, "fz", "impedance_controller", _FORCE),
+    ("handle/force", ForceSample, "tx", "impedance_controller", _FORCE),
+    ("handle/force", ForceSample, "ty", "impedance_controller", _FORCE),
     ("handle/force", ForceSample, "tz", "impedance_controller", _FORCE),
     ("screw/force_command", ForceCommand, "force", "amplifier", _COMMAND),
 )
@@ -38,22 +52,28 @@ def rows() -> Iterator[Row]:
     """Topics, services, set points, parameters."""
     for topic, kind, name, who, alarm in _SAMPLES:
         for told, value in _BAD.items():
-            if name == "tz" and told == "1e300":
+            if name in ("tx", "ty", "tz") and told == "1e300":
                 continue  # a torque has no limit of its own
-            fields = {name: value} | ({"homed": True} if kind is EncoderSample else {})
+            true = {"position": _height, "homed": True} if kind is EncoderSample else {}
+            fields = true | {name: value}
             yield _stops(
                 f"{topic}-{name}-{told}", f"{told} as {name} on {topic}, from a foreign sender",
                 published(kind, topic, _COUNT, _EVERY_S, **fields), who,
-                alarm if name != "fx" else Alarm("supervisor", ".", "force|handle"),
+                alarm if name not in ("fx", "fy") else Alarm("supervisor", ".", "force|handle"),
             )  # fmt: skip
         if name in ("position", "fz", "force"):
             yield _stops(
                 f"{topic}-future", f"{topic} stamped an hour ahead: its clock has jumped",
                 published(kind, topic, _COUNT, _EVERY_S, late=_LATE_NS), who, alarm,
             )  # fmt: skip
+    yield from _states()
     yield from _setpoints()
     yield from _services()
     yield from _parameters()
+
+
+def _height(stand) -> float:
+    return stand.heard.now.height
 
 
 def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm) -> Row:
@@ -89,6 +109,48 @@ def _goes_on(
         safe=safe,
         watch=watch,
     )
+
+
+# topic, type, fields, what it pretends, who notices, alarm; None = nobody is misled
+_STATES = (
+    ("screw/amplifier_state", AmplifierState, {"faulted": True, "reason": "smoke"}, "a fault",
+     "supervisor", Alarm("supervisor", "amplifier: smoke", "amplifier: smoke")),
+    ("screw/controller_state", ImpedanceState, {"faulted": True, "reason": "smoke"}, "a fault",
+     "supervisor", Alarm("supervisor", "controller: smoke", "controller: smoke")),
+    ("manus/state", PlanarState, {"faulted": True, "reason": "smoke"}, "a fault",
+     "supervisor", Alarm("supervisor", "manus: smoke", "manus: smoke")),
+    ("manus/state", PlanarState, {"enabled": True, "position": [_NAN, _NAN]}, "NaN as position",
+     "nobody who drives anything hears it", None),
+    ("endpoint_state", EndpointState, {"position__x": _NAN, "position__z": _INF}, "NaN as position",
+     "only games hear it", None),
+    ("safety_state", SafetyState, {"level": 200, "vertical_permitted": True,
+                                   "planar_permitted": True}, "a level that does not exist",
+     "amplifier, manus: two nodes publish it", Alarm("amplifier", _TWO_SUPERVISORS, "amplifier")),
+    ("safety_state", SafetyState, {"level": SafetyState.STOPPED}, "a stop",
+     "amplifier, manus", Alarm("amplifier", f"permit|{_TWO_SUPERVISORS}")),
+)  # fmt: skip
+
+
+def _states() -> Iterator[Row]:
+    """What nodes say of themselves, said by somebody else."""
+    for topic, kind, fields, what, who, alarm in _STATES:
+        name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
+        text = f"{what} on {topic}, from a foreign sender"
+        act = published(kind, topic, _COUNT, _EVERY_S, **fields)
+        if alarm is None:
+            yield _goes_on(name, text, act, who, nothing)
+        else:
+            yield _stops(name, text, act, who, alarm)
+    smoke = DiagnosticStatus(name="encoder", level=DiagnosticStatus.ERROR, message="smoke")
+    yield _stops("diagnostics-error", "an error of the encoder on /diagnostics, from a foreign "
+                 "sender", published(DiagnosticArray, "/diagnostics", _COUNT, _EVERY_S,
+                                     status=[smoke]), "supervisor",
+                 Alarm("supervisor", "encoder: smoke", "encoder: smoke"))  # fmt: skip
+    odd = DiagnosticStatus(name="", level=b"\xff", message="x" * 50_000)
+    yield _goes_on("diagnostics-absurd", "entries without a name, of 50 kB and an unknown level on "
+                   "/diagnostics", published(DiagnosticArray, "/diagnostics", _COUNT, _EVERY_S,
+                                             status=[odd]),
+                   "nobody is misled", nothing)  # fmt: skip
 
 
 def _setpoints() -> Iterator[Row]:
@@ -144,6 +206,25 @@ def _services() -> Iterator[Row]:
     yield _goes_on("set_mode-99", "impedance_controller/set_mode with 99",
                    refused("impedance_controller/set_mode", SetControlMode, "mode", mode=99),
                    "impedance_controller refuses", watch=0.2)  # fmt: skip
+    for name, kind, said, fields in _RIG:
+        told = ", ".join(f"{key} {value}" for key, value in fields.items())
+        yield _goes_on(f"sim_rig-{name}", f"sim_rig/{name.rpartition('-')[0]} with {told}",
+                       refused(f"sim_rig/{name.rpartition('-')[0]}", kind, said, **fields),
+                       "sim_rig refuses, naming it", watch=0.2)  # fmt: skip
+
+
+# row, type, what must be named, fields
+_RIG = (
+    ("set_arm-kind", SetArm, "kind", {"kind": "robot"}),
+    ("set_arm-mass", SetArm, "mass", {"mass": -1.0, "stiffness": _NAN, "damping": _NAN}),
+    ("set_arm-stiffness", SetArm, "stiffness", {"mass": _NAN, "stiffness": _INF, "damping": _NAN}),
+    ("set_fixture-name", SetFixture, "fixture", {"fixture": "glue", "position": _NAN}),
+    ("set_fixture-position", SetFixture, "position", {"fixture": "free", "position": 1e300}),
+    ("inject_fault-device", InjectFault, "toaster", {"device": "toaster", "fault": "cable_out"}),
+    ("inject_fault-fault", InjectFault, "smoke", {"device": "drive", "fault": "smoke"}),
+    ("inject_fault-duration", InjectFault, "duration",
+     {"device": "drive", "fault": "deaf", "duration": -1.0}),
+)  # fmt: skip
 
 
 # node -> parameters fixed while active, and live ones with values that cannot be

@@ -36,6 +36,8 @@ _FAULTS = (
     ("pdos_lost", "its PDOs stop, all else goes on", _BEAT, "drive|position"),
     ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
      max(samples(COMMAND_S), samples(HEARTBEAT_S)) + 7, "RPDO|8250|8130|heartbeat|position"),
+    ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", samples(COMMAND_S) + 7,
+     "RPDO|8250|position"),
     ("reset", "it restarts in mid-run", _RESTART, "restarted|boot-up|position"),
     ("power_off", "it loses its supply, later back", _RESTART,
      "restarted|boot-up|heartbeat|position"),
@@ -45,6 +47,7 @@ _FAULTS = (
     ("sdo_silent", "it does not answer SDO requests", 0, ""),
     ("inputs", "its limit switch inputs are set", 0, ""),
 )  # fmt: skip
+_ELBOW_TOO = ("over_current", "torque_off", "heartbeat_lost", "rpdos_lost", "reset", "stuck_torque")
 _BACK = {
     "amplifier": "mend it; amplifier/clear_fault, reset, enable",
     "manus": "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
@@ -57,6 +60,9 @@ def rows() -> Iterator[Row]:
         yield _row("drive", "amplifier", name, text, within, said)
     for name, text, within, said in _FAULTS:
         yield _row("shoulder", "manus", name, text, within, said)
+    for name, text, within, said in _FAULTS:
+        if name in _ELBOW_TOO:
+            yield _row("elbow", "manus", name, text, within, said)
     for name, text, within in (
         ("position_freeze", "its position stands still", 45),
         ("position_jump", "its position jumps", 45),
@@ -67,6 +73,7 @@ def rows() -> Iterator[Row]:
             way_back="reset, enable",
         )
     yield _row("shoulder", "manus", "position_jump", "its position jumps", _AT_ONCE, "jumped")
+    yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
     yield _refuses_to_enable()
 
 
@@ -87,6 +94,7 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         plane_within=plane if stops else 0,
         safe=OFF if stops else GOES_ON,
         watch=0.4 if stops else 1.0,
+        limp=name == "motor_open",
     )
 
 

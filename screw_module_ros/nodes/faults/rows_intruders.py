@@ -21,6 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 from .acts import both, called, published
 from .row import EITHER, GOES_ON, OFF, Act, Alarm, Failed, Row, nothing
 from .stand import SPRING
+from .ticks import PERIOD_NS
 
 GROUP = "intruders"
 _AT_ONCE, _FOLLOWS = 8, 8
@@ -76,13 +77,12 @@ def _guest(node: str) -> Act:
 
 
 def _twin(node: str, topic: str) -> Act:
-    """Start a second node and wait until its first message is about to come."""
+    """Start a second node; the harm begins when the graph has heard of it."""
 
     def act(stand) -> float:
         stand.start(node, "-r", f"__node:={node}_2")
         stand.until(lambda: stand.heard.node.count_publishers(topic) > 1, 15.0)
-        stand.until(lambda: "amplifier" in stand.heard.ever_disabled(), 3.0)
-        return stand.heard.now.time - 1e-3
+        return stand.heard.now.time
 
     return act
 
@@ -127,14 +127,14 @@ def _topics() -> Iterator[Row]:
                watch=1.0)  # fmt: skip
 
 
-def _future_commands(stand) -> None:
+def _future_commands(stand) -> float:
     def make() -> ForceCommand:
         return ForceCommand(
             force=10.0, monotonic_ns=time.monotonic_ns(),
-            sequence=(time.monotonic_ns() // 20_000_000 + _FUTURE) & 0xFFFFFFFF,
+            sequence=(time.monotonic_ns() // PERIOD_NS + _FUTURE) & 0xFFFFFFFF,
         )  # fmt: skip
 
-    stand.intrude(ForceCommand, "screw/force_command", make, 20, 0.005)
+    return stand.intrude(ForceCommand, "screw/force_command", make, 20, 0.005)
 
 
 def _frames() -> Iterator[Row]:
@@ -216,11 +216,13 @@ def _parameter_storm(stand) -> None:
 
 
 def _transition(node: str, number: int) -> Act:
-    def act(stand) -> None:
+    def act(stand) -> float:
+        begin = stand.heard.now.time
         request = ChangeState.Request(transition=Transition(id=number))
         answer = stand.robot.call(ChangeState, f"{node}/change_state", request)
         if not answer.success:
             raise Failed(f"{node} refused the transition")
+        return begin
 
     return act
 

@@ -8,11 +8,12 @@ from typing import NamedTuple
 
 from screw_module_ros.control.modes import MODE_NAMES
 
-from .row import GOES_ON, OFF, Alarm, Row
+from .row import GOES_ON, MISSED, OFF, Alarm, Row
 from .ticks import COMMAND_S, HEARTBEAT_S, SAFETY_S, STALE, SUPERVISOR_S, samples
 
 GROUP = "nodes"
 KILLED, FROZEN, STOPPED = "killed", "frozen", "stopped"
+_ENDING = 10  # samples in which a node that ends in order still speaks
 _SLACK = 6  # samples: wake-ups of two processes and of the rig
 
 
@@ -38,13 +39,13 @@ PARTS = (
          "power on; encoder/home, force_sensor/tare, clear_fault, reset, enable", OFF, True),
     Part("supervisor", "amplifier, manus: safety_state is stale", (_SAFETY, _SAFETY),
          Alarm("amplifier", "no fresh safety_state"),
-         "start it; clear_fault of both drives, enable"),
+         "start it; clear_fault of both drives, reset, enable"),
     Part("encoder", "impedance_controller: no fresh sample", (STALE, _FOLLOWS),
          Alarm("impedance_controller", "encoder: no sample", "encoder"),
-         "start it; encoder/home at the reference mark, reset, enable"),
+         f"start it; encoder/home at the reference mark, {MISSED}, reset, enable"),
     Part("force_sensor", "impedance_controller: no fresh sample", (STALE, _FOLLOWS),
          Alarm("impedance_controller", "force sensor: no sample", "force"),
-         "start it; force_sensor/tare, reset, enable"),
+         f"start it; force_sensor/tare, {MISSED}, reset, enable"),
     Part("impedance_controller", "amplifier: no fresh command", (STALE, _FOLLOWS),
          Alarm("amplifier", "no fresh command", "amplifier|impedance_controller"),
          "start it; amplifier/clear_fault, reset, enable"),
@@ -54,9 +55,9 @@ PARTS = (
     Part("manus", "the planar drives themselves; supervisor", (_SUPERVISOR, _GUARD),
          Alarm("supervisor", f"manus: {_LOST}", f"manus: {_LOST}"),
          "start it; manus/home at the reference mark, clear_fault, reset, enable"),
-    Part("endpoint_state", "supervisor", (0, 0), Alarm("endpoint_state", ""),
-         "start it", GOES_ON),
-    Part("session_recorder", "its own diagnostics entry is missing", (0, 0),
+    Part("endpoint_state", "who looks: its diagnostics entry is missing", (0, 0),
+         Alarm("endpoint_state", ""), "start it", GOES_ON),
+    Part("session_recorder", "who looks: its diagnostics entry is missing", (0, 0),
          Alarm("session_recorder", ""), "start it", GOES_ON),
 )  # fmt: skip
 _ACTS = {
@@ -86,7 +87,8 @@ def _row(part: Part, act: str, mode: int) -> Row:
         else:
             stand.restart(node)
 
-    within, plane_within = (n + _SLACK if n else 0 for n in part.within)
+    slack = _SLACK + (_ENDING if act == STOPPED else 0)
+    within, plane_within = (n + slack if n else 0 for n in part.within)
     return Row(
         name=f"{node}-{act}-{MODE_NAMES[mode].lower()}",
         group=GROUP,

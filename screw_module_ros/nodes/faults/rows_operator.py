@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from screw_module_msgs.msg import EndpointSetpoint
+from screw_module_msgs.msg import EndpointSetpoint, SafetyState
 from screw_module_msgs.srv import SetFixture
 from std_srvs.srv import SetBool, Trigger
 
@@ -85,7 +85,7 @@ def _operator() -> Iterator[Row]:
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
     yield Row(
         name="lock-vertical", group="operator", fault="supervisor/lock_vertical in motion",
-        inject=switched("supervisor/lock_vertical", True),
+        inject=both(switched("supervisor/lock_vertical", True), _told_locked),
         back=switched("supervisor/lock_vertical", False), alarm=None,
         way_back="lock_vertical off, amplifier/enable", noticed_by="supervisor",
         within=_AT_ONCE, plane_within=0, safe=VERTICAL_OFF,
@@ -95,8 +95,17 @@ def _operator() -> Iterator[Row]:
                  "amplifier, manus", None, "enable")  # fmt: skip
 
 
+def _told_locked(stand) -> None:
+    def told() -> bool:
+        state = stand.robot.state(SafetyState)
+        return state is not None and state.vertical_locked
+
+    if not stand.until(told, 3.0):
+        raise Failed("safety_state does not tell of the lock")
+
+
 def _until_latched(stand) -> None:
-    stand.until(lambda: {"amplifier", "manus"} <= stand.heard.ever_disabled(), 3.0)
+    stand.until(lambda: len(stand.heard.disabled_at()) == 2, 3.0)
     stand.until(lambda: any("encoder" in r for r in stand.heard.reasons()), 3.0)
     stand.robot.pause(0.6)  # until the encoder counts as lost, not only as late
 
@@ -182,21 +191,26 @@ def _machine() -> Iterator[Row]:
     yield _goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
                    _delete_bag, "session_recorder, at the latest when it stops",
                    _disk_again)._replace(group="machine", watch=1.0)  # fmt: skip
-    yield _goes_on("clock-jump", "samples and set points with stamps of another year",
+    yield _goes_on("clock-jump", "set points with stamps of another year",
                    both(_stamped(4_000_000_000), _stamped(1)),
                    "nobody: only CLOCK_MONOTONIC counts")._replace(group="machine")  # fmt: skip
     yield Row(
         name="bring-up-in-reverse", group="machine",
-        fault="all nodes but the rig stopped in motion, started again in the wrong order",
-        inject=_stop_all, back=_start_in_reverse, alarm=None,
-        way_back="home, clear_fault, reset, enable", noticed_by="all of them", within=60,
+        fault="supervisor, drivers and controllers stopped in motion, started in the wrong order",
+        inject=_stop_all(), back=_start_in_reverse(), alarm=None,
+        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them", within=60,
         plane_within=60, watch=1.0,
+    )  # fmt: skip
+    yield Row(
+        name="rig-started-last", group="machine",
+        fault="the same with the rig: the devices get their power last",
+        inject=_stop_all("sim_rig"), back=_start_in_reverse("sim_rig"), alarm=None,
+        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them", within=60,
+        plane_within=60, watch=1.0, blind=True,
     )  # fmt: skip
 
 
 def _recording(stand) -> Path:
-    if stand.robot.said("session_recorder") == "nothing":
-        raise Failed("no recorder")
     return stand.robot.start_recording()
 
 
@@ -235,13 +249,24 @@ def _stamped(second: int) -> Act:
     )  # fmt: skip
 
 
-def _stop_all(stand) -> None:
-    for node in ("supervisor", *_DRIVERS):
-        stand.terminate(node)
+def _stop_all(*more: str) -> Act:
+    def act(stand) -> float:
+        begin = stand.heard.now.time
+        nodes = ("supervisor", *_DRIVERS, *more)
+        for node in nodes:
+            stand.terminate(node)
+        if more:
+            stand.await_end(nodes)
+        return begin
+
+    return act
 
 
-def _start_in_reverse(stand) -> None:
-    for node in (*reversed(_DRIVERS), "supervisor"):
-        stand.restart(node)
+def _start_in_reverse(*more: str) -> Act:
+    def act(stand) -> None:
+        for node in (*reversed(_DRIVERS), "supervisor", *more):
+            stand.restart(node)
+
+    return act
 
 

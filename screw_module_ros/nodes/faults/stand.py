@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running graph on which the rows are carried out, one after the other.
 
-`ready` brings the robot from whatever state to "enabled and being moved by the patient", by the
-documented way back only: home, tare, clear_fault, reset, enable. The graph is never restarted.
+`ready` brings the robot from whatever state to operation, by the documented way back only: home,
+tare, clear_fault, reset, enable; `steps` tells which of these services it needed. The graph is not
+started anew.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import can
@@ -33,7 +34,7 @@ from ..support.graph_run import GraphRun
 from ..support.isolation import BUSES, NODE_OF_BUS
 from ..support.robot import Robot, RobotError, arm
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener
-from .ticks import slow_ticks
+from .ticks import PERIOD, slow_ticks
 
 HOME = 0.25  # where the hand is and the reference mark is [m]
 AMPLITUDE, OMEGA = (0.02, 0.02, 0.06), 3.0  # of the patient's hand [m], [rad/s]
@@ -63,8 +64,10 @@ class Stand:
         self.robot: Robot = None
         self.heard: Listener = None
         self.deadline = math.inf
-        self.enabled_at = 0.0
+        self.enabled_at = 0.0  # simulated time when `ready` began to enable [s]
+        self._one_enabled = False
         self.mode = -1
+        self.steps: set[str] = set()
         self._tared = 0.0
         self._frozen: set[str] = set()
         self._restarted: set[str] = set()
@@ -140,11 +143,18 @@ class Stand:
         if self.graph.exit_code(node) is None:
             self.graph.signal(node, signal.SIGCONT, ends=False)
 
+    def await_end(self, nodes: Iterable[str]) -> None:
+        """Wait until these processes have ended."""
+        for node in nodes:
+            self.robot.wait_until(
+                lambda node=node: self.graph.exit_code(node) is not None,
+                _ENDED_S,
+                f"{node} did not end",
+            )
+
     def restart(self, node: str) -> None:
         """Start a node again that has ended, or is about to."""
-        self.robot.wait_until(
-            lambda: self.graph.exit_code(node) is not None, _ENDED_S, f"{node} did not end"
-        )
+        self.await_end([node])
         self.graph.restart(node)
         self._restarted.add(node)
 
@@ -157,22 +167,31 @@ class Stand:
         words = ["--ros-args", *given, *arguments]
         self._guests.append(bringup.Process(node, words))
 
+    def just_now(self) -> float:
+        """Return the simulated time of something that has just been done, at most a tick early."""
+        return self.heard.now.time - PERIOD
+
     def intrude(
         self, kind: type, topic: str, make: Callable[[], Any], count: int = 0, period: float = 0.002
-    ) -> None:
-        """Publish what `make` returns on a topic, `count` times or until `dismiss` (count 0)."""
+    ) -> float:
+        """Publish what `make` returns on a topic, `count` times or until `dismiss` (count 0).
+
+        Returns the simulated time when it began [s].
+        """
         publisher = self.heard.node.create_publisher(kind, topic, qos.COMMAND)
         self._publishers.append(publisher)
         self.robot.wait_until(
             lambda: publisher.get_subscription_count() > 0, 5.0, f"nobody listens on {topic}"
         )
         self.robot.pause(_MATCHED_S)
+        begin = self.heard.now.time
         if count:
             for _ in range(count):
                 publisher.publish(make())
                 self._over.wait(period)
         else:
             self.babble(lambda: publisher.publish(make()), period)
+        return begin
 
     def babble(self, act: Callable[[], object], period: float) -> None:
         """Do something again and again until `dismiss`."""
@@ -270,16 +289,17 @@ class Stand:
 
     def ready(self, mode: int) -> None:
         """Bring the robot to operation in `mode`, the hand at rest. Raises RobotError if stuck."""
-        self._await_restarted()
+        self.await_restarted()
         self.calm()
         end = time.monotonic() + _READY_S
-        self.enabled_at = self.heard.now.time
+        self.enabled_at, self._one_enabled = self.heard.now.time, False
         while missing := self._improve(mode):
             if time.monotonic() > end:
                 raise RobotError(f"no way back to operation: {missing}")
             self.robot.pause(_STEP_S)
 
-    def _await_restarted(self) -> None:
+    def await_restarted(self) -> None:
+        """Wait until the nodes that were started again are active, and set them up."""
         if not self._restarted:
             return
         nodes, self._restarted = self._restarted, set()
@@ -372,11 +392,13 @@ class Stand:
         if not all(on.values()):
             if not self.at_rest():
                 return "the hand moves"
-            self.enabled_at = self.heard.now.time
+            if not self._one_enabled:
+                self.enabled_at = self.heard.now.time
             for node, is_on in on.items():
                 refused = "" if is_on else self._try(SetBool, f"{node}/enable", data=True)
                 if refused:
                     return refused
+                self._one_enabled = True
             return "just enabled"
         settled = self.heard.now.time - self.enabled_at > _SETTLE_S
         return "" if settled and controller.mode == mode else "settling"
@@ -388,7 +410,10 @@ class Stand:
         except RobotError as error:
             self._watch()
             return str(error)
-        return "" if answer.success else answer.message or "refused"
+        if answer.success:
+            self.steps.add(service)
+            return ""
+        return answer.message or "refused"
 
     def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Wait for a condition; return whether it came true in time."""
