@@ -33,6 +33,7 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """Give this run its own ROS domain, in the environment of this process and its children."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         if isolation.PORT_VARIABLE in os.environ and "PYTEST_XDIST_WORKER" not in os.environ:
             yield int(os.environ[isolation.DOMAIN_VARIABLE])
             return

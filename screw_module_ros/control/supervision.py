@@ -12,7 +12,7 @@ All functions are pure: state and reports in, decision and state out, times as a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..settings import Setting
 
@@ -20,6 +20,9 @@ from ..settings import Setting
 OK = 0
 WAITING = 1
 STOPPED = 2
+
+EARLIER = "before the supervisor was started anew: "
+"""Begins a latched reason that is older than the supervisor's process."""
 
 VERTICAL_DRIVE = "amplifier"
 PLANAR_DRIVE = "manus"
@@ -131,6 +134,33 @@ def estop(state: SupervisorState) -> SupervisorState:
 def lock(state: SupervisorState, locked: bool) -> SupervisorState:
     """Return the state with the pin of the vertical axis in or out."""
     return state._replace(locked=locked)
+
+
+def kept(state: SupervisorState) -> dict[str, Any]:
+    """Return what must outlive the supervisor's process, as JSON can hold it; {} for nothing."""
+    if not (state.estopped or state.locked or state.latched):
+        return {}
+    return {
+        "estopped": state.estopped, "locked": state.locked, "latched": list(state.latched)
+    }  # fmt: skip
+
+
+def restored(values: Any) -> SupervisorState:
+    """Return the state to start from, given what `kept` returned before.
+
+    Raises ValueError for anything that it cannot have returned.
+    """
+    if values == {}:
+        return SupervisorState()
+    if not isinstance(values, dict) or values.keys() != {"estopped", "locked", "latched"}:
+        raise ValueError("estopped, locked and latched are wanted")
+    estopped, locked, latched = values["estopped"], values["locked"], values["latched"]
+    if not (isinstance(estopped, bool) and isinstance(locked, bool)):
+        raise ValueError("estopped and locked must be true or false")
+    if not (isinstance(latched, list) and all(isinstance(each, str) for each in latched)):
+        raise ValueError("latched must be a list of texts")
+    reasons = tuple(EARLIER + each.removeprefix(EARLIER) for each in latched)
+    return SupervisorState(latched=reasons, estopped=estopped, locked=locked)
 
 
 def reset(

@@ -2,7 +2,8 @@
 """`supervisor`: permission to move, emergency stop, vertical lock.
 
 It grants nothing by itself: every drive stays off until it is enabled. What it decides, and from
-what, is `control/supervision.py`; here the states are collected and the decision is sent.
+what, is `control/supervision.py`; here the states are collected and the decision is sent. What was
+stopped or locked still is when the process is started anew.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.freshness import Newest
+from .support.kept import Kept
 from .support.rates import RateMeter
 from .support.realtime import Inbox, Ticker
 from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
@@ -66,8 +68,10 @@ class SupervisorNode(ModuleNode):
         self.parameters.declare(SupervisionSettings)
         self._message = SafetyState()
         self._message.header.frame_id = "manus_base"
-        self._state = SupervisorState()
-        self._changing = threading.Lock()  # the loop decides, services change what it decides from
+        self._kept = Kept(self.get_fully_qualified_name())
+        self._state = self._restored()
+        # The loop decides, services change what it decides from; both fill the one message.
+        self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
         self._inbox: Inbox | None = None
@@ -76,6 +80,32 @@ class SupervisorNode(ModuleNode):
         self.create_service(Trigger, "~/estop", self._estop)
         self.create_service(Trigger, "~/reset", self._reset)
         self.create_service(SetBool, "~/lock_vertical", self._lock)
+
+    def _restored(self) -> SupervisorState:
+        """Return the state that an earlier process left; one that cannot be read is a stop."""
+        try:
+            state = supervision.restored(self._kept.read())
+        except (OSError, ValueError) as error:
+            self.get_logger().warning(
+                f"what was stopped before cannot be read, so it counts as an emergency stop; look "
+                f"whether the vertical axis is locked, then call ~/reset ({self._kept.path}: "
+                f"{error})"
+            )
+            return supervision.estop(SupervisorState())
+        if kept := supervision.kept(state):
+            told = ", ".join(name for name, value in kept.items() if value)
+            self.get_logger().warning(f"as before the supervisor was started anew: {told}")
+        return state
+
+    def _keep(self) -> None:
+        """Write down what must not be forgotten, where it has changed; hold the lock."""
+        try:
+            self._kept.write(supervision.kept(self._state))
+        except OSError as error:
+            self.get_logger().warning(
+                f"a restart of the supervisor would forget what is stopped or locked now: "
+                f"{self._kept.path}: {error}"
+            )
 
     def connect(self) -> None:
         """Make the topics."""
@@ -110,11 +140,13 @@ class SupervisorNode(ModuleNode):
         self._publish(self._ticker.sleep().monotonic_ns)
 
     def _publish(self, now: int) -> None:
-        reports = self._reports(now)
-        with self._changing:
-            decision, self._state = decide(self._settings, self._state, reports, now)
-            state = self._state
-        message = self._message
+        with self._changing:  # as a whole: two threads must not mix their answers
+            self._decide_and_tell(now)
+            self._keep()
+
+    def _decide_and_tell(self, now: int) -> None:
+        decision, self._state = decide(self._settings, self._state, self._reports(now), now)
+        message, state = self._message, self._state
         message.header.stamp = self.get_clock().now().to_msg()
         message.level = decision.level
         message.motion_permitted = decision.motion_permitted
@@ -157,8 +189,9 @@ class SupervisorNode(ModuleNode):
     def _estop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._changing:
             self._state = supervision.estop(self._state)
-        if self.active:
-            self._publish(time.monotonic_ns())
+            if self.active:
+                self._decide_and_tell(time.monotonic_ns())
+            self._keep()
         self.get_logger().error("emergency stop")
         response.success = True
         response.message = "stopped; call ~/reset, then enable the drives"
@@ -173,6 +206,7 @@ class SupervisorNode(ModuleNode):
             self._state, response.message = supervision.reset(
                 self._settings, self._state, self._reports(now), now
             )
+            self._keep()
         response.success = not response.message
         response.message = response.message or "reset; the drives stay off until enabled"
         return response
@@ -180,6 +214,7 @@ class SupervisorNode(ModuleNode):
     def _lock(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._changing:
             self._state = supervision.lock(self._state, request.data)
+            self._keep()
         response.success = True
         response.message = "vertical locked" if request.data else "vertical unlocked"
         return response

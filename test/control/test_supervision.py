@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The supervisor permits nothing while anything is wrong, and nothing comes back by itself."""
 
+import json
 import math
 
 import pytest
@@ -17,8 +18,10 @@ from screw_module_ros.control.supervision import (
     SupervisorState,
     decide,
     estop,
+    kept,
     lock,
     reset,
+    restored,
 )
 
 SETTINGS = SupervisionSettings()
@@ -206,3 +209,49 @@ def test_no_sequence_permits_motion_while_anything_is_wrong(events, required):
         assert decision.motion_permitted == (not decision.reasons)
         assert decision.vertical_permitted <= (decision.motion_permitted and not state.locked)
         assert decision.planar_permitted <= decision.motion_permitted
+
+
+# -- started anew ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("estopped", [False, True])
+@pytest.mark.parametrize("locked", [False, True])
+@pytest.mark.parametrize("latched", [(), ("encoder: lost", "manus: too")])
+def test_what_is_stopped_or_locked_survives_a_restart(estopped, locked, latched):
+    state = SupervisorState(latched, estopped, locked, enabled=True, resets=3, reset_ns=NOW)
+    values = json.loads(json.dumps(kept(state)))
+    assert bool(values) == (estopped or locked or bool(latched))
+    again = restored(values)
+    assert (again.estopped, again.locked, again.enabled, again.resets) == (
+        estopped, locked, False, 0
+    )  # fmt: skip
+    assert again.latched == tuple(f"before the supervisor was started anew: {r}" for r in latched)
+    assert restored(kept(again)) == again, "told once, however often it is started"
+
+
+def test_a_restored_stop_ends_by_a_reset_alone_and_the_lock_by_unlocking():
+    decision, state = after(
+        HEALTHY, HEALTHY, state=restored({"estopped": True, "locked": True, "latched": ["x"]})
+    )
+    assert decision.level == STOPPED and not decision.motion_permitted
+    state, refusal = reset(SETTINGS, state, HEALTHY, NOW)
+    decision, state = after(HEALTHY, state=state)
+    assert (refusal, decision.level, decision.vertical_permitted) == ("", OK, False)
+    assert kept(state) == {"estopped": False, "locked": True, "latched": []}
+    assert kept(lock(state, False)) == {}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        None, [], 1, "estopped", {"estopped": True},
+        {"estopped": 1, "locked": False, "latched": []},
+        {"estopped": True, "locked": None, "latched": []},
+        {"estopped": True, "locked": False, "latched": "encoder"},
+        {"estopped": True, "locked": False, "latched": [1]},
+        {"estopped": True, "locked": False, "latched": [], "more": 1},
+    ],
+)  # fmt: skip
+def test_what_nobody_kept_is_refused(values):
+    with pytest.raises(ValueError, match=r"wanted|must be"):
+        restored(values)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
@@ -21,7 +22,7 @@ def places():
     """Collect places, to release them at the end."""
     taken = []
     yield taken
-    for place in taken:
+    for place in reversed(taken):
         place.release()
 
 
@@ -35,6 +36,15 @@ def test_without_one_a_free_domain_is_taken_and_set(ports, places, monkeypatch):
     places.append(isolation.own_place())
     assert 1 <= places[0].domain <= 100
     assert os.environ["ROS_DOMAIN_ID"] == str(places[0].domain)
+
+
+def test_nodes_keep_what_they_keep_for_this_run_alone(ports, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    place = isolation.own_place()
+    folder = Path(os.environ["XDG_STATE_HOME"])
+    assert folder.is_dir() and not list(folder.iterdir())
+    place.release()
+    assert os.environ["XDG_STATE_HOME"] == str(tmp_path) and not folder.exists()
 
 
 def test_discovery_stays_on_this_machine(ports, places, monkeypatch):

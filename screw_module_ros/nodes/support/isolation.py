@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keeps two runs on one machine apart: each has a ROS domain and CAN ports of its own.
 
-What is taken is held by locks that die with this process. A ROS_DOMAIN_ID that is set already is
-used as it is: whoever set it wants the run to meet others.
+What is taken is held by locks that die with this process. What nodes keep for their next start they
+keep in a folder of the run, so that none begins where another was stopped. A ROS_DOMAIN_ID that is
+set already is used as it is: whoever set it wants the run to meet others.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ from __future__ import annotations
 import os
 import random
 import socket
+import tempfile
 from typing import NamedTuple
 
+from .kept import STATE_VARIABLE
 from .single import AlreadyRunning, Lock
 
 DOMAIN_VARIABLE, RANGE_VARIABLE = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
@@ -32,18 +35,25 @@ _SHIFTS = range(0, 1000, 10)
 class Place(NamedTuple):
     """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them.
 
-    own_domain: the domain was taken for this run, it is nobody's wish.
+    own_domain: the domain was taken for this run, it is nobody's wish. state: what its nodes keep;
+    state_before: the folder for that in the environment, None for none.
     """
 
     domain: int
     first_port: int
     locks: tuple[Lock, ...]
     own_domain: bool
+    state: tempfile.TemporaryDirectory
+    state_before: str | None
 
     def release(self) -> None:
         """Let others have the domain and the ports."""
         if self.own_domain:
             os.environ.pop(DOMAIN_VARIABLE, None)
+        os.environ.pop(STATE_VARIABLE, None)
+        if self.state_before is not None:
+            os.environ[STATE_VARIABLE] = self.state_before
+        self.state.cleanup()
         for lock in self.locks:
             lock.release()
 
@@ -79,7 +89,9 @@ def own_place() -> Place:
         lambda first: range(first, first + len(BUSES)),
     )
     locks.append(lock)
-    return Place(domain, port, tuple(locks), own_domain)
+    state = tempfile.TemporaryDirectory(prefix="screw_module_ros_", ignore_cleanup_errors=True)
+    before, os.environ[STATE_VARIABLE] = os.environ.get(STATE_VARIABLE), state.name
+    return Place(domain, port, tuple(locks), own_domain, state, before)
 
 
 def _first_free(numbers, what: str, ports_of) -> tuple[int, Lock]:

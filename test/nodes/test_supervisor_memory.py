@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The supervisor in this process, ended and made again: what was stopped is stopped."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.nodes.supervisor import SupervisorNode
+from screw_module_ros.nodes.support.kept import Kept
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state"
+
+
+class Publisher:
+    """Notes what is published, and whether the lock was held."""
+
+    def __init__(self, node):
+        self.node, self.told, self.held = node, [], []
+
+    def publish(self, message):
+        self.held.append(self.node._changing.locked())
+        self.told.append((message.estopped, message.vertical_locked, list(message.reasons)))
+
+
+@pytest.fixture
+def supervisor(make_node):
+    """Return a maker of supervisors; each stands for a process that ended without a farewell."""
+    made = []
+
+    def make():
+        node = SupervisorNode() if made else make_node("supervisor")
+        made.append(node)
+        node.trigger_configure()
+        node.destroy_publisher(node._publisher)
+        node._publisher = Publisher(node)
+        node.trigger_activate()
+        return node
+
+    yield make
+    for node in made[1:]:
+        node.destroy_node()
+
+
+def lock(node, locked):
+    return node._lock(SetBool.Request(data=locked), SetBool.Response())
+
+
+def estop(node):
+    return node._estop(Trigger.Request(), Trigger.Response())
+
+
+def reset(node):
+    return node._reset(Trigger.Request(), Trigger.Response())
+
+
+def test_estop_lock_and_latched_stop_outlive_the_process(supervisor):
+    node = supervisor()
+    estop(node)
+    lock(node, True)
+    node._state = node._state._replace(latched=("encoder: no message for more than 0.2 s",))
+    node._publish(1)
+
+    node = supervisor()
+    node._publish(1)
+    estopped, locked, reasons = node._publisher.told[-1]
+    assert estopped and locked
+    assert reasons[:2] == [
+        "emergency stop",
+        "before the supervisor was started anew: encoder: no message for more than 0.2 s",
+    ]
+    assert reset(node).success
+
+    node = supervisor()
+    node._publish(1)
+    assert node._publisher.told[-1][:2] == (False, True), "a reset does not unlock"
+    lock(node, False)
+    assert not node._kept.path.exists()
+
+
+def test_nothing_is_written_while_there_is_nothing_to_keep(supervisor, folder):
+    node = supervisor()
+    node._publish(1)
+    assert not folder.exists()
+
+
+def test_written_once_for_each_change(supervisor):
+    node = supervisor()
+    estop(node)
+    node._kept.path.unlink()
+    node._publish(1)
+    assert not node._kept.path.exists(), "not each cycle"
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"\xff\xfe", b"null", b'{"estopped": 0}', b"[" * 100_000]
+)
+def test_garbage_counts_as_an_emergency_stop(supervisor, content):
+    node = supervisor()
+    estop(node)
+    path = node._kept.path
+    path.write_bytes(content)
+    node = supervisor()
+    node._publish(1)
+    assert node._publisher.told[-1][0]
+    assert reset(node).success and not path.exists()
+
+
+def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(supervisor, folder):
+    folder.write_text("no folder")
+    node = supervisor()
+    node._publish(1)
+    assert node._publisher.told[-1][0], "not read: stopped"
+    assert estop(node).success and reset(node).success
+
+
+def test_each_name_and_domain_has_its_own(folder, monkeypatch):
+    one, second = Kept("/supervisor"), Kept("/supervisor/supervisor")
+    one.write({"a": 1})
+    second.write({"a": 2})
+    assert (one.read(), Kept("/supervisor/supervisor").read()) == ({"a": 1}, {"a": 2})
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(int(os.environ["ROS_DOMAIN_ID"]) + 1))
+    assert Kept("/supervisor").read() == {}
+    assert {path.suffix for path in folder.rglob("*") if path.is_file()} == {".json"}
+
+
+def test_deciding_filling_and_publishing_are_one(supervisor):
+    """Else an emergency stop could go out with what the loop has filled in: permitted."""
+    node = supervisor()
+    node._publish(1)
+    estop(node)
+    assert node._publisher.held == [True, True]
