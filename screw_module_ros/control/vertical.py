@@ -79,8 +79,8 @@ class VerticalOutput(NamedTuple):
 class Blend(NamedTuple):
     """What is in force between two settings.
 
-    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback: weights of the
-    parts, 0 to 1, base for spring, damper and gravity.
+    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback:
+    weights of the parts, 0 to 1, base for spring, damper and gravity.
     """
 
     stiffness: float

@@ -87,6 +87,46 @@ def test_a_broken_map_is_refused_by_field(change, named):
         validated_linearization(DEFAULT._replace(**change))
 
 
+def lifted(offset):
+    """The default map, every command `offset` [Nm] higher."""
+    c3, c2, c1, c0 = DEFAULT.cubic
+    return DEFAULT._replace(
+        lower_offset=DEFAULT.lower_offset + offset,
+        cubic=(c3, c2, c1, c0 + offset),
+        upper_offset=DEFAULT.upper_offset + offset,
+    )
+
+
+def tilted(slope):
+    """The default map with another slope of its lines, continuous at the joints."""
+    joint, offset = DEFAULT.upper_joint, DEFAULT.upper_offset
+    return DEFAULT._replace(
+        lower_slope=slope,
+        lower_offset=-offset - (1.0 - slope) * joint,
+        upper_slope=slope,
+        upper_offset=offset + (1.0 - slope) * joint,
+    )
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (lifted(5.0), "offset: .* makes the command .* more than 0.1 Nm apart"),
+        (lifted(-0.09), "lower_offset: .* more than 0.1 Nm apart"),
+        (tilted(1.2), "lower_offset: .*-1.03 Nm for a torque of -0.84 Nm"),
+    ],
+)
+def test_a_command_far_from_its_torque_is_refused(other, told):
+    """Continuous and rising, and yet the first command would be a blow."""
+    with pytest.raises(ValueError, match=told):
+        validated_linearization(other)
+
+
+@pytest.mark.parametrize("other", [lifted(0.07), lifted(-0.07), tilted(1.08), tilted(0.9)])
+def test_a_map_that_some_amplifier_needs_is_taken(other):
+    assert validated_linearization(other) is other
+
+
 def test_file_gives_the_default_map(tmp_path):
     path = tmp_path / "amplifier.yaml"
     path.write_text(GOOD)
