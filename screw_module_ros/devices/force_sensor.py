@@ -16,8 +16,13 @@ from ..settings import validated
 from . import ati
 from .ati_dialogue import Dialogue, SensorIdentity
 from .bus_load import Traffic
-from .errors import BusError, NotAnswering, NotConfigured, Occupied, WrongDevice
-from .force_sensor_settings import ANY_CALIBRATION, ForceSensorSettings, force_sensor_traffic
+from .errors import BusError, NotAnswering, NotConfigured, NotTared, Occupied, WrongDevice
+from .force_sensor_settings import (
+    ANY_CALIBRATION,
+    ForceSensorSettings,
+    force_sensor_traffic,
+    unchanged_samples,
+)
 from .ledger import FRESH, LATE, Ledger
 from .port import Port
 from .tare import mean_wrench
@@ -33,9 +38,10 @@ class ForceSensorCounters:
     requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
     to now. late: frames that came after the next request. unexpected: frames nobody asked for.
     silent: ticks kept silent to tell late from lost. out_of_order: second halves without their
-    first. wrong_length: frames dropped. saturated: samples with a gauge at its end. status_faults:
-    samples whose status makes them unusable. reserved_bits: samples with status bits that mean
-    nothing. foreign_requests: polls of somebody else. restarts: of the board, in mid-run.
+    first. wrong_length: frames dropped. saturated: samples with a gauge at its end. frozen: samples
+    withheld because the gauges stood still. status_faults: samples whose status makes them
+    unusable. reserved_bits: samples with status bits that mean nothing. foreign_requests: polls of
+    somebody else. restarts: of the board, in mid-run.
     """
 
     requests: int = 0
@@ -48,6 +54,7 @@ class ForceSensorCounters:
     out_of_order: int = 0
     wrong_length: int = 0
     saturated: int = 0
+    frozen: int = 0
     status_faults: int = 0
     reserved_bits: int = 0
     foreign_requests: int = 0
@@ -61,7 +68,8 @@ class ForceSensor:
 
     fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
     word, so that whoever uses them sees it; saturated ones do not, nor any after a restart that
-    lost the calibration we had chosen.
+    lost the calibration we had chosen, or once the gauges have stood still for `freeze_time`: the
+    status word does not tell of that, and a constant must not be fed back.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -79,10 +87,13 @@ class ForceSensor:
         self._ledger = Ledger(parts=2)
         self._earlier_biases: list[Wrench] = []
         self._running = self._waiting = self._tick_is_over = False
-        self._needs_reset = self._calibration_lost = False
+        self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._asked = (0, 0, 0)
-        self._half: tuple[int, int, int, int] | None = None
+        self._half: bytes | None = None
+        self._newest: tuple[bytes, bytes] = (b"", b"")
+        self._unchanged = 0
+        self._too_many_unchanged = unchanged_samples(settings)
         self._fresh: ForceReading | None = None
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
@@ -128,7 +139,7 @@ class ForceSensor:
             ati.rotation(settings.roll, settings.pitch, settings.yaw),
             settings.sign,
         )
-        self._needs_reset = self._calibration_lost = False
+        self._needs_reset = self._calibration_lost = self._frozen = False
 
     def start(self) -> None:
         """Let samples flow from the next request on. Raises NotConfigured before `configure`."""
@@ -150,17 +161,19 @@ class ForceSensor:
         self.configure()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; one from the status word restarts the board, blocking.
+        """Forget a latched fault; one from the status word or frozen gauges restarts the board.
 
-        Raises as `configure`; the fault stays latched then.
+        Blocking then; raises as `configure`, and the fault stays latched. Gauges that still stand
+        where they did are frozen at once.
         """
-        if self._calibration_lost or self._needs_reset:
-            if self._needs_reset:
-                self.reset()
-            else:
-                self.configure()
+        stopped = self._needs_reset or self._calibration_lost
+        if self._needs_reset:
+            self.reset()
+        elif self._calibration_lost:
+            self.configure()
+        self.fault = ""  # before the first sample, which may latch it again
+        if stopped:
             self.start()
-        self.fault = ""
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
 
@@ -213,7 +226,7 @@ class ForceSensor:
         if len(data) != ati.GAUGES_FIRST.size:
             self.counters.wrong_length += 1
         elif verdict == FRESH:
-            self._half = ati.GAUGES_FIRST.unpack(data)
+            self._half = data
         else:
             self._note(verdict)
 
@@ -232,7 +245,7 @@ class ForceSensor:
         elif half is None:
             self.counters.out_of_order += 1
         else:
-            self._complete(half, ati.GAUGES_SECOND.unpack(data))
+            self._complete(half, data)
 
     def _note(self, verdict: int) -> None:
         if verdict == LATE:
@@ -240,11 +253,14 @@ class ForceSensor:
         else:
             self.counters.unexpected += 1
 
-    def _complete(self, first: tuple[int, int, int, int], second: tuple[int, int, int]) -> None:
-        status, g0, g2, g4 = first
-        g1, g3, g5 = second
+    def _complete(self, first: bytes, second: bytes) -> None:
+        status, g0, g2, g4 = ati.GAUGES_FIRST.unpack(first)
+        g1, g3, g5 = ati.GAUGES_SECOND.unpack(second)
         if status or self._last_status != 0:
             self._note_status(status)
+        if self._stands_still(first, second):
+            self.counters.frozen += 1
+            return
         end = ati.SATURATED
         if max(g0, g1, g2, g3, g4, g5) >= end or min(g0, g1, g2, g3, g4, g5) <= -end:
             self.counters.saturated += 1
@@ -262,6 +278,24 @@ class ForceSensor:
             ],
             status,
         )
+
+    def _stands_still(self, first: bytes, second: bytes) -> bool:
+        """Return whether the gauges are frozen; the bytes are compared, it is done every tick."""
+        before_first, before_second = self._newest
+        self._newest = first, second
+        # Healthy halves nearly always differ, so mostly that is all; the status word is no gauge.
+        if second != before_second or first[2:] != before_first[2:]:
+            self._unchanged = 0
+            return self._frozen
+        self._unchanged += 1
+        if 0 < self._too_many_unchanged <= self._unchanged and not self._frozen:
+            self._frozen = self._needs_reset = True
+            lasted = self._too_many_unchanged / self.settings.rate
+            self._latch(
+                f"the gauges of the {self._label} have not changed for {lasted:g} s: its converter "
+                "hangs; restart the sensor, then tare"
+            )
+        return self._frozen
 
     def _note_status(self, status: int) -> None:
         before, self._last_status = self._last_status, status
@@ -285,8 +319,11 @@ class ForceSensor:
     def tare(self, readings: Sequence[ForceReading]) -> Wrench:
         """Make the mean of `readings` the new zero; return the bias now removed [N, Nm].
 
-        Raises NotTared when there are too few, one is unusable, or the handle is loaded or moved.
+        Raises NotTared when there are too few, one is unusable, the gauges are frozen, or the
+        handle is loaded or moved.
         """
+        if self._frozen:
+            raise NotTared(self.fault)
         mean = mean_wrench(readings, self.settings)
         self._earlier_biases.append(self.bias)
         self.bias = tuple(old + new for old, new in zip(self.bias, mean, strict=True))

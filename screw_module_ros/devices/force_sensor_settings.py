@@ -11,6 +11,9 @@ from .bus_load import Traffic
 
 ANY_CALIBRATION = -1
 
+FEWEST_UNCHANGED = 10
+"""Samples; fewer in a row may be equal by chance where the gauges flicker by less than a count."""
+
 
 class ForceSensorSettings(NamedTuple):
     """The transducer: where it is, how it is mounted, when it may be tared."""
@@ -36,12 +39,22 @@ class ForceSensorSettings(NamedTuple):
     tare_spread_limit: Annotated[
         float, Setting("taring is refused above this standard deviation", "N", 0.0, 100.0)
     ] = 3.0
+    freeze_time: Annotated[
+        float, Setting("gauges unchanged so long mean a hung converter, 0 = off", "s", 0.0, 60.0)
+    ] = 0.5
     timeout: Annotated[
         float, Setting("time limit of one blocking question; two tries", "s", 0.01, 10.0)
     ] = 0.5
     listen: Annotated[
         float, Setting("listen for another poller before configuring", "s", 0.0, 2.0)
     ] = 0.1
+
+
+def unchanged_samples(settings: ForceSensorSettings) -> int:
+    """Return how many samples in a row, equal to the one before, are too many; 0 = any number."""
+    if settings.freeze_time == 0.0:
+        return 0
+    return max(FEWEST_UNCHANGED, round(settings.freeze_time * settings.rate))
 
 
 def force_sensor_traffic(settings: ForceSensorSettings) -> list[Traffic]:

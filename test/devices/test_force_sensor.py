@@ -4,15 +4,21 @@
 from __future__ import annotations
 
 import math
+import struct
+from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
+from can.interfaces.virtual import VirtualBus
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scripted import TiedBus
 
 from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import NotAnswering, NotTared, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
-from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
+from screw_module_ros.devices.port import Port
+from screw_module_ros.rig.rig import Rig
 from screw_module_ros.samples import ForceReading
 
 SETTINGS = ForceSensorSettings(listen=0.0, timeout=0.02, tare_samples=2)
@@ -235,6 +241,185 @@ def test_saturated_gauge_is_no_sample(wire, sensor, sensor_end, gauge, half):
     assert sensor.counters.saturated == 1
     sensor_end.first, sensor_end.second = "00" * 8, "00" * 6
     assert tick(wire, sensor) is not None
+
+
+# -- gauges that stand still -----------------------------------------------------------------------
+
+FREEZING = SETTINGS._replace(rate=50.0, freeze_time=0.5)
+UNCHANGED = 25  # half a second at 50 Hz
+
+
+def show(sensor_end, gauge_0=0, gauge_5=0, status=0):
+    """Set the words of the next sample; gauge 0 is in the first half, gauge 5 in the second."""
+    sensor_end.first = struct.pack(">Hhhh", status, gauge_0, 20, 30).hex()
+    sensor_end.second = struct.pack(">hhh", 40, 50, gauge_5).hex()
+
+
+def ticks(wire, sensor, count):
+    return [tick(wire, sensor, n) for n in range(count)]
+
+
+def frozen(wire, sensor_end, settings=FREEZING):
+    sensor = started(wire, settings)
+    ticks(wire, sensor, unchanged_samples(settings) + 1)
+    assert "have not changed" in sensor.fault
+    return sensor
+
+
+@pytest.mark.parametrize(
+    ("rate", "freeze_time", "count"),
+    [(1000.0, 0.5, 500), (50.0, 0.5, 25), (50.0, 0.05, 10), (1000.0, 0.0, 0), (2000.0, 1.0, 2000)],
+)
+def test_how_many_samples_are_too_many(rate, freeze_time, count):
+    settings = ForceSensorSettings(rate=rate, freeze_time=freeze_time)
+    assert unchanged_samples(settings) == count
+
+
+def test_frozen_gauges_are_noticed_after_their_time_and_not_before(wire, sensor_end):
+    sensor = started(wire, FREEZING)
+    samples = ticks(wire, sensor, 1 + UNCHANGED)
+    assert None not in samples[:-1]
+    assert samples[-1] is None
+    assert sensor.fault == (
+        "the gauges of the force sensor have not changed for 0.5 s: its converter hangs; restart "
+        "the sensor, then tare"
+    )
+
+
+@pytest.mark.parametrize("gauge", [{"gauge_0": 1}, {"gauge_5": 1}])
+def test_one_count_of_one_gauge_in_time_is_enough(wire, sensor_end, gauge):
+    sensor = started(wire, FREEZING)
+    for _ in range(5):
+        show(sensor_end)
+        assert None not in ticks(wire, sensor, UNCHANGED)
+        show(sensor_end, **gauge)
+        assert tick(wire, sensor) is not None
+    assert sensor.fault == ""
+
+
+def test_a_status_word_that_changes_is_no_gauge(wire, sensor_end):
+    sensor = started(wire, FREEZING)
+    for number in range(1 + UNCHANGED):
+        show(sensor_end, status=number % 2 << 9)
+        tick(wire, sensor)
+    assert "have not changed" in sensor.fault
+
+
+def test_frozen_stays_when_the_gauges_move_again(wire, sensor_end):
+    sensor = frozen(wire, sensor_end)
+    for value in range(10):
+        show(sensor_end, gauge_0=value)
+        assert tick(wire, sensor) is None
+    assert "have not changed" in sensor.fault
+    assert sensor.counters.frozen == 11
+
+
+def test_frozen_is_cleared_by_a_restart_of_the_board(wire, sensor_end):
+    sensor = frozen(wire, sensor_end)
+    show(sensor_end, gauge_0=1)
+    wire.frames.clear()
+    sensor.clear_fault()
+    assert wire.frames[0] == (0x12C, b"")
+    assert sensor.fault == ""
+    assert None not in ticks(wire, sensor, UNCHANGED)
+
+
+def test_frozen_comes_back_at_once_while_its_cause_persists(wire, sensor_end):
+    sensor = frozen(wire, sensor_end)
+    sensor.clear_fault()
+    assert tick(wire, sensor) is None
+    assert "have not changed" in sensor.fault
+    with pytest.raises(NotTared, match="have not changed"):
+        sensor.tare(readings(1.0, 1.0))
+
+
+def test_a_failed_restart_leaves_it_frozen(wire, sensor_end):
+    sensor = frozen(wire, sensor_end)
+    sensor_end.mute = True
+    with pytest.raises(NotAnswering):
+        sensor.clear_fault()
+    sensor_end.mute = False
+    show(sensor_end, gauge_0=1)
+    assert "have not changed" in sensor.fault
+    assert tick(wire, sensor) is None
+
+
+def test_zero_switches_the_look_at_frozen_gauges_off(wire, sensor_end):
+    sensor = started(wire, FREEZING._replace(freeze_time=0.0))
+    assert None not in ticks(wire, sensor, 4 * UNCHANGED)
+    assert sensor.fault == ""
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 30)), max_size=12))
+def test_frozen_means_so_many_equal_samples_in_a_row(runs):
+    """Against the obvious count; runs: what gauge 0 shows, and for how many samples."""
+    from scripted import Wire
+    from scripted_devices import ScriptedSensor
+
+    wire = Wire("runs of equal samples")
+    try:
+        end = wire.attach(ScriptedSensor(wire))
+        sensor, longest, row, before = started(wire, FREEZING), 0, 0, None
+        for value, count in runs:
+            row = (row if value == before else 0) + count
+            longest, before = max(longest, row), value
+            show(end, gauge_0=value)
+            ticks(wire, sensor, count)
+            assert bool(sensor.fault) == (longest > UNCHANGED)
+    finally:
+        wire.close()
+
+
+class SimulatedEnd:
+    """The rig's sensor in a world that stands still, answering inside each send."""
+
+    def __init__(self, channel, settings):
+        self.now_ns = 1_000_000_000_000
+        self.far = VirtualBus(channel=channel)
+        world = SimpleNamespace(wrench=lambda: (0.0,) * 6, advance=lambda _dt: None)
+        self.rig = Rig({"force_sensor": self.far}, world)
+        self.bus = TiedBus(channel, self)
+        self.sensor = ForceSensor(Port(self.bus, clock=lambda: self.now_ns), settings)
+        self.sensor.configure()
+        self.sensor.start()
+        self.period_ns = round(1e9 / settings.rate)
+
+    def step(self):
+        self.rig.process(self.now_ns)
+
+    def samples(self, count):
+        return [tick(self, self.sensor, number) for number in range(count)]
+
+    def advance(self):
+        self.now_ns += self.period_ns
+        return self.now_ns
+
+    @property
+    def port(self):
+        return self.sensor._port
+
+    def close(self):
+        self.bus.shutdown()
+        self.far.shutdown()
+
+
+@pytest.fixture(params=[50.0, 1000.0])
+def simulated(request):
+    end = SimulatedEnd(request.node.nodeid, SETTINGS._replace(rate=request.param))
+    yield end
+    end.close()
+
+
+def test_the_simulated_sensor_at_rest_is_never_frozen_until_it_is(simulated):
+    assert None not in simulated.samples(3000)
+    assert simulated.sensor.fault == ""
+    simulated.rig.inject("force_sensor", "freeze", 0.0, 0.0, simulated.now_ns)
+    simulated.step()
+    in_time = unchanged_samples(simulated.sensor.settings)
+    assert None not in simulated.samples(in_time)
+    assert simulated.samples(2)[-1] is None
+    assert "have not changed for 0.5 s" in simulated.sensor.fault
 
 
 # -- what goes wrong -----------------------------------------------------------------------------

@@ -13,11 +13,13 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 from screw_module_ros.axes.controller import VerticalController
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+ROUNDING = 1e-9
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
 steps = st.sampled_from((1, 1, 1, 2, 0, -1))
 setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))
@@ -32,7 +34,8 @@ class Controller(RuleBasedStateMachine):
         self.controller = VerticalController(
             self.settings, MODEL, WatchSettings(), AgreementSettings(), MS
         )
-        self.now_ns, self.sequence, self.sent, self.sent_ns = START_NS, 0, 0.0, START_NS
+        self.now_ns, self.sequence, self.sent = START_NS, 0, 0.0
+        self.acted_ns: int | None = None
         self.fault = ""
 
     def pass_time(self, wait_ns: int, step: int, age: int) -> tuple[int, int, int]:
@@ -52,12 +55,16 @@ class Controller(RuleBasedStateMachine):
             return
         assert math.isfinite(output.force)
         assert -settings.force_down <= output.force <= settings.force_up
-        elapsed = min((self.now_ns - self.sent_ns) * 1e-9 + 0.02, 1.0)
         step = abs(output.force - self.sent)
-        assert output.force == 0.0 or step <= settings.force_rate * elapsed
+        assert output.force == 0.0 or step <= settings.force_rate * self.elapsed() + ROUNDING
         if controller.reason or enabled is False:
             assert output.force == 0.0
-        self.sent, self.sent_ns = output.force, self.now_ns
+        self.sent = output.force
+
+    def elapsed(self) -> float:
+        """Return the time between the last two samples acted upon, as long as it counts [s]."""
+        before, self.acted_ns = self.acted_ns, self.controller._last.monotonic_ns
+        return min((self.acted_ns - before) * 1e-9, LONGEST_STEP) if before else MS * 1e-9
 
     @rule(step=steps, age=ages, position=near(-0.005, 0.365), velocity=near(-1.0, 1.0),
           homed=st.sampled_from((True,) * 9 + (False,)), setpoint=setpoints)  # fmt: skip

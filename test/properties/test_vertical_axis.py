@@ -39,10 +39,16 @@ garbage = st.tuples(
 )
 
 
-def largest_command(scale: float) -> float:
+def largest_torque(scale: float, upward: bool) -> float:
+    """Return the largest torque that way at a scale of the gate [Nm]."""
+    force = FORCES.force_up if upward else FORCES.force_down
+    return min(scale * force_to_torque(force), LIMITS.peak)
+
+
+def largest_command(scale: float, upward: bool) -> float:
     """Return the largest torque that may stand on the wire at a scale of the gate [Nm]."""
-    torque = scale * force_to_torque(max(FORCES))
-    return torque_command(LINEARIZATION, min(torque, LIMITS.peak)) if torque else 0.0
+    torque = largest_torque(scale, upward)
+    return torque_command(LINEARIZATION, torque) if torque else 0.0
 
 
 class Machine(RuleBasedStateMachine):
@@ -235,7 +241,7 @@ class AxisMachine(Machine):
         self.enable()
         self.work(repeats)
 
-    def work(self, repeats):
+    def work(self, repeats, force=60.0):
         """Everything as it should be for a while, so that there is something to lose."""
         self.end.answering, self.end.cause_stands = True, False
         for _ in range(repeats):
@@ -243,7 +249,7 @@ class AxisMachine(Machine):
             self.sequence = (self.sequence + 1) & 0xFFFFFFFF
             self.permit(True, 0)
             self.command_ns = self.wire.now_ns
-            self.axis.command(self.sequence, self.wire.now_ns, 60.0, self.wire.now_ns)
+            self.axis.command(self.sequence, self.wire.now_ns, force, self.wire.now_ns)
             self.judge()
 
     @rule()
@@ -267,9 +273,23 @@ class AxisMachine(Machine):
             self.ask(self.axis.drives._clear)
 
     @precondition(lambda self: self.axis.drives.enabled)
-    @rule()
-    def start_of_ramp_is_gentle(self):
-        assert self.axis.last.torque <= force_to_torque(max(FORCES))
+    @rule(force=st.sampled_from((150.0, 20.0, -20.0, -150.0)))
+    def start_of_ramp_is_gentle(self, force):
+        """From the gate's opening on the torque grows with time, whichever way it is asked for."""
+        self.disable()
+        self.work(3, force)
+        self.ask(self.axis.drives._open)
+        self.asked = True
+        self.work(20, force)
+        most = largest_torque(1.0, force > 0.0)
+        for _ in range(20):
+            self.work(1, force)
+            if self.open_ns is None:
+                assert self.axis.last.torque == 0.0
+                continue
+            since = (self.wire.now_ns - self.open_ns) * 1e-9
+            assert abs(self.axis.last.torque) <= (since + 0.001) / GATE.ramp_time * most
+            assert self.axis.last.torque * force > 0.0 or since == 0.0
 
     def ask(self, action) -> None:
         """Ask as a service does, without waiting for the answer."""
@@ -293,7 +313,7 @@ class AxisMachine(Machine):
             if drives._asked.empty():
                 self.asked = self.asked and holds  # only another wish may open it again
             self.judge_frame(word, torque)
-            assert abs(torque) <= largest_command(scale) + PER_MILLE
+            assert abs(torque) <= largest_command(scale, torque > 0.0) + PER_MILLE
             assert torque == 0.0 or (phase == OPEN and holds)
         if phase == CLOSED and drives._asked.empty():
             self.asked = False

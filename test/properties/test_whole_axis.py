@@ -14,10 +14,14 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from screw_module_ros.axes.vertical import ForceLimits
 from screw_module_ros.control.gate import CLOSED, OPEN
 from screw_module_ros.control.linearization import default_linearization, torque_command
+from screw_module_ros.control.modes import FORCE_FEEDBACK
+from screw_module_ros.control.vertical import LONGEST_STEP
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 
 LARGEST = torque_command(default_linearization(), force_to_torque(max(ForceLimits()))) + 0.001
-FORCE_STEP = 2.0 + 1e-9  # [N] a tick, the law's rate limit at 1 kHz
+FORCE_RATE = VerticalSettings().force_rate
+ROUNDING = 1e-9
 FAULTS = st.sampled_from(
     (
         ("encoder", "freeze", 0.0), ("encoder", "jump", 0.0), ("encoder", "cable_out", 0.0),
@@ -37,6 +41,7 @@ class WholeAxis(RuleBasedStateMachine):
         self.bench.rows.clear()
         self.asked = False
         self.force = 0.0
+        self.acted_ns = self.bench.controller._last.monotonic_ns
         self.open_ticks = 0
         self.bench.controller.mode = mode
         self.bench.setpoint = (0.3, 0.0)
@@ -57,7 +62,8 @@ class WholeAxis(RuleBasedStateMachine):
     def judge(self, row) -> None:
         drives = self.bench.axis.drives
         assert math.isfinite(row.torque) and math.isfinite(row.force)
-        assert row.force == 0.0 or abs(row.force - self.force) <= 20 * FORCE_STEP
+        step, elapsed = abs(row.force - self.force), self.elapsed()
+        assert row.force == 0.0 or step <= FORCE_RATE * elapsed + ROUNDING
         self.force = row.force
         self.open_ticks = self.open_ticks + 1 if drives.gate.phase == OPEN else 0
         ramp = min(1.0, self.open_ticks / 500.0)
@@ -68,6 +74,11 @@ class WholeAxis(RuleBasedStateMachine):
             assert self.bench.controller.output.force == 0.0
         if drives.gate.phase == CLOSED and drives._asked.empty():
             self.asked = False
+
+    def elapsed(self) -> float:
+        """Return the time from the sample acted upon before to the newest, as it counts [s]."""
+        before, self.acted_ns = self.acted_ns, self.bench.controller._last.monotonic_ns
+        return min((self.acted_ns - before) * 1e-9, LONGEST_STEP)
 
     @rule(mode=st.integers(0, 4), setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)))
     def play(self, mode, setpoint):
@@ -119,3 +130,22 @@ class WholeAxis(RuleBasedStateMachine):
 
 TestWholeAxis = WholeAxis.TestCase
 TestWholeAxis.settings = fixed(5, 12)
+
+
+def test_frozen_gauges_are_not_fed_back():
+    """Half a second after they stood still the force is zero, and stays it when they move again."""
+    machine = WholeAxis()
+    try:
+        machine.begin(FORCE_FEEDBACK)
+        bench = machine.bench
+        bench.rig.inject("force_sensor", "freeze", 0.0, 0.0, bench.now_ns)
+        machine.work(495)
+        assert bench.torque_passes and bench.controller.reason == ""
+        machine.work(15)
+        assert "have not changed for 0.5 s" in bench.force_sensor.fault
+        assert bench.controller.reason.startswith("force sensor: no sample")
+        assert bench.controller.output.force == 0.0
+        machine.bring_up()  # thaws it; only `tare` or a new start of the node clears the fault
+        assert bench.controller.output.force == 0.0
+    finally:
+        machine.teardown()

@@ -167,7 +167,10 @@ def drive(make_bench) -> Bench:
 
 @pytest.fixture
 def sensor(make_bench) -> Bench:
-    return make_bench("force_sensor")
+    """Return a force sensor whose converter has no noise, so that its words are exact."""
+    bench = make_bench("force_sensor")
+    bench.rig.devices["force_sensor"].converter_noise = 0.0
+    return bench
 
 
 @pytest.fixture
