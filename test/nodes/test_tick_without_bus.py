@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A tick of `manus` on a bus that fails: gate and writes get their turn all the same."""
+"""A tick of a drive node on a bus that fails: gate and writes get their turn all the same."""
 
 from __future__ import annotations
 
@@ -33,3 +33,14 @@ def test_an_error_before_the_writes_does_not_skip_them(make_node, failing):
     node.step()
     assert idle == [5_000]
     node.port = node._axes = None
+
+
+def test_the_vertical_drive_is_no_other(make_node):
+    node = make_node("amplifier")
+    idle = []
+    node.period_ns, node._pumped_ns, node._look_every, node._state_due_ns = 1, 0, 100, 2**62
+    node.port = SimpleNamespace(pump=fails)
+    node._axis = SimpleNamespace(idle=idle.append)
+    node.end_tick(Tick(1, 5_000, 6_000, 0))
+    assert idle == [5_000]
+    node.port = None
