@@ -18,7 +18,6 @@ from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, load_linearization
 from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
 from screw_module_ros.control.timing import (
-    LEAST_SUCCESS,
     DeadlineMeter,
     empty_histogram,
     note_latency,
@@ -218,8 +217,8 @@ class AmplifierNode(DriverNode):
         for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             self._axis.drives.permit(safety.vertical_permitted, reason, now)
-        if self._supervisors.many:
-            self._axis.drives.permit(False, self._supervisors.told, now)
+        if self._supervisors.warning:
+            self._axis.drives.permit(False, self._supervisors.warning, now)
         missed = self._meter.missed_in_a_row(now)
         drives = self._axis.drives
         if drives.enabled and missed >= self._missed_limit and not drives.fault:
@@ -294,10 +293,11 @@ class AmplifierNode(DriverNode):
         }
         if drives.faulted:
             return Health(ERROR, drives.reason, values)
-        if self._drive.warnings:
-            return Health(WARN, self._drive.warnings[0], values)
-        if drives.enabled and told.success_rate < LEAST_SUCCESS:
-            return Health(WARN, broken_contract(told), values)
+        warnings = [self._supervisors.warning, *self._drive.warnings]
+        if drives.enabled:
+            warnings.append(broken_contract(told))
+        for warning in filter(None, warnings):
+            return Health(WARN, warning, values)
         return Health(OK, "enabled" if drives.enabled else drives.reason, values)
 
 

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick."""
+"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick.
+
+It can be tared only while the vertical drive gives no torque: with force feedback the patient would
+feel what is removed, several times over and at once.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import time
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
-from screw_module_msgs.msg import ForceSample
+from screw_module_msgs.msg import AmplifierState, ForceSample
 from std_srvs.srv import Trigger
 
 from screw_module_ros.devices.errors import DeviceError
@@ -19,12 +23,14 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.rates import RateMeter
-from .support.realtime import fill_stamp
+from .support.realtime import Inbox, fill_stamp
 from .support.runtime import ERROR, OK, Health
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
 
 _TARE_PATIENCE_S = 3.0
+_STATE_PATIENCE_S, _LOOK_S = 0.2, 0.005
+_ENABLED = "the vertical drive is enabled and would jump: disable it first (/amplifier/enable)"
 
 
 class WrenchSettings(NamedTuple):
@@ -49,6 +55,7 @@ class ForceSensorNode(DriverNode):
         self.device: ForceSensor | None = None
         self._taring: list[ForceReading] | None = None
         self._tared = threading.Event()
+        self._inbox: Inbox | None = None
         self.create_service(Trigger, "~/tare", self._tare)
         self.create_service(Trigger, "~/untare", self._untare)
 
@@ -66,6 +73,10 @@ class ForceSensorNode(DriverNode):
         self._publisher = self.create_publisher(ForceSample, "handle/force", qos.SAMPLE)
         self._wrench_publisher = self.create_publisher(WrenchStamped, "handle/wrench", qos.STATE)
         self._publish = self._publisher.handle.publish
+        self._inbox = Inbox(self)
+        self._take_amplifier = self._inbox.subscribe(
+            AmplifierState, "screw/amplifier_state", qos.NEWEST
+        )
 
     def begin(self) -> None:
         """Let the samples flow; a fault latched before is cleared, it was asked for."""
@@ -81,10 +92,11 @@ class ForceSensorNode(DriverNode):
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if hasattr(self, "_publisher"):
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
             self.destroy_publisher(self._publisher)
             self.destroy_publisher(self._wrench_publisher)
-            del self._publisher
         self.device = None
         self.close_port()
 
@@ -106,8 +118,11 @@ class ForceSensorNode(DriverNode):
         self._publish(message)
         if reading.sequence % self._wrench_every == 0:
             self._publish_wrench(reading)
-        if self._taring is not None:
-            self._collect(reading)
+        taring = self._taring  # the service may end it meanwhile
+        if taring is not None:
+            taring.append(reading)
+            if len(taring) >= self.device.settings.tare_samples:
+                self._tared.set()
 
     def _publish_wrench(self, reading: ForceReading) -> None:
         wrench = self._wrench
@@ -117,14 +132,9 @@ class ForceSensorNode(DriverNode):
         torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
         self._wrench_publisher.publish(wrench)
 
-    def _collect(self, reading: ForceReading) -> None:
-        self._taring.append(reading)
-        if len(self._taring) >= self.device.settings.tare_samples:
-            self._tared.set()
-
     def _tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.active:
-            response.message = "the node is not active"
+        response.message = self._refusal()
+        if response.message:
             return response
         try:
             if self.device.fault:
@@ -137,6 +147,20 @@ class ForceSensorNode(DriverNode):
         response.message = f"tared, removing {_told(bias)}"
         return response
 
+    def _refusal(self) -> str:
+        """Return why the bias must not be changed now, empty when it may."""
+        if not self.active:
+            return "the node is not active"
+        return _ENABLED if self._torque_is_on() else ""
+
+    def _torque_is_on(self) -> bool:
+        """Return what the amplifier's next state says; one that is silent lets no torque pass."""
+        self._take_amplifier()  # what lies there may be old
+        end = time.monotonic() + _STATE_PATIENCE_S
+        while (state := self._take_amplifier()) is None and time.monotonic() < end:
+            self.stopping.wait(_LOOK_S)
+        return state is not None and state.enabled
+
     def _gathered(self) -> list[ForceReading]:
         """Return the readings of the next moments, from the loop's thread."""
         self._tared.clear()
@@ -146,8 +170,8 @@ class ForceSensorNode(DriverNode):
         return readings
 
     def _untare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.device is None:
-            response.message = "the node is not configured"
+        response.message = self._refusal()
+        if response.message:
             return response
         response.success = True
         response.message = f"back to removing {_told(self.device.untare())}"

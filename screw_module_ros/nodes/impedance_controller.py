@@ -31,7 +31,7 @@ from screw_module_ros.control.module_calibration import (
     ModuleCalibration,
     chosen_calibration,
 )
-from screw_module_ros.control.timing import LEAST_SUCCESS, DeadlineMeter
+from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import EncoderLike, ForceLike, WatchSettings
@@ -334,8 +334,8 @@ class ImpedanceControllerNode(ModuleNode):
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
-        if told.success_rate < LEAST_SUCCESS:
-            return Health(WARN, broken_contract(told), values)
+        if warning := broken_contract(told):
+            return Health(WARN, warning, values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
 
     def _age_text(self, now: int) -> str:

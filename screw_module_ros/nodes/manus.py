@@ -30,6 +30,7 @@ from .support.realtime import Inbox
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
 from .support.senders import Senders
+from .support.timing_report import broken_contract
 
 JOINTS = ("shoulder", "elbow")
 _NOWHERE = (math.nan, math.nan, 0.0, 0.0)
@@ -191,8 +192,8 @@ class ManusNode(DriverNode):
         for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(safety.planar_permitted, reason, now)
-        if self._supervisors.many:
-            drives.permit(False, self._supervisors.told, now)
+        if self._supervisors.warning:
+            drives.permit(False, self._supervisors.warning, now)
         force = self._force.fresh(now)
         if force is not None and not math.hypot(force.fx, force.fy) <= self._own.handle_force_limit:
             drives.fault = drives.fault or (
@@ -304,9 +305,12 @@ class ManusNode(DriverNode):
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         if drives.faulted:
             return Health(ERROR, drives.reason, values)
-        warnings = [warning for drive in self._drives for warning in drive.warnings]
-        if warnings:
-            return Health(WARN, warnings[0], values)
+        warnings = [self._supervisors.warning]
+        warnings += [warning for drive in self._drives for warning in drive.warnings]
+        if drives.enabled:
+            warnings.append(broken_contract(state))
+        for warning in filter(None, warnings):
+            return Health(WARN, warning, values)
         return Health(OK, "enabled" if drives.enabled else drives.reason, values)
 
 

@@ -2,8 +2,8 @@
 """`supervisor`: permission to move, emergency stop, vertical lock.
 
 It grants nothing by itself: every drive stays off until it is enabled. What it decides, and from
-what, is `control/supervision.py`; here the states are collected and the decision is sent. What was
-stopped or locked still is when the process is started anew.
+what, is `control/supervision.py`; here the states are collected and the decision is sent. An
+emergency stop and the lock outlive the process; a latched stop does too, unless it ended in order.
 """
 
 from __future__ import annotations
@@ -97,10 +97,10 @@ class SupervisorNode(ModuleNode):
             self.get_logger().warning(f"as before the supervisor was started anew: {told}")
         return state
 
-    def _keep(self) -> None:
+    def _keep(self, state: SupervisorState) -> None:
         """Write down what must not be forgotten, where it has changed; hold the lock."""
         try:
-            self._kept.write(supervision.kept(self._state))
+            self._kept.write(supervision.kept(state))
         except OSError as error:
             self.get_logger().warning(
                 f"a restart of the supervisor would forget what is stopped or locked now: "
@@ -134,6 +134,8 @@ class SupervisorNode(ModuleNode):
             self._inbox.close()
             self._inbox = None
             self.destroy_publisher(self._publisher)
+            with self._changing:  # when a graph is ended, the last to go sees the others missing
+                self._keep(self._state._replace(latched=()))
 
     def step(self) -> None:
         """Decide and say so."""
@@ -142,7 +144,7 @@ class SupervisorNode(ModuleNode):
     def _publish(self, now: int) -> None:
         with self._changing:  # as a whole: two threads must not mix their answers
             self._decide_and_tell(now)
-            self._keep()
+            self._keep(self._state)
 
     def _decide_and_tell(self, now: int) -> None:
         decision, self._state = decide(self._settings, self._state, self._reports(now), now)
@@ -191,7 +193,7 @@ class SupervisorNode(ModuleNode):
             self._state = supervision.estop(self._state)
             if self.active:
                 self._decide_and_tell(time.monotonic_ns())
-            self._keep()
+            self._keep(self._state)
         self.get_logger().error("emergency stop")
         response.success = True
         response.message = "stopped; call ~/reset, then enable the drives"
@@ -206,7 +208,7 @@ class SupervisorNode(ModuleNode):
             self._state, response.message = supervision.reset(
                 self._settings, self._state, self._reports(now), now
             )
-            self._keep()
+            self._keep(self._state)
         response.success = not response.message
         response.message = response.message or "reset; the drives stay off until enabled"
         return response
@@ -214,7 +216,7 @@ class SupervisorNode(ModuleNode):
     def _lock(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         with self._changing:
             self._state = supervision.lock(self._state, request.data)
-            self._keep()
+            self._keep(self._state)
         response.success = True
         response.message = "vertical locked" if request.data else "vertical unlocked"
         return response

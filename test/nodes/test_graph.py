@@ -187,6 +187,9 @@ def test_enable_move_and_disable(ready):
     ready.set_arm(arm(kind="relaxed"))
     ready.enable()
     ready.enable_plane()
+    for change in ("tare", "untare"):
+        with pytest.raises(RobotError, match="enabled and would jump"):
+            ready.trigger(f"force_sensor/{change}")
     ready.set_setpoint(0.05, 0.0, HOME + 0.06)
     ready.wait_until(
         lambda: abs(ready.state(PlanarState).position[0] - 0.05) < 0.03,

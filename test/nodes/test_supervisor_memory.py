@@ -84,6 +84,16 @@ def test_estop_lock_and_latched_stop_outlive_the_process(supervisor):
     assert not node._kept.path.exists()
 
 
+def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor):
+    node = supervisor()
+    estop(node)
+    node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
+    node._publish(1)
+    node.close()
+    node = supervisor()
+    assert node._state.estopped and not node._state.latched
+
+
 def test_nothing_is_written_while_there_is_nothing_to_keep(supervisor, folder):
     node = supervisor()
     node._publish(1)

@@ -73,8 +73,8 @@ def refused(service: str, service_type: type = Trigger, said: str = "", **fields
     return act
 
 
-def parameter_refused(node: str, name: str, value: Any) -> Act:
-    """Set a parameter that must be refused in a sentence naming it."""
+def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
+    """Set a parameter that must be refused, in a sentence with `said` in it."""
     given = Parameter(name, value=value).to_parameter_msg()
 
     def act(stand) -> None:
@@ -82,8 +82,8 @@ def parameter_refused(node: str, name: str, value: Any) -> Act:
         (result,) = stand.robot.call(SetParameters, f"{node}/set_parameters", request).results
         if result.successful:
             raise Failed(f"{node} took {name} = {value!r}")
-        if name not in result.reason:
-            raise Failed(f"{node} refused {name} = {value!r} without its name: {result.reason}")
+        if said not in result.reason:
+            raise Failed(f"{node} refused {name} = {value!r} without {said!r}: {result.reason}")
 
     return act
 

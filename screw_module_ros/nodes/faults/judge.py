@@ -241,8 +241,9 @@ class _Trial:
             if self.row.mode != MODE_OFF:
                 self._check_torque(half, vertical, "the vertical axis")
         self._take_back()
-        self._pass(self.heard.now.time + _AFTERWARDS_S)
-        self._check_drives(set(_DRIVES))
+        if self.row.safe == GOES_ON:  # else it may take the torque off to take the fault back
+            self._pass(self.heard.now.time + _AFTERWARDS_S)
+            self._check_drives(set(_DRIVES))
 
     def _check_drives(self, wanted: set[str]) -> None:
         off = wanted & set(self.heard.disabled_at())

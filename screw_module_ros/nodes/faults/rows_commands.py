@@ -30,7 +30,7 @@ _COUNT, _EVERY_S = 25, 0.007  # messages; the true ones come between and often h
 
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _FORCE = Alarm("impedance_controller", "force sensor", "force")
-_TWO_SUPERVISORS = "nodes publish safety_state|second"
+_TWO_SUPERVISORS = "nodes publish safety_state"
 _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
 # topic, type, field, bad values, who notices, alarm
 _SAMPLES = (
@@ -125,9 +125,9 @@ _STATES = (
      "only games hear it", None),
     ("safety_state", SafetyState, {"level": 200, "vertical_permitted": True,
                                    "planar_permitted": True}, "a level that does not exist",
-     "amplifier, manus: two nodes publish it", Alarm("amplifier", _TWO_SUPERVISORS, "amplifier")),
+     "amplifier, manus: two nodes publish it", Alarm("amplifier", _TWO_SUPERVISORS)),
     ("safety_state", SafetyState, {"level": SafetyState.STOPPED}, "a stop",
-     "amplifier, manus", Alarm("amplifier", f"permit|{_TWO_SUPERVISORS}")),
+     "amplifier, manus", Alarm("amplifier", _TWO_SUPERVISORS)),
 )  # fmt: skip
 
 
@@ -136,7 +136,9 @@ def _states() -> Iterator[Row]:
     for topic, kind, fields, what, who, alarm in _STATES:
         name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
         text = f"{what} on {topic}, from a foreign sender"
-        act = published(kind, topic, _COUNT, _EVERY_S, **fields)
+        # Who permits is told of as long as there are two of them.
+        count = 0 if topic == "safety_state" else _COUNT
+        act = published(kind, topic, count, _EVERY_S, **fields)
         if alarm is None:
             yield _goes_on(name, text, act, who, nothing)
         else:
@@ -240,6 +242,8 @@ _FIXED = {
     "force_sensor": {"sign": -1, "roll": 3.0, "rate": 500.0},
     "supervisor": {"timeout": 10.0, "required": ["encoder"], "rate": 20.0},
 }  # fmt: skip
+_NO_NUMBERS = {"NaN": _NAN, "infinity": _INF, "-1e9": -1e9, "1e9": 1e9}
+_WRONG_TYPE = {"text": "a lot", "an integer": 5}  # rclpy's own words
 _LIVE = {
     "impedance_controller": ("stiffness", "damping", "force_gain", "gravity"),
     "manus": ("stiffness", "damping"),
@@ -252,14 +256,15 @@ def _parameters() -> Iterator[Row]:
             yield _refuses(node, name, value, f"set to {value} in motion, where it is fixed")
     for node, names in _LIVE.items():
         for name in names:
-            for told, value in {"NaN": _NAN, "infinity": _INF, "-1e9": -1e9, "1e9": 1e9,
-                                "text": "a lot", "an integer": 5}.items():  # fmt: skip
-                yield _refuses(node, name, value, f"set to {told} in motion", f"-{told}")
+            for told, value in (_NO_NUMBERS | _WRONG_TYPE).items():
+                yield _refuses(node, name, value, f"set to {told} in motion", told)
     yield _refuses("impedance_controller", "mode", 7, "set to 7 in motion")
 
 
-def _refuses(node: str, name: str, value, text: str, suffix: str = "") -> Row:
+def _refuses(node: str, name: str, value, text: str, told: str = "") -> Row:
+    said = "parameter type" if told in _WRONG_TYPE else name
     return _goes_on(
-        f"parameter-{node}-{name}{suffix}".replace(" ", "-").lower(), f"{node}: {name} {text}",
-        parameter_refused(node, name, value), f"{node} refuses, naming it", watch=0.1,
+        "-".join(filter(None, ("parameter", node, name, told))).replace(" ", "-").lower(),
+        f"{node}: {name} {text}",
+        parameter_refused(node, name, value, said), f"{node} refuses: {said}", watch=0.1,
     )._replace(group="parameters")  # fmt: skip

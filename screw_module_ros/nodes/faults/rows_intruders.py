@@ -18,8 +18,8 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, called, published
-from .row import EITHER, GOES_ON, OFF, Act, Alarm, Failed, Row, nothing
+from .acts import both, called, published, refused
+from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 from .stand import SPRING
 from .ticks import PERIOD_NS
 
@@ -155,7 +155,7 @@ def _frames() -> Iterator[Row]:
     yield _row("foreign-sync", "a foreign master sends SYNC on the encoder's bus",
                _frames_on("encoder", 0x080, b"", 0.005), "encoder",
                Alarm("encoder", "somebody else sends SYNC", "encoder"),
-               "stop it; encoder/home, reset, enable", within=14)  # fmt: skip
+               f"stop it; encoder/home, {MISSED}, reset, enable", within=14)  # fmt: skip
 
 
 def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
@@ -182,7 +182,7 @@ def _storms() -> Iterator[Row]:
     yield _row("encoder-deactivated", "lifecycle deactivate of the encoder in motion",
                _transition("encoder", Transition.TRANSITION_DEACTIVATE), "impedance_controller",
                Alarm("impedance_controller", "encoder", "encoder"),
-               "lifecycle activate; encoder/home, reset, enable",
+               f"lifecycle activate; encoder/home, {MISSED}, reset, enable",
                _transition("encoder", Transition.TRANSITION_ACTIVATE), within=14)  # fmt: skip
     yield _row("amplifier-deactivated", "lifecycle deactivate of the amplifier in motion",
                _transition("amplifier", Transition.TRANSITION_DEACTIVATE), "amplifier",
@@ -190,8 +190,9 @@ def _storms() -> Iterator[Row]:
                "lifecycle activate; clear_fault, reset, enable",
                _transition("amplifier", Transition.TRANSITION_ACTIVATE), within=32)  # fmt: skip
     yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
-               both(called("force_sensor/tare"), called("force_sensor/untare")),
-               "force_sensor refuses a load or an uneasy force", None, "none is needed",
+               both(refused("force_sensor/tare", said="enabled"),
+                    refused("force_sensor/untare", said="enabled")),
+               "force_sensor refuses while a drive is enabled", None, "none is needed",
                safe=GOES_ON)  # fmt: skip
 
 

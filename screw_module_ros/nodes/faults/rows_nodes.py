@@ -30,11 +30,12 @@ class Part(NamedTuple):
 
 
 _LOST = r"no message for more than"
+_SILENT = 10  # periods without a statusword
 _SUPERVISOR, _SAFETY = samples(SUPERVISOR_S), samples(SAFETY_S)
 _FOLLOWS = STALE + 10  # the other axes: fault told at 100 Hz, decided at 50 Hz
 _GUARD = max(samples(COMMAND_S), samples(HEARTBEAT_S))
 PARTS = (
-    Part("sim_rig", "amplifier, manus: no drive answers", (_SUPERVISOR, _SUPERVISOR),
+    Part("sim_rig", "amplifier, manus: no drive answers", (_SILENT, _SILENT),
          Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
          "power on; encoder/home, force_sensor/tare, clear_fault, reset, enable", OFF, True),
     Part("supervisor", "amplifier, manus: safety_state is stale", (_SAFETY, _SAFETY),

@@ -16,7 +16,7 @@ from screw_module_ros.control.modes import MODE_NAMES
 
 from ..support.robot import arm
 from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
-from .row import EITHER, GOES_ON, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
+from .row import EITHER, GOES_ON, MISSED, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
 from .stand import HOME, SPRING
 
 _AT_ONCE, _FOLLOWS = 8, 8
@@ -59,7 +59,7 @@ def _operator() -> Iterator[Row]:
                  "supervisor", _ESTOP, _RESET)  # fmt: skip
     yield _stops("estop-reset-at-once", "emergency stop, reset while still stopping",
                  both(estop, reset), "supervisor", Alarm("", "", "emergency stop"),
-                 "enable")  # fmt: skip
+                 "reset where it was refused, enable")  # fmt: skip
     yield _stops("estop-enable-without-reset", "enable after an emergency stop, without reset",
                  both(estop, refused("amplifier/enable", SetBool, data=True),
                       refused("manus/enable", SetBool, data=True)),
@@ -68,7 +68,7 @@ def _operator() -> Iterator[Row]:
                  both(fault("encoder", "cable_out"), _until_latched,
                       repeated(refused("supervisor/reset", said=""), 10)),
                  "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
-                 "plug it in; reset, enable")._replace(
+                 f"plug it in; {MISSED}, reset, enable")._replace(
         back=cured("encoder"), within=14, plane_within=22)  # fmt: skip
     yield _goes_on("reset-while-enabled", "reset while a drive is enabled",
                    repeated(refused("supervisor/reset", said="still enabled"), 5),
@@ -149,7 +149,7 @@ def _patient() -> Iterator[Row]:
         safe=EITHER, watch=1.0,
     )  # fmt: skip
     yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls",
-                   _tare_loaded, "force_sensor refuses a loaded handle",
+                   _tare_loaded, "force_sensor refuses while a drive is enabled",
                    lambda stand: stand.configure())  # fmt: skip
 
 
@@ -180,7 +180,7 @@ def _tare_loaded(stand) -> None:
         arm((0.0, 0.0, HOME - 0.2), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
     )
     stand.robot.pause(1.5)
-    refused("force_sensor/tare")(stand)
+    refused("force_sensor/tare", said="enabled")(stand)
 
 
 def _machine() -> Iterator[Row]:

@@ -8,24 +8,27 @@ from collections.abc import Iterator
 from screw_module_ros.control.watch import FORCE_FAULT_BITS
 
 from .acts import both, cured, fault, rehomed
-from .row import EITHER, GOES_ON, OFF, Alarm, Row, nothing
-from .ticks import STALE
+from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
+from .stand import HOME
+from .ticks import FREEZE_S, STALE, samples
 
 _FOLLOWS = 8
+_APART_M = 0.005
 _AT_ONCE, _SILENT, _APART = 8, STALE + 7, 45
 """Samples until noticed: by the sample itself; by its absence; against the drive's own position,
 which takes until the patient's hand has moved by more than their tolerance."""
-_UNHOMED = "mend it; encoder/home at the reference mark, reset, enable"
-_TARE = "mend it; let go of the handle, force_sensor/tare, reset, enable"
+_UNHOMED = f"mend it; encoder/home at the reference mark, {MISSED}, reset, enable"
+_RESET = f"{MISSED}, reset, enable"
+_TARE = f"mend it; let go of the handle, force_sensor/tare, {MISSED}, reset, enable"
 _NOT_NEEDED = "none is needed"
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 
 # name, value, text, safe, within, alarm, way back
 _ENCODER_FAULTS = (
-    ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, "reset, enable"),
+    ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, _RESET),
     ("jump", 2e5, "position jumps by ten turns", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
     ("jump", 5e3, "position jumps by a quarter turn", OFF, _APART, _ENCODER, _UNHOMED),
-    ("spike", 2e5, "one position is wrong by ten turns", OFF, _AT_ONCE, _ENCODER, "reset, enable"),
+    ("spike", 2e5, "one position is wrong by ten turns", OFF, _AT_ONCE, _ENCODER, _RESET),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
     ("noise", 1e5, "position is noisy by 95 mm", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
     ("index_lost", 0, "index pulse lost (alarm, EMCY 7305)", OFF, _SILENT,
@@ -37,7 +40,7 @@ _ENCODER_FAULTS = (
     ("power_off", 0, "loses its supply, later back", OFF, _SILENT, _ENCODER, _UNHOMED),
     ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, _SILENT,
      Alarm("encoder", "3100", "encoder"), _UNHOMED),
-    ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, "reset, enable"),
+    ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, _RESET),
     ("heartbeat_lost", 0, "its heartbeat stops, all else goes on", GOES_ON, 0, None, _NOT_NEEDED),
     ("sdo_silent", 0, "it does not answer SDO requests", GOES_ON, 0, None, _NOT_NEEDED),
 )  # fmt: skip
@@ -45,12 +48,13 @@ _FORCE = Alarm("impedance_controller", "force sensor", "force")
 _FORCE_FAULTS = (
     ("bias", 10, "off by 10 N", GOES_ON, 0, None, _TARE),
     ("bias", 250, "off by 250 N", OFF, _AT_ONCE,
-     Alarm("impedance_controller", "on the handle, more than", "on the handle"), "reset, enable"),
+     Alarm("impedance_controller", "on the handle, more than", "on the handle"), _RESET),
     ("drift", 5, "drifts by 5 N/s", GOES_ON, 0, None, _TARE),
-    ("noise", 500, "gauges noisy by 500 counts", EITHER, _AT_ONCE, None, "reset, enable"),
-    ("freeze", 0, "gauges stand still", GOES_ON, 0, None, _NOT_NEEDED),
+    ("noise", 500, "gauges noisy by 500 counts", EITHER, _AT_ONCE, None, _RESET),
+    ("freeze", 0, "gauges stand still", OFF, samples(FREEZE_S) + _SILENT,
+     Alarm("force_sensor", "have not changed", "force"), _TARE),
     ("half", 0, "the second frame of each sample is missing", OFF, _SILENT, _FORCE,
-     "reset, enable"),
+     _RESET),
     ("reset", 0, "restarts after its watchdog", EITHER, _SILENT, None, _TARE),
 )  # fmt: skip
 
@@ -107,6 +111,18 @@ def _status(bit: int) -> Row:
     )
 
 
+def _moved_across(stand) -> None:
+    """Wait until the handle has been on either side of the mark, where the counter wraps."""
+    begin = stand.just_now()
+
+    def across() -> bool:
+        heights = [moment.height for moment in stand.heard.since(begin)]
+        return bool(heights) and min(heights) < HOME - _APART_M and max(heights) > HOME + _APART_M
+
+    if not stand.until(across, 6.0):
+        raise Failed("the handle was not moved across the wrap")
+
+
 def _rollover() -> Row:
     """The counter wraps while the patient moves the handle across it."""
     row = _row(
@@ -115,7 +131,7 @@ def _rollover() -> Row:
     )  # fmt: skip
     return row._replace(
         prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
-        inject=nothing,
+        inject=_moved_across,
         noticed_by="nobody: the driver unwraps it",
         watch=2.5,
     )

@@ -12,6 +12,7 @@ _CUTOFF = 12.0  # of the velocity and force filters, below half the rate [Hz]
 PERIOD = 1.0 / RATE  # [s]
 PERIOD_NS = round(PERIOD * 1e9)
 SAFETY_S, SUPERVISOR_S, COMMAND_S, HEARTBEAT_S = 0.4, 0.5, 0.15, 0.3
+FREEZE_S = 0.5  # as on the robot
 TRUTH_RATE = 200.0
 
 STALE = 5

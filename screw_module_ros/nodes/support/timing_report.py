@@ -9,7 +9,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from screw_module_ros.control.timing import BIN_NS, DeadlineMeter, histogram_text, quantile
+from screw_module_ros.control.timing import (
+    BIN_NS,
+    LEAST_SUCCESS,
+    DeadlineMeter,
+    histogram_text,
+    quantile,
+)
 
 _SHARES = (0.5, 0.99, 0.999)
 
@@ -47,7 +53,12 @@ def timing_values(state: Any, meter: DeadlineMeter) -> dict[str, object]:
 
 
 def broken_contract(state: Any) -> str:
-    """Return the warning about deadlines missed."""
+    """Return the warning about deadlines missed, empty while the contract holds.
+
+    state: the newest AmplifierState, ImpedanceState or PlanarState.
+    """
+    if state.success_rate >= LEAST_SUCCESS:
+        return ""
     return (
         f"deadlines are being missed: {100 * state.success_rate:.1f} % of the last 1000 commands "
         "came in time"
