@@ -80,12 +80,13 @@ class Controller(RuleBasedStateMachine):
         self.controller.force(ForceReading(*begin, *wrench, status), self.now_ns)
         self.judge(None)
 
-    @rule(count=st.integers(1, 40), position=st.floats(0.05, 0.3), setpoint=setpoints)
-    def work(self, count, position, setpoint):
+    @rule(count=st.integers(1, 40), position=st.floats(0.05, 0.3), setpoint=setpoints,
+          pull=st.floats(-80.0, 80.0))  # fmt: skip
+    def work(self, count, position, setpoint, pull=1.0):
         """Both sensors as they should be, for a while."""
         for _ in range(count):
             begin = self.pass_time(MS, 1, 0)
-            self.controller.force(ForceReading(*begin, *[1.0] * 6, 0), self.now_ns)
+            self.controller.force(ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0), self.now_ns)
             sample = EncoderReading(*begin, 0, position, 0.0, True)
             self.judge(self.controller.act(sample, setpoint, self.now_ns))
 
@@ -97,6 +98,12 @@ class Controller(RuleBasedStateMachine):
         self.reset()
         self.amplifier(True, 0.0)
         self.work(count, 0.18, setpoint)
+
+    @rule(mode=st.integers(3, 4), pull=st.floats(-80.0, 80.0), count=st.integers(1, 20))
+    def pull(self, mode, pull, count):
+        """The patient's hand comes suddenly, while its force is fed back."""
+        self.bring_up(mode, 100, (0.18, 0.0))
+        self.work(count, 0.18, (0.18, 0.0), pull)
 
     @rule(enabled=st.sampled_from((True, True, False, None)), position=near(-0.2, 0.2))
     def amplifier(self, enabled, position):
@@ -122,7 +129,7 @@ class Controller(RuleBasedStateMachine):
 
 
 TestController = Controller.TestCase
-TestController.settings = fixed(120, 30)
+TestController.settings = fixed(100, 30)
 
 
 def test_a_fault_that_the_amplifiers_end_follows_at_once_stays():

@@ -143,7 +143,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         for index, word, torque in self.commands():
             assert torque == 0.0 or (may_pass and word == 0x0F)
             assert self.asked or word & 0x0F != 0x0F
-            wanted = abs(self.torques[index])
+            wanted = min(abs(self.torques[index]), LAW.torque_rate * since)
             assert abs(torque) <= min(1.0, since / GATE.ramp_time) * wanted + PER_MILLE
         assert all(map(math.isfinite, axes.written))
         if phase == CLOSED:
@@ -201,12 +201,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule(periods=st.floats(0.1, 30.0))
     def be_late(self, periods):
+        self.operate()
         self.tick(periods)
 
     # What game, supervisor and operator do -------------------------------------------------
 
     @rule(setpoint=setpoints, count=st.integers(1, 60))
     def play(self, setpoint, count):
+        self.operate()
         self.setpoint = setpoint
         self.work(count)
 
@@ -216,6 +218,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule(permitted=st.sampled_from((True, True, False)), age=st.sampled_from((0, 0, 90, 200)))
     def permit(self, permitted, age):
+        self.operate()
         self.told(permitted, self.wire.now_ns - age * MS)
         self.tick()
 
@@ -278,6 +281,12 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.home()
         self.enable()
         self.work(40)
+
+    def operate(self) -> None:
+        """Have torque pass, so that there is something to lose."""
+        if not self.axes.drives.enabled:
+            self.setpoint = (0.15, 0.15, 0.0, 0.0)
+            self.bring_up()
 
     def ask(self, action) -> str:
         """Ask as a service does and tick, so that it is answered."""
