@@ -16,6 +16,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import can
+from rclpy.context import Context
+from rclpy.node import Node
 from screw_module_msgs.msg import (
     AmplifierState,
     ForceCommand,
@@ -63,6 +65,8 @@ class Stand:
         self.graph = GraphRun(extra=[*slow_ticks(), *(extra or [])])
         self.robot: Robot = None
         self.heard: Listener = None
+        self._context = Context()
+        self._intruder: Node | None = None
         self.deadline = math.inf
         self.enabled_at = 0.0  # simulated time when `ready` began to enable [s]
         self._one_enabled = False
@@ -82,6 +86,9 @@ class Stand:
         try:
             self.robot = Robot("fault_operator", watch=self._watch)
             self.heard = Listener()
+            self._context.init()
+            # Nobody spins it: an executor trips over a publisher that is removed under it.
+            self._intruder = Node("intruder", context=self._context)
             self.graph.wait_until_ready(self.robot, told=lambda waiting: None)
             self._prepare()
         except BaseException:
@@ -97,6 +104,9 @@ class Stand:
         for client in (self.robot, self.heard):
             if client is not None:
                 client.close()
+        if self._intruder is not None:
+            self._intruder.destroy_node()
+        self._context.try_shutdown()
         self.graph.__exit__(None, None, None)
 
     def _watch(self) -> None:
@@ -178,7 +188,7 @@ class Stand:
 
         Returns the simulated time when it began [s].
         """
-        publisher = self.heard.node.create_publisher(kind, topic, qos.COMMAND)
+        publisher = self._intruder.create_publisher(kind, topic, qos.COMMAND)
         self._publishers.append(publisher)
         self.robot.wait_until(
             lambda: publisher.get_subscription_count() > 0, 5.0, f"nobody listens on {topic}"
@@ -216,7 +226,7 @@ class Stand:
         for thread in self._threads:
             thread.join(timeout=2.0)
         for publisher in self._publishers:
-            self.heard.node.destroy_publisher(publisher)
+            self._intruder.destroy_publisher(publisher)
         for bus in self._buses:
             bus.shutdown()
         for guest in self._guests:

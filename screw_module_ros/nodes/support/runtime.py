@@ -8,6 +8,7 @@ active, and nothing else, so that no callback stands between a sample and its co
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import logging
 import signal
@@ -19,6 +20,7 @@ from typing import Annotated, NamedTuple
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.handle import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
@@ -368,6 +370,8 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
     # Not `spin`: an executor that is shut down while it spins trips over its own guard condition.
     try:
         while not ended.is_set():
-            executor.spin_once()
+            # Another thread may destroy a publisher while rclpy waits for its events.
+            with contextlib.suppress(InvalidHandle):
+                executor.spin_once()
     finally:
         node.stopping.set()  # without services and diagnostics the node is no use
