@@ -7,7 +7,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
-from rclpy.handle import InvalidHandle
+from rclpy.exceptions import InvalidHandle
 
 from screw_module_ros.nodes.support.runtime import _serve
 

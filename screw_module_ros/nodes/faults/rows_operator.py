@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import resource
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from screw_module_msgs.msg import EndpointSetpoint, SafetyState
@@ -24,6 +24,8 @@ _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
 _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
 _STIFF = 400.0  # [N/m]
+_BOTTOM, _TOP = 0.005, 0.355  # the end stops are at 0 and 0.36 [m]
+_FAST = 0.5  # [m/s]
 _BAG_LIMIT = 200_000  # [B]
 
 
@@ -126,14 +128,16 @@ def _patient() -> Iterator[Row]:
     yield Row(
         name="end-stop-full-speed", group="operator",
         fault="the patient throws the handle against the upper end stop",
-        inject=_throw(0.5), alarm=None, way_back="reset, enable",
+        inject=both(_throw(0.5), _hits(lambda height: height > _TOP)),
+        alarm=None, way_back="reset, enable",
         noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
         safe=EITHER, watch=1.0,
     )  # fmt: skip
     yield Row(
         name="end-stop-bottom", group="operator",
         fault="the patient throws the handle against the lower end stop",
-        inject=_throw(-0.3), alarm=None, way_back="reset, enable",
+        inject=both(_throw(-0.3), _hits(lambda height: height < _BOTTOM)),
+        alarm=None, way_back="reset, enable",
         noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
         safe=EITHER, watch=1.0, mode=3,
     )  # fmt: skip
@@ -162,6 +166,20 @@ def _throw(height: float) -> Act:
     return act
 
 
+def _hits(arrived: Callable[[float], bool]) -> Act:
+    """Wait until the handle has come to the stop, and fast."""
+
+    def act(stand) -> None:
+        begin = stand.just_now()
+        if not stand.until(lambda: arrived(stand.heard.now.height), 3.0):
+            raise Failed("the handle did not come to the end stop")
+        fastest = max(abs(moment.speed) for moment in stand.heard.since(begin))
+        if fastest < _FAST:
+            raise Failed(f"the handle came to the end stop with {fastest:.2f} m/s")
+
+    return act
+
+
 def _fixture(name: str) -> Act:
     return lambda stand: stand.robot.set_fixture(name)
 
@@ -186,7 +204,8 @@ def _tare_loaded(stand) -> None:
 def _machine() -> Iterator[Row]:
     yield _goes_on("disk-full-while-recording", "the disk is full while recording", _disk_full,
                    "session_recorder", _disk_again)._replace(
-        group="machine", alarm=Alarm("session_recorder", "."), way_back="make room, start again",
+        group="machine", alarm=Alarm("session_recorder", "File too large|No space"),
+        way_back="make room, start again",
         watch=1.0)  # fmt: skip
     yield _goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
                    _delete_bag, "session_recorder, at the latest when it stops",

@@ -112,12 +112,12 @@ def _status(bit: int) -> Row:
 
 
 def _moved_across(stand) -> None:
-    """Wait until the handle has been on either side of the mark, where the counter wraps."""
+    """Wait until the handle has been on either side of the wrap, 1.3 mm above the mark."""
     begin = stand.just_now()
 
     def across() -> bool:
         heights = [moment.height for moment in stand.heard.since(begin)]
-        return bool(heights) and min(heights) < HOME - _APART_M and max(heights) > HOME + _APART_M
+        return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
 
     if not stand.until(across, 6.0):
         raise Failed("the handle was not moved across the wrap")
