@@ -72,6 +72,11 @@ def _operator() -> Iterator[Row]:
                  "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
                  f"plug it in; {MISSED}, reset, enable")._replace(
         back=cured("encoder"), within=14, plane_within=22)  # fmt: skip
+    yield _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
+                 both(estop, lambda stand: stand.kill("supervisor")),
+                 "supervisor: started again it is still stopped", Alarm("", "", "emergency stop"),
+                 "start it; clear_fault of both drives, reset, enable")._replace(
+        back=_still_estopped)  # fmt: skip
     yield _goes_on("reset-while-enabled", "reset while a drive is enabled",
                    repeated(refused("supervisor/reset", said="still enabled"), 5),
                    "supervisor refuses")  # fmt: skip
@@ -95,6 +100,16 @@ def _operator() -> Iterator[Row]:
     yield _stops("disable", "both drives disabled by their services, in motion",
                  both(switched("amplifier/enable", False), switched("manus/enable", False)),
                  "amplifier, manus", None, "enable")  # fmt: skip
+
+
+def _still_estopped(stand) -> None:
+    stand.restart("supervisor")
+    stand.await_restarted()
+    stand.robot.wait_until(
+        lambda: stand.robot.state(SafetyState) is not None, 5.0, "the supervisor is silent"
+    )
+    if not stand.robot.state(SafetyState).estopped:
+        raise Failed("the emergency stop was forgotten")
 
 
 def _told_locked(stand) -> None:
