@@ -30,7 +30,7 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.realtime import Inbox, Tick
+from .support.realtime import BREATH_NS, Inbox, Tick, breathe
 from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
 from .support.senders import Senders
@@ -171,6 +171,8 @@ class AmplifierNode(DriverNode):
         if command is not None:
             now = time.monotonic_ns()
             self.act(command.sequence, command.monotonic_ns, command.force, now)
+        elif time.monotonic_ns() < until_ns - BREATH_NS:
+            breathe()
 
     def act(self, sequence: int, monotonic_ns: int, force: float, now: int) -> None:
         """Turn a command [N] into torque at once.

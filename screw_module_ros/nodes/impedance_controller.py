@@ -41,7 +41,7 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.driver import RateSettings, period_of
 from .support.freshness import Newest
-from .support.realtime import Inbox, fill_stamp
+from .support.realtime import Inbox, breathe, fill_stamp
 from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, timing_values
@@ -201,6 +201,8 @@ class ImpedanceControllerNode(ModuleNode):
             self.count()
         elif (zero := self.idle(now)) is not None:
             self.tell(zero)
+        if sample is None and force is None:
+            breathe()
         self._hear_amplifier(now)
         self.follow(now)
 

@@ -41,7 +41,7 @@ from .ticks import PERIOD, slow_ticks
 HOME = 0.25  # where the hand is and the reference mark is [m]
 AMPLITUDE, OMEGA = (0.02, 0.02, 0.06), 3.0  # of the patient's hand [m], [rad/s]
 SPRING = (0.05, 0.05, HOME + 0.06, 0.0, 0.0, 0.0)  # where the springs pull, so that torque is out
-STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 300.0, 200.0, 14.0
+STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
 ARM_DAMPING = 40.0  # a hand that comes to rest [Ns/m]
 _STILL = (0.0, 0.0, 0.0)

@@ -27,6 +27,9 @@ from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
+BREATH_NS = 100_000
+"""A hot loop that was woken for nothing sleeps so long before it waits again [ns]: a wait set that
+is always ready would else make it spin, at a priority at which nobody else on its core runs."""
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
@@ -237,6 +240,11 @@ def _nothing() -> None:
 
 def _never(message) -> None:
     raise AssertionError("a hot subscription is never served by the executor")
+
+
+def breathe() -> None:
+    """Sleep for BREATH_NS."""
+    time.sleep(BREATH_NS * 1e-9)
 
 
 def fill_stamp(message: Any, stamp_ns: int) -> None:

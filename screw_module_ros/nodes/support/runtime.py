@@ -8,7 +8,6 @@ active, and nothing else, so that no callback stands between a sample and its co
 
 from __future__ import annotations
 
-import contextlib
 import faulthandler
 import logging
 import signal
@@ -28,7 +27,7 @@ from rclpy.timer import Timer
 from screw_module_ros.settings import Setting
 
 from .parameters import ParameterError, Parameters
-from .realtime import RealtimeSettings, prepare, take_priority
+from .realtime import RealtimeSettings, breathe, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals
 from .transport import choose_transport
@@ -370,8 +369,9 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
     # Not `spin`: an executor that is shut down while it spins trips over its own guard condition.
     try:
         while not ended.is_set():
-            # Another thread may destroy a publisher while rclpy waits for its events.
-            with contextlib.suppress(InvalidHandle):
+            try:
                 executor.spin_once()
+            except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
+                breathe()
     finally:
         node.stopping.set()  # without services and diagnostics the node is no use
