@@ -128,8 +128,9 @@ Where it goes on, both drives stay enabled and give torque, no torque exceeds it
 the same when the cause goes. Where both may be, either is judged as what it turned out to be, the
 time from the first drive that went off, and a reason must be told.
 
-A failure while the machine stood still, by the rig's own clock for more than a sample, says
-nothing about the robot; such a row is carried out again, at most twice, and the summary counts it.
+A failure while the machine stood still for more than a sample, by the rig's own clock or by a watch
+on each core that nothing here can hold up, says nothing about the robot; such a row is carried out
+again, at most twice, and the summary counts it.
 
 Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
 the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults: a sample

@@ -12,14 +12,17 @@ import os
 import signal
 import tempfile
 from collections.abc import Iterator, Sequence
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from typing import Any
 
 from ..support.graph_run import Interrupted
 from ..support.robot import RobotError
 from ..support.stopping import StopFlag
 from .catalogue import all_rows
 from .judge import judge
+from .pauses import Pauses, paused
 from .row import Row, Verdict
 from .stand import Stand
 
@@ -38,13 +41,15 @@ class Crew:
         self._jobs = min(jobs, len(rows))
         self._members: dict[Connection, BaseProcess] = {}
         self._stopping = StopFlag()
+        self._pauses = Pauses()
 
     def __enter__(self) -> Crew:
         self._stopping.catch()
+        self._pauses.__enter__()
         context = multiprocessing.get_context("spawn")
         for _ in range(self._jobs):
             ours, theirs = context.Pipe()
-            member = context.Process(target=_work, args=(theirs,))
+            member = context.Process(target=_work, args=(theirs, self._pauses.totals))
             member.start()
             theirs.close()
             self._members[ours] = member
@@ -57,6 +62,7 @@ class Crew:
             pipe.close()
         for member in self._members.values():
             member.join()
+        self._pauses.__exit__()
         self._stopping.release()
 
     def verdicts(self) -> Iterator[Verdict]:
@@ -92,27 +98,29 @@ class Crew:
         raise RobotError(told)
 
 
-def _work(pipe: Connection) -> None:
+def _work(pipe: Connection, totals: list[Any]) -> None:
     """Carry out the rows whose names come, until none does; started as a process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's affair while no graph runs
     rows = {row.name: row for row in all_rows()}
     with tempfile.TemporaryDirectory(prefix="faults_") as folder:
         os.environ["ROS_LOG_DIR"] = folder
         try:
-            _carry_out(pipe, rows, folder)
+            _carry_out(pipe, rows, folder, totals)
         except Interrupted:
             pass
         except (RobotError, OSError) as error:
             pipe.send(str(error))
 
 
-def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
+def _carry_out(
+    pipe: Connection, rows: dict[str, Row], folder: str, totals: list[Any]
+) -> None:
     """Take names and give verdicts; a graph that cannot be brought back is replaced."""
     extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
     stand: Stand | None = None
     try:
         while (name := _next(pipe)) is not None:
-            stand = stand or Stand(extra).__enter__()
+            stand = stand or Stand(extra, partial(paused, totals)).__enter__()
             verdict = judge(stand, rows[name])
             if verdict.stuck:
                 stand.__exit__(None, None, None)

@@ -37,8 +37,8 @@ _DRIVES = ("amplifier", "manus")
 def judge(stand: Stand, row: Row) -> Verdict:
     """Carry out one row on a running stand. Raises Interrupted after Ctrl-C.
 
-    A failure while the machine stood still, by the rig's own clock, says nothing about the robot:
-    the row is then carried out again, which the verdict counts.
+    A failure while the machine stood still says nothing about the robot: the row is then carried
+    out again, which the verdict counts.
     """
     verdict, attempts = _Trial(stand, row).verdict(), 1
     while _says_nothing(verdict) and attempts < _ATTEMPTS:
@@ -56,7 +56,7 @@ class _Trial:
     def __init__(self, stand: Stand, row: Row):
         self.stand, self.row, self.heard = stand, row, stand.heard
         self._facts: dict = {}
-        self._slipped = stand.heard.slipped
+        self._still = stand.stood_still()
         self._taken_back = False
 
     def verdict(self) -> Verdict:
@@ -65,7 +65,7 @@ class _Trial:
         stand.deadline = begun + ROW_S
         problem = self._problem()
         # A frozen rig stands still by itself.
-        stood_still = 0 if row.blind else self.heard.slipped - self._slipped
+        stood_still = 0.0 if row.blind else stand.stood_still() - self._still
         stuck = bool(problem) and not self._recovered()
         stand.deadline = float("inf")
         seconds = time.monotonic() - begun
@@ -122,7 +122,7 @@ class _Trial:
 
     def _strike(self) -> None:
         row, stand = self.row, self.stand
-        before, self._slipped = self.heard.mark(), self.heard.slipped
+        before, self._still = self.heard.mark(), stand.stood_still()
         begin = row.inject(stand) or max(before, stand.just_now())
         if row.safe == EITHER:
             self._pass(begin + row.watch)

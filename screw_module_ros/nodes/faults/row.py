@@ -97,8 +97,9 @@ class Verdict(NamedTuple):
 
     problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
     vertical, plane: samples until no torque was left; step: largest force step on the patient's
-    hand on recovery [N]; seconds: the row took, by wall clock; stood_still: simulated time the rig
-    gave up meanwhile, because the machine was busy [ms]; attempts: how often it was carried out.
+    hand on recovery [N]; seconds: the row took, by wall clock; stood_still: for how long the
+    machine did, by each core and by the time the rig gave up, added up [ms]; attempts: how often
+    it was carried out.
     """
 
     name: str
@@ -110,7 +111,7 @@ class Verdict(NamedTuple):
     seconds: float = 0.0
     alarm: str = ""
     reason: str = ""
-    stood_still: int = 0
+    stood_still: float = 0.0
     attempts: int = 1
 
     @property

@@ -53,10 +53,10 @@ def _row(
 
 
 def _twins() -> Iterator[Row]:
-    yield _row("two-controllers", "a second impedance_controller under another name", _twin(
-        "impedance_controller", "screw/force_command"), "amplifier",
+    yield _row("two-controllers", "a second impedance_controller under another name",
+        _second_controller, "amplifier",
         Alarm("amplifier", _TWO, "amplifier"), "stop it; amplifier/clear_fault, reset, enable",
-        within=25)  # fmt: skip
+        within=12)  # fmt: skip
     for node in ("amplifier", "encoder", "manus", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
@@ -76,15 +76,23 @@ def _guest(node: str) -> Act:
     return lambda stand: stand.start(node, "-r", f"__node:={node}_2")
 
 
-def _twin(node: str, topic: str) -> Act:
-    """Start a second node; the harm begins when the graph has heard of it."""
+def _second_controller(stand) -> float:
+    """Start it; the harm begins with its first command, the second for the same sample."""
+    take = stand.listen(ForceCommand, "screw/force_command")
+    stand.start("impedance_controller", "-r", "__node:=impedance_controller_2")
+    newest = -1
 
-    def act(stand) -> float:
-        stand.start(node, "-r", f"__node:={node}_2")
-        stand.until(lambda: stand.heard.node.count_publishers(topic) > 1, 15.0)
-        return stand.heard.now.time
+    def doubled() -> bool:
+        nonlocal newest
+        while (command := take()) is not None:
+            if command.sequence <= newest:
+                return True
+            newest = command.sequence
+        return False
 
-    return act
+    if not stand.until(doubled, 15.0):
+        raise Failed("the second controller commands nothing")
+    return stand.just_now()
 
 
 def _permits(stand) -> None:

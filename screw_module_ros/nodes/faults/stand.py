@@ -34,6 +34,7 @@ from .. import bringup
 from ..support import qos
 from ..support.graph_run import GraphRun
 from ..support.isolation import BUSES, NODE_OF_BUS
+from ..support.realtime import Inbox
 from ..support.robot import Robot, RobotError, arm
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener
 from .ticks import PERIOD, slow_ticks
@@ -60,8 +61,12 @@ _BUS_OF = {node: bus for bus, node in NODE_OF_BUS.items()}
 class Stand:
     """The graph, an operator, a patient, a game, and means to do harm."""
 
-    def __init__(self, extra: list[str] | None = None):
-        """Prepare; `extra` goes to every node's --ros-args."""
+    def __init__(self, extra: list[str] | None = None, paused: Callable[[], float] = lambda: 0.0):
+        """Prepare; `extra` goes to every node's --ros-args.
+
+        paused: for how long the machine has stood still up to now [ms].
+        """
+        self._paused = paused
         self.graph = GraphRun(extra=[*slow_ticks(), *(extra or [])])
         self.robot: Robot = None
         self.heard: Listener = None
@@ -89,6 +94,7 @@ class Stand:
             self._context.init()
             # Nobody spins it: an executor trips over a publisher that is removed under it.
             self._intruder = Node("intruder", context=self._context)
+            self._inbox = Inbox(self._intruder)
             self.graph.wait_until_ready(self.robot, told=lambda waiting: None)
             self._prepare()
         except BaseException:
@@ -177,6 +183,10 @@ class Stand:
         words = ["--ros-args", *given, *arguments]
         self._guests.append(bringup.Process(node, words))
 
+    def stood_still(self) -> float:
+        """Return for how long the machine stood still, by its cores and by the rig's clock [ms]."""
+        return self._paused() + self.heard.slipped
+
     def just_now(self) -> float:
         """Return the simulated time of something that has just been done, at most a tick early."""
         return self.heard.now.time - PERIOD
@@ -202,6 +212,10 @@ class Stand:
         else:
             self.babble(lambda: publisher.publish(make()), period)
         return begin
+
+    def listen(self, kind: type, topic: str) -> Callable[[], Any]:
+        """Return a function that takes the next message of a topic, None while there is none."""
+        return self._inbox.subscribe(kind, topic, qos.STATE)
 
     def babble(self, act: Callable[[], object], period: float) -> None:
         """Do something again and again until `dismiss`."""
