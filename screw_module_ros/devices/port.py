@@ -73,6 +73,7 @@ class Port:
         self.network = _Network(self)
         self._callbacks: dict[int, tuple[Callback, ...]] = {}
         self._reading = threading.Lock()
+        self._loop_waits = False
         self._sending = threading.Lock()
         self._locked_send = not isinstance(bus, _SENDS_FROM_ANY_THREAD)
         self._echo = EchoFilter(bus)
@@ -138,7 +139,9 @@ class Port:
 
         Returns the number of frames, own echoes not counted. Raises BusError when the bus failed.
         """
+        self._loop_waits = True
         with self._reading:
+            self._loop_waits = False
             handled = self._pump(timeout_s)
         self._pumped_ns = time.monotonic_ns()
         return handled
@@ -217,7 +220,8 @@ class Port:
             now_ns = time.monotonic_ns()
             if now_ns >= deadline_ns:
                 return False
-            if now_ns - self._pumped_ns < _LOOP_IS_ALIVE_NS:
+            # A lock is not fair: taken again at once, it would keep the loop out for all the time.
+            if self._loop_waits or now_ns - self._pumped_ns < _LOOP_IS_ALIVE_NS:
                 self._pause.wait(_SLICE_S)
             elif self._reading.acquire(timeout=_SLICE_S):
                 try:

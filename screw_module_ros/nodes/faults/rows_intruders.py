@@ -56,7 +56,7 @@ def _twins() -> Iterator[Row]:
     yield _row("two-controllers", "a second impedance_controller under another name",
         _second_controller, "amplifier",
         Alarm("amplifier", _TWO, "amplifier"), "stop it; amplifier/clear_fault, reset, enable",
-        within=12)  # fmt: skip
+        within=33)  # fmt: skip
     for node in ("amplifier", "encoder", "manus", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
