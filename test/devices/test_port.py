@@ -329,12 +329,6 @@ def test_scripted_encoder_also_answers_over_a_second_wire(wire):
 def test_a_loop_that_wants_to_read_comes_first(wire, heard):
     """Else whoever waits for an SDO answer takes the lock again and again and the loop starves."""
     port = wire.port
-    with port._reading:
-        loop = threading.Thread(target=port.pump)
-        loop.start()
-        while not port._loop_waits:
-            pass
-    loop.join()
     wire.emit(0x123, "01")
     port._loop_waits = True  # as while it stands at the lock
     assert not port.wait_for(lambda: heard, 0.02), "left to the loop"
