@@ -298,7 +298,7 @@ class AmplifierNode(DriverNode):
         warnings = [self._supervisors.warning, *self._drive.warnings]
         if drives.enabled:
             warnings.append(broken_contract(told))
-        for warning in filter(None, warnings):
+        if warning := next(filter(None, warnings), ""):
             return Health(WARN, warning, values)
         return Health(OK, "enabled" if drives.enabled else drives.reason, values)
 

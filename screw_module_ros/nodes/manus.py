@@ -309,7 +309,7 @@ class ManusNode(DriverNode):
         warnings += [warning for drive in self._drives for warning in drive.warnings]
         if drives.enabled:
             warnings.append(broken_contract(state))
-        for warning in filter(None, warnings):
+        if warning := next(filter(None, warnings), ""):
             return Health(WARN, warning, values)
         return Health(OK, "enabled" if drives.enabled else drives.reason, values)
 

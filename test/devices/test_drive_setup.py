@@ -115,13 +115,7 @@ def test_another_rated_torque_is_refused(raw):
 
 def test_rating_in_micro_newton_metres_scales_the_command(wire, drive_end):
     drive_end.objects[0x6076, 0] = unsigned(420_000, 4)
-    drive = configured(wire)
-    drive.start()
-    for _ in range(5):
-        tick(wire, drive)
-    drive.request_enable()
-    for _ in range(3):
-        tick(wire, drive)
+    drive = enabled(wire)
     drive.write(0.42, wire.now_ns)
     assert wire.sent(0x201)[-1] == bytes.fromhex("0F 00 E8 03")
 
@@ -226,7 +220,8 @@ def test_enabling_before_the_loop_runs_is_refused(wire, drive_end):
 # -- clean exit ----------------------------------------------------------------------------------
 
 
-def test_clean_exit_order(wire, drive_end):
+def enabled(wire):
+    """Return a drive in operation enabled."""
     drive = configured(wire)
     drive.start()
     for _ in range(5):
@@ -234,6 +229,11 @@ def test_clean_exit_order(wire, drive_end):
     drive.request_enable()
     for _ in range(3):
         tick(wire, drive)
+    return drive
+
+
+def test_clean_exit_order(wire, drive_end):
+    drive = enabled(wire)
     drive_end.writes.clear()
     wire.frames.clear()
     assert drive.shutdown() == ""
@@ -266,13 +266,7 @@ def clock_that_runs(wire):
 
 
 def test_a_drive_that_does_not_go_off_keeps_its_guards(wire, drive_end):
-    drive = configured(wire)
-    drive.start()
-    for _ in range(5):
-        tick(wire, drive)
-    drive.request_enable()
-    for _ in range(3):
-        tick(wire, drive)
+    drive = enabled(wire)
     drive_end.command = lambda word: None
     drive_end.writes.clear()
     wire.frames.clear()
