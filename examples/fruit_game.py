@@ -2,14 +2,18 @@
 """A game: fruit hangs in the air, the robot's spring pulls towards it, the hand picks it."""
 
 import math
-from contextlib import suppress
+import signal
 from itertools import cycle
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 from screw_module_msgs.msg import EndpointSetpoint, EndpointState
 
-rclpy.init()
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # rclpy's own may miss the moment
+stops: list[int] = []
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, lambda given, _: stops.append(given))
 node = rclpy.create_node("fruit_game")
 pull = node.create_publisher(EndpointSetpoint, "setpoint", 1)
 fruit = cycle([(0.08, 0.06, 0.24), (-0.08, 0.06, 0.12), (0.0, -0.08, 0.18)])  # x, y, z [m]
@@ -28,5 +32,7 @@ def play(state: EndpointState) -> None:
 
 
 node.create_subscription(EndpointState, "endpoint_state", play, 1)
-with suppress(KeyboardInterrupt, ExternalShutdownException):
-    rclpy.spin(node)
+executor = SingleThreadedExecutor()
+executor.add_node(node)
+while not stops:
+    executor.spin_once(timeout_sec=0.1)

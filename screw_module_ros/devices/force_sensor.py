@@ -186,10 +186,10 @@ class ForceSensor:
             return
         counters = self.counters
         try:
+            self._drain()
             if self._waiting:
                 counters.missing += 1
                 counters.missing_in_a_row += 1
-                self._drain()
             counters.requests += 1
             self._asked = (sequence, monotonic_ns, stamp_ns)
             self._fresh = self._half = None
@@ -208,7 +208,10 @@ class ForceSensor:
         return reading
 
     def _drain(self) -> None:
-        """Take in what came after its tick was over, so that it is not laid to the next one."""
+        """Take in what came after its tick was over, so that it is not laid to the next one.
+
+        Also after an answer: a pair more would be taken for the next, and all one period old.
+        """
         self._tick_is_over = True
         try:
             self._port.pump(0.0)

@@ -480,6 +480,16 @@ def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, sensor, senso
     assert (sensor.counters.missing, sensor.counters.late) == (1, 1)
 
 
+def test_one_pair_too_many_does_not_make_all_later_samples_old(wire, sensor, sensor_end):
+    for n in range(10):
+        sensor_end.first = f"00 00 00 00 {100 * n:04X} 00 00"
+        sample = tick(wire, sensor, n)
+        assert (sample.sequence, sample.fz) == (n, pytest.approx(0.1 * n))
+        if n == 3:  # after the tick's last look
+            wire.emit(0x120, "00 00 00 00 7F FF 00 00")
+            wire.emit(0x121, "00" * 6)
+
+
 def test_halves_in_the_wrong_order_are_no_sample(wire, sensor, sensor_end):
     sensor_end.answers_polls = False
     sensor.request(1, wire.advance(), 0)
