@@ -59,6 +59,11 @@ class GatedDrives:
         self._permitted = refused_ns is None or now_ns - refused_ns > _REFUSAL_STANDS_NS
         self._safety_ns = now_ns
 
+    def missed(self, in_a_row: int, limit: int) -> None:
+        """Stop with a fault when `limit` deadlines in a row were missed while torque passes."""
+        if self.enabled and in_a_row >= limit:
+            self.fault = self.fault or f"{in_a_row} deadlines missed in a row"
+
     def step(self, command_ns: int, now_ns: int) -> float:
         """Bring gate and drives up to date; return the factor on the torque, 0 to 1.
 

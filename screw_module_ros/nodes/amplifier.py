@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from itertools import islice
+from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
+from screw_module_msgs.msg import AmplifierState, ForceCommand
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
@@ -30,10 +30,10 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.module_node import ERROR, OK, WARN, Health
+from .support.permission import Permission
 from .support.realtime import BREATH_NS, Inbox, Tick, breathe
-from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
-from .support.senders import Senders
 from .support.timing_report import broken_contract, latency_values, timing_values
 
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
@@ -98,8 +98,7 @@ class AmplifierNode(DriverNode):
         self._take_command = self._inbox.subscribe(
             ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
         )
-        self._take_safety = self._inbox.subscribe(SafetyState, "safety_state", qos.PERMISSION)
-        self._supervisors = Senders(self, "safety_state")
+        self._permission = Permission(self, self._inbox, attrgetter("vertical_permitted"))
         self._publisher = self.create_publisher(
             AmplifierState, "screw/amplifier_state", qos.STATE
         )
@@ -148,7 +147,7 @@ class AmplifierNode(DriverNode):
         if self._inbox is not None:
             self._inbox.close()
             self._inbox = None
-            self._supervisors.close()
+            self._permission.close()
             self.destroy_publisher(self._publisher)
         self._drive = None
         self.close_port()
@@ -216,15 +215,9 @@ class AmplifierNode(DriverNode):
         return self._state
 
     def _look_around(self, now: int) -> None:
-        for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
-            reason = safety.reasons[0] if safety.reasons else ""
-            self._axis.drives.permit(safety.vertical_permitted, reason, now)
-        if self._supervisors.warning:
-            self._axis.drives.permit(False, self._supervisors.warning, now)
-        missed = self._meter.missed_in_a_row(now)
         drives = self._axis.drives
-        if drives.enabled and missed >= self._missed_limit and not drives.fault:
-            drives.fault = f"{missed} deadlines missed in a row"
+        self._permission.pass_on(drives, now)
+        drives.missed(self._meter.missed_in_a_row(now), self._missed_limit)
 
     def _publish_state(self, now: int) -> None:
         message, drives, meter, drive = self._state, self._axis.drives, self._meter, self._drive
@@ -295,7 +288,7 @@ class AmplifierNode(DriverNode):
         }
         if drives.faulted:
             return Health(ERROR, drives.reason, values)
-        warnings = [self._supervisors.warning, *self._drive.warnings]
+        warnings = [self._permission.warning, *self._drive.warnings]
         if drives.enabled:
             warnings.append(broken_contract(told))
         if warning := next(filter(None, warnings), ""):

@@ -31,8 +31,8 @@ from .live.loop import LiveLoop
 from .live.samples import SamplesLost
 from .live.stand import stand_of
 from .support.graph_client import RobotError
+from .support.module_node import OK, Health, ModuleNode
 from .support.robot import Robot
-from .support.runtime import OK, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3

@@ -15,9 +15,9 @@ from screw_module_ros.samples import EncoderReading
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.module_node import ERROR, OK, WARN, Health
 from .support.rates import RateMeter
 from .support.realtime import fill_stamp
-from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
 

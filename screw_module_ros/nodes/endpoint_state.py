@@ -25,9 +25,9 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.freshness import Newest
+from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
 from .support.realtime import Inbox, Ticker
-from .support.runtime import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _NAN = math.nan

@@ -22,9 +22,9 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.module_node import ERROR, OK, Health
 from .support.rates import RateMeter
 from .support.realtime import Inbox, fill_stamp
-from .support.runtime import ERROR, OK, Health
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
 

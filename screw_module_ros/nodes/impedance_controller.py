@@ -40,16 +40,14 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import RateSettings, period_of
-from .support.freshness import Newest
+from .support.freshness import MOVING_SETPOINT_NS, Newest
+from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.realtime import Inbox, breathe, fill_stamp
-from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, timing_values
 
 FRICTION_FILE = "params/friction_thesis.yaml"
 _AMPLIFIER_AGE_NS = 200_000_000
-_MOVING_SETPOINT_NS = 200_000_000
-"""A set point that moves must be renewed this often; one that stands stays valid."""
 
 
 class ControllerSettings(NamedTuple):
@@ -103,9 +101,7 @@ class ImpedanceControllerNode(ModuleNode):
         )
         self._take_force = inbox.subscribe(ForceSample, "handle/force", qos.SAMPLE)
         take = inbox.subscribe
-        self._setpoint = Newest(
-            take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
-        )
+        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
         self._amplifier = Newest(
             take(AmplifierState, "screw/amplifier_state", qos.NEWEST), _AMPLIFIER_AGE_NS
         )

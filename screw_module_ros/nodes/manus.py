@@ -6,10 +6,10 @@ from __future__ import annotations
 import math
 import time
 from contextlib import suppress
-from itertools import islice
+from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState, SafetyState
+from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import SetBool, Trigger
 
@@ -25,16 +25,15 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.freshness import Newest
+from .support.freshness import MOVING_SETPOINT_NS, Newest
+from .support.module_node import ERROR, OK, WARN, Health
+from .support.permission import Permission
 from .support.realtime import Inbox
-from .support.runtime import ERROR, OK, WARN, Health
 from .support.runtime import main as run_node
-from .support.senders import Senders
 from .support.timing_report import broken_contract
 
 JOINTS = ("shoulder", "elbow")
 _NOWHERE = (math.nan, math.nan, 0.0, 0.0)
-_MOVING_SETPOINT_NS = 200_000_000  # a set point that moves must be renewed this often
 _FORCE_AGE_NS = 200_000_000
 
 
@@ -116,12 +115,9 @@ class ManusNode(DriverNode):
     def _make_topics(self) -> None:
         self._inbox = Inbox(self)
         take = self._inbox.subscribe
-        self._setpoint = Newest(
-            take(EndpointSetpoint, "setpoint", qos.COMMAND), _MOVING_SETPOINT_NS
-        )
+        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
-        self._take_safety = take(SafetyState, "safety_state", qos.PERMISSION)
-        self._supervisors = Senders(self, "safety_state")
+        self._permission = Permission(self, self._inbox, attrgetter("planar_permitted"))
         self._publisher = self.create_publisher(PlanarState, "manus/state", qos.STATE)
 
     def begin(self) -> None:
@@ -144,7 +140,7 @@ class ManusNode(DriverNode):
         if self._inbox is not None:
             self._inbox.close()
             self._inbox = None
-            self._supervisors.close()
+            self._permission.close()
             self.destroy_publisher(self._publisher)
         self._axes = None
         self.close_port()
@@ -189,20 +185,14 @@ class ManusNode(DriverNode):
 
     def _look_around(self, now: int) -> None:
         drives = self._axes.drives
-        for safety in islice(iter(self._take_safety, None), qos.PERMISSION.depth):
-            reason = safety.reasons[0] if safety.reasons else ""
-            drives.permit(safety.planar_permitted, reason, now)
-        if self._supervisors.warning:
-            drives.permit(False, self._supervisors.warning, now)
+        self._permission.pass_on(drives, now)
         force = self._force.fresh(now)
         if force is not None and not math.hypot(force.fx, force.fy) <= self._own.handle_force_limit:
             drives.fault = drives.fault or (
                 f"{math.hypot(force.fx, force.fy):.0f} N on the handle in the plane, more than "
                 f"{self._own.handle_force_limit:g} N"
             )
-        missed = self._meter.missed_in_a_row(now)
-        if drives.enabled and missed >= self._own.missed_limit:
-            drives.fault = drives.fault or f"{missed} deadlines missed in a row"
+        drives.missed(self._meter.missed_in_a_row(now), self._own.missed_limit)
 
     def _wanted(self, now: int) -> tuple[float, float, float, float]:
         self._setpoint.update(now)
@@ -305,7 +295,7 @@ class ManusNode(DriverNode):
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         if drives.faulted:
             return Health(ERROR, drives.reason, values)
-        warnings = [self._supervisors.warning]
+        warnings = [self._permission.warning]
         warnings += [warning for drive in self._drives for warning in drive.warnings]
         if drives.enabled:
             warnings.append(broken_contract(state))

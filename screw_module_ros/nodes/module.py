@@ -26,9 +26,10 @@ from .encoder import EncoderNode
 from .force_sensor import ForceSensorNode
 from .impedance_controller import ImpedanceControllerNode
 from .support.driver import RateSettings, period_of
+from .support.module_node import ModuleNode
 from .support.parameters import ParameterError
 from .support.realtime import Tick, Ticker
-from .support.runtime import ModuleNode, run_together
+from .support.runtime import run_together
 
 _FORCE_WAIT = 0.1  # periods by which a force sample may come after the encoder's and still count
 _TRY_AGAIN = 64  # periods after which a force that came later is waited for again

@@ -26,7 +26,7 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .support import qos
-from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05

@@ -21,7 +21,7 @@ from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .support import qos
-from .support.runtime import OK, WARN, Health, ModuleNode
+from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _ANSWER_S = 1.0

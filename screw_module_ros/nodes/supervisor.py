@@ -36,9 +36,9 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.freshness import Newest
 from .support.kept import Kept
+from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
 from .support.realtime import Inbox, Ticker
-from .support.runtime import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _DIAGNOSTICS_NS = 3_000_000_000

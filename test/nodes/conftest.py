@@ -10,7 +10,7 @@ import pytest
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from screw_module_ros.nodes.support.runtime import ModuleNode
+from screw_module_ros.nodes.support.module_node import ModuleNode
 
 
 def node_class(name: str) -> type[ModuleNode]:

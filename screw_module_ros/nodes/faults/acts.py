@@ -32,7 +32,7 @@ def cured(device: str) -> Act:
 
 def rehomed(stand) -> None:
     """Carry the handle to the reference mark and home the encoder there."""
-    stand.place()
+    stand.patient.place()
     stand.robot.wait_until(
         lambda: stand.robot.call(Trigger, "encoder/home").success, 5.0, "encoder/home is refused"
     )

@@ -20,8 +20,8 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
 
 from .acts import both, game, parameter_refused, published, refused
+from .patient import SPRING
 from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
-from .stand import SPRING
 
 _NAN, _INF = math.nan, math.inf
 _BAD = {"NaN": _NAN, "infinity": _INF, "minus infinity": -_INF, "1e300": 1e300}

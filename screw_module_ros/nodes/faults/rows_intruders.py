@@ -19,8 +19,8 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, called, published, refused
+from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
-from .stand import SPRING
 from .ticks import PERIOD_NS
 
 GROUP = "intruders"

@@ -16,8 +16,8 @@ from screw_module_ros.control.modes import MODE_NAMES
 
 from ..support.robot import arm
 from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
+from .patient import HOME, SPRING
 from .row import EITHER, GOES_ON, MISSED, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
-from .stand import HOME, SPRING
 
 _AT_ONCE, _FOLLOWS = 8, 8
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from screw_module_ros.control.watch import FORCE_FAULT_BITS
 
 from .acts import both, cured, fault, rehomed
+from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
-from .stand import HOME
 from .ticks import FREEZE_S, STALE, samples
 
 _FOLLOWS = 8

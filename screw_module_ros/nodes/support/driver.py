@@ -14,8 +14,8 @@ from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.port import Port
 from screw_module_ros.settings import Setting
 
+from .module_node import ModuleNode
 from .realtime import Tick, Ticker
-from .runtime import ModuleNode
 from .single import Lock, lock_device
 
 _SLOW_POLL_S = 5.0

@@ -6,6 +6,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+MOVING_SETPOINT_NS = 200_000_000
+"""A set point that moves must be renewed this often; one that stands stays valid."""
+
 
 class Newest:
     """The newest message of one hot subscription.

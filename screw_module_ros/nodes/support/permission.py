@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the supervisor permits, passed on to the gate of one axis group."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice
+
+from rclpy.node import Node
+from screw_module_msgs.msg import SafetyState
+
+from screw_module_ros.axes.gated_drives import GatedDrives
+
+from . import qos
+from .realtime import Inbox
+
+_TOPIC = "safety_state"
+_LOOK_S = 0.1
+
+
+class Permission:
+    """Subscribes `safety_state` for the hot loop and counts its senders in the executor's thread.
+
+    permitted: reads the axis group's permission from the message. warning: that more than one node
+    publishes it, else empty; a node that was killed counts until DDS forgets it, 20 s later.
+    """
+
+    def __init__(self, node: Node, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
+        self.warning = ""
+        self._node, self._permitted = node, permitted
+        self._take = inbox.subscribe(SafetyState, _TOPIC, qos.PERMISSION)
+        self._timer = node.create_timer(_LOOK_S, self._count_senders)
+
+    def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
+        """Tell the gate what came since the last call; two senders are a refusal. now_ns [ns]."""
+        for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
+            reason = safety.reasons[0] if safety.reasons else ""
+            drives.permit(self._permitted(safety), reason, now_ns)
+        if self.warning:
+            drives.permit(False, self.warning, now_ns)
+
+    def _count_senders(self) -> None:
+        count = self._node.count_publishers(_TOPIC)
+        told = f"{count} nodes publish {_TOPIC}: one is allowed"
+        self.warning = told if count > 1 else ""
+
+    def close(self) -> None:
+        """Count no more; the subscription goes with the inbox."""
+        self._node.destroy_timer(self._timer)
