@@ -56,7 +56,7 @@ class Encoder:
         self._ledger = Ledger()
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
         self._offset = 0.0
-        self._configured = self._running = self._waiting = self._tick_is_over = False
+        self._configured = self._running = self._waiting = False
         self._asked = (0, 0, 0)
         self._last: EncoderReading | None = None
         self._fresh: EncoderReading | None = None
@@ -158,11 +158,8 @@ class Encoder:
 
         Also after an answer: one frame more would be taken for the next, and all one period old.
         """
-        self._tick_is_over = True
-        try:
-            self._port.pump(0.0)
-        finally:
-            self._tick_is_over = False
+        self._ledger.end_tick()
+        self._port.pump(0.0)
 
     def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
         counters = self.counters
@@ -189,8 +186,8 @@ class Encoder:
         if len(data) != _POSITION.size:
             counters.wrong_length += 1
             return
-        if verdict != FRESH or self._tick_is_over or not self._running:
-            if verdict == LATE or self._tick_is_over:
+        if verdict != FRESH or not self._running:
+            if verdict == LATE:
                 counters.late += 1
             else:
                 counters.unexpected += 1

@@ -86,7 +86,7 @@ class ForceSensor:
         self._rows: tuple[ati.Row, ...] = ()
         self._ledger = Ledger(parts=2)
         self._earlier_biases: list[Wrench] = []
-        self._running = self._waiting = self._tick_is_over = False
+        self._running = self._waiting = False
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._asked = (0, 0, 0)
@@ -212,11 +212,8 @@ class ForceSensor:
 
         Also after an answer: a pair more would be taken for the next, and all one period old.
         """
-        self._tick_is_over = True
-        try:
-            self._port.pump(0.0)
-        finally:
-            self._tick_is_over = False
+        self._ledger.end_tick()
+        self._port.pump(0.0)
 
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
@@ -243,8 +240,6 @@ class ForceSensor:
         elif verdict != FRESH:
             self._half = half  # an older second half: the first one in hand still waits for its own
             self._note(verdict)
-        elif self._tick_is_over:
-            self._note(LATE)
         elif half is None:
             self.counters.out_of_order += 1
         else:

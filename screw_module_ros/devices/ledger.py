@@ -17,7 +17,7 @@ UNEXPECTED = 2
 class Ledger:
     """Counts requests and answers of one device; `parts` frames make one answer, in this order."""
 
-    __slots__ = ("_arrived", "_owed", "listening", "parts")
+    __slots__ = ("_arrived", "_over", "_owed", "listening", "parts")
 
     def __init__(self, parts: int = 1):
         self.parts = parts
@@ -27,7 +27,12 @@ class Ledger:
         """Forget all debts: for a start, when nothing can be under way."""
         self._owed = [0] * self.parts
         self._arrived = 0
+        self._over = False
         self.listening = False
+
+    def end_tick(self) -> None:
+        """What comes from here to the next `ask` is late: nobody waits for it any more."""
+        self._over = True
 
     def ask(self) -> bool:
         """Begin a tick; return whether a request may be sent in it (no: listen)."""
@@ -39,6 +44,7 @@ class Ledger:
         elif owed and self._arrived:
             self.listening = True
         self._arrived = 0
+        self._over = False
         if self.listening:
             return False
         for part in range(self.parts):
@@ -55,4 +61,4 @@ class Ledger:
         for earlier in range(part):
             # Frames of one answer come in order: what should have come before this one was lost.
             owed[earlier] = min(owed[earlier], owed[part])
-        return LATE if owed[part] or self.listening else FRESH
+        return LATE if owed[part] or self.listening or self._over else FRESH

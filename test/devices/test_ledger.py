@@ -87,3 +87,13 @@ def test_lost_answers_cost_few_samples_and_never_a_wrong_one(losses):
             verdict = ledger.answer()
             assert verdict in (FRESH, LATE)
             assert verdict == FRESH or since_loss < 3
+
+
+def test_between_ticks_nothing_is_fresh():
+    ledger = Ledger()
+    assert ledger.ask()
+    ledger.end_tick()
+    assert ledger.answer() == LATE
+    assert ledger.answer() == UNEXPECTED
+    assert ledger.ask()
+    assert ledger.answer() == FRESH
