@@ -130,7 +130,7 @@ time from the first drive that went off, and a reason must be told.
 
 A failure while the machine stood still for more than a sample, by the rig's own clock or by a watch
 on each core that nothing here can hold up, says nothing about the robot; such a row is carried out
-again, at most twice, and the summary counts it.
+again, at most twice, and the run tells what was set aside.
 
 Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
 the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults: a sample

@@ -67,7 +67,7 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     finally:
         _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
-    repeated = sum(verdict.attempts > 1 for verdict in verdicts)
+    repeated = sum(bool(verdict.set_aside) for verdict in verdicts)
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
         f"{time.monotonic() - begun:.0f} s"
@@ -91,13 +91,18 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
         f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
         f"[dim]{verdict.seconds:.1f} s[/]"
     )
-    if verdict.attempts > 1:
-        line += f"\n      carried out {verdict.attempts} times: the machine had stood still"
+    for told in verdict.set_aside:
+        line += "\n      carried out again, as the machine stood still: " + _plain(told)
     if verdict.problem:
-        line += "\n      [red]" + verdict.problem.replace("[", "\\[") + "[/]"
+        line += "\n      [red]" + _plain(verdict.problem) + "[/]"
         if verdict.stuck:
             line += "\n      the graph could not be brought back; a new one is started"
     return line
+
+
+def _plain(text: str) -> str:
+    """Return text in which the console finds no markup."""
+    return text.replace("[", "\\[")
 
 
 def _write(file: Path | None, rows: dict[str, Row], verdicts: list[Verdict]) -> None:

@@ -30,7 +30,7 @@ ROW_S = 75.0
 _ALARM_S = 8.0
 _AFTERWARDS_S = 0.4  # what goes on is watched when its cause has gone
 _TOLD_S = 0.3  # until a state has been told, where the rig cannot be asked
-_LONG_PAUSE_MS, _ATTEMPTS = 20, 3
+_LONG_PAUSE_MS, _REPEATS = 20, 2
 _DRIVES = ("amplifier", "manus")
 
 
@@ -38,12 +38,13 @@ def judge(stand: Stand, row: Row) -> Verdict:
     """Carry out one row on a running stand. Raises Interrupted after Ctrl-C.
 
     A failure while the machine stood still says nothing about the robot: the row is then carried
-    out again, which the verdict counts.
+    out again, and the verdict tells what was set aside.
     """
-    verdict, attempts = _Trial(stand, row).verdict(), 1
-    while _says_nothing(verdict) and attempts < _ATTEMPTS:
-        verdict, attempts = _Trial(stand, row).verdict(), attempts + 1
-    return verdict._replace(attempts=attempts)
+    verdict, set_aside = _Trial(stand, row).verdict(), []
+    while _says_nothing(verdict) and len(set_aside) < _REPEATS:
+        set_aside.append(f"{verdict.problem} (stood still for {verdict.stood_still:.0f} ms)")
+        verdict = _Trial(stand, row).verdict()
+    return verdict._replace(set_aside=tuple(set_aside))
 
 
 def _says_nothing(verdict: Verdict) -> bool:

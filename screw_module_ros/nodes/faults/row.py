@@ -98,8 +98,8 @@ class Verdict(NamedTuple):
     problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
     vertical, plane: samples until no torque was left; step: largest force step on the patient's
     hand on recovery [N]; seconds: the row took, by wall clock; stood_still: for how long the
-    machine did, by each core and by the time the rig gave up, added up [ms]; attempts: how often
-    it was carried out.
+    machine did, by each core and by the time the rig gave up, added up [ms]; set_aside: the
+    failures of attempts that said nothing, as the machine had stood still.
     """
 
     name: str
@@ -112,7 +112,7 @@ class Verdict(NamedTuple):
     alarm: str = ""
     reason: str = ""
     stood_still: float = 0.0
-    attempts: int = 1
+    set_aside: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
