@@ -186,10 +186,10 @@ class ForceSensor:
             return
         counters = self.counters
         try:
-            self._drain()
             if self._waiting:
                 counters.missing += 1
                 counters.missing_in_a_row += 1
+            self._drain()
             counters.requests += 1
             self._asked = (sequence, monotonic_ns, stamp_ns)
             self._fresh = self._half = None

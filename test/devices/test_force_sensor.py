@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scripted import TiedBus
 
 from screw_module_ros.devices import ati
-from screw_module_ros.devices.errors import NotAnswering, NotTared, Occupied, WrongDevice
+from screw_module_ros.devices.errors import BusError, NotAnswering, NotTared, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
 from screw_module_ros.devices.port import Port
@@ -478,6 +478,21 @@ def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, sensor, senso
     sample = tick(wire, sensor, 2)
     assert (sample.sequence, sample.fz) == (2, pytest.approx(1.0))
     assert (sensor.counters.missing, sensor.counters.late) == (1, 2)
+
+
+def test_a_tick_without_a_sample_is_missing_also_when_the_bus_fails(
+    wire, sensor, sensor_end, monkeypatch
+):
+    def fails(timeout_s=0.0):
+        raise BusError("the cable is out")
+
+    sensor_end.answers_polls = False
+    assert tick(wire, sensor, 1) is None
+    monkeypatch.setattr(wire.port, "pump", fails)
+    for _ in range(3):
+        with pytest.raises(BusError):
+            sensor.request(2, wire.advance(), 0)
+    assert (sensor.counters.missing_in_a_row, sensor.counters.bus_errors) == (3, 3)
 
 
 def test_one_pair_too_many_does_not_make_all_later_samples_old(wire, sensor, sensor_end):

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import click
+from rich.markup import escape
 
 from ..support.console import Console
 from ..support.graph_run import Interrupted
@@ -92,17 +93,12 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
         f"[dim]{verdict.seconds:.1f} s[/]"
     )
     for told in verdict.set_aside:
-        line += "\n      carried out again, as the machine stood still: " + _plain(told)
+        line += "\n      carried out again, as the machine stood still: " + escape(told)
     if verdict.problem:
-        line += "\n      [red]" + _plain(verdict.problem) + "[/]"
+        line += "\n      [red]" + escape(verdict.problem) + "[/]"
         if verdict.stuck:
             line += "\n      the graph could not be brought back; a new one is started"
     return line
-
-
-def _plain(text: str) -> str:
-    """Return text in which the console finds no markup."""
-    return text.replace("[", "\\[")
 
 
 def _write(file: Path | None, rows: dict[str, Row], verdicts: list[Verdict]) -> None:

@@ -53,6 +53,7 @@ class Stand:
         self.way_back: WayBack = None
         self._context = Context()
         self._intruder: Node | None = None
+        self._inbox: Inbox | None = None
         self.deadline = math.inf
         self._frozen: set[str] = set()
         self._restarted: set[str] = set()
@@ -189,7 +190,7 @@ class Stand:
         return begin
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
-        """Return a function that takes the next message of a topic, None while there is none."""
+        """Return what takes the next message of a topic, or None; it works until `dismiss`."""
         return self._inbox.subscribe(kind, topic, qos.STATE)
 
     def babble(self, act: Callable[[], object], period: float) -> None:
@@ -216,6 +217,8 @@ class Stand:
             thread.join(timeout=2.0)
         for publisher in self._publishers:
             self._intruder.destroy_publisher(publisher)
+        if self._inbox is not None:
+            self._inbox.close()
         for bus in self._buses:
             bus.shutdown()
         for guest in self._guests:
