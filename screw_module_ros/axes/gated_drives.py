@@ -8,11 +8,10 @@ is carried out by the loop, so that gate and drives are only ever changed betwee
 from __future__ import annotations
 
 import queue
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as NoAnswer  # another class before Python 3.11
 
+from ..clock import Clock
 from ..control import gate
 from ..control.gate import GATE_CLOSED, GateInput, GateSettings, GateState
 from ..devices.cia402 import State
@@ -20,9 +19,9 @@ from ..devices.drive import Drive
 from ..devices.errors import DeviceError
 
 _ANSWER_S = 1.0
-_POLL_S = 0.005
 _REFUSAL_STANDS_NS = 200_000_000
-_PERMISSION_S = _REFUSAL_STANDS_NS * 1e-9 + 0.1
+_PERMISSION_NS = _REFUSAL_STANDS_NS + 100_000_000
+_ASK_AGAIN_S = 0.005
 
 
 class GatedDrives:
@@ -173,31 +172,30 @@ class GatedDrives:
             return fault
         return self._closed_because or gate.REASONS[self.gate.reason]
 
-    def enable(self, wait: Callable[[float], object]) -> str:
+    def enable(self, clock: Clock) -> str:
         """Enable and wait until torque passes; return why not, empty when it does.
 
-        wait: sleeps so many seconds, or less when the process ends. A permission that was given
-        just now may still be on its way, so its absence is no reason to refuse at once.
+        clock: what to wait by. A permission that was given just now may still be on its way, so its
+        absence is no reason to refuse at once.
         """
-        patience = time.monotonic() + _PERMISSION_S
+        deadline_ns = clock.now_ns() + _PERMISSION_NS
         while True:
             lacking = not self._permitted  # before asking: it may come while the answer is made
-            refused = self._ask(self._open)
-            if not refused or not lacking or time.monotonic() > patience:
+            refused = self._ask(self._open, clock)
+            if not refused or not lacking or clock.now_ns() > deadline_ns:
                 break
-            wait(_POLL_S)
+            clock.sleep(_ASK_AGAIN_S)
         if refused:
             return refused
-        deadline = time.monotonic() + self._settings.drive_timeout + _ANSWER_S
-        while self.gate.phase == gate.OPENING and time.monotonic() < deadline:
-            wait(_POLL_S)
+        longest_s = self._settings.drive_timeout + _ANSWER_S
+        clock.wait_for(lambda: self.gate.phase != gate.OPENING, longest_s)
         return self.reason
 
-    def disable(self) -> str:
+    def disable(self, clock: Clock) -> str:
         """Disable; return what is wrong, empty when done."""
-        return self._ask(self._disable)
+        return self._ask(self._disable, clock)
 
-    def clear_fault(self, wait: Callable[[float], object]) -> str:
+    def clear_fault(self, clock: Clock) -> str:
         """Recover the drives, up to switched on at most; return what is left, empty when well.
 
         Raises DeviceError when a drive that restarted cannot be configured again.
@@ -205,18 +203,14 @@ class GatedDrives:
         for drive in self.drives:
             if drive.fault:
                 drive.clear_fault()
-        patience = max(drive.settings.enable_timeout for drive in self.drives) + _ANSWER_S
-        deadline = time.monotonic() + patience
-        while any(drive.recovering for drive in self.drives) and time.monotonic() < deadline:
-            wait(_POLL_S)
+        longest_s = max(drive.settings.enable_timeout for drive in self.drives) + _ANSWER_S
+        clock.wait_for(lambda: not any(drive.recovering for drive in self.drives), longest_s)
         left = self._drive_fault()
-        return left or self._ask(self._clear)
+        return left or self._ask(self._clear, clock)
 
-    def _ask(self, action: Callable[[GateInput], str]) -> str:
+    def _ask(self, action: Callable[[GateInput], str], clock: Clock) -> str:
         answer: Future = Future()
         self._asked.put((action, answer))
-        try:
-            return answer.result(timeout=_ANSWER_S)
-        except NoAnswer:
-            answer.cancel()
+        if not clock.wait_for(answer.done, _ANSWER_S) and answer.cancel():
             return "the loop does not run: activate the node"
+        return answer.result()

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+from ..clock import Clock
 from ..control.gate import GateSettings
 from ..control.planar import (
     PlanarInput,
@@ -240,16 +241,16 @@ class PlanarAxes:
         self.homed = True
         return ""
 
-    def enable(self, wait) -> str:
-        """Enable both drives; return why not, else empty. wait: as in `GatedDrives.enable`."""
+    def enable(self, clock: Clock) -> str:
+        """Enable both drives; return why not, else empty. clock: as in `GatedDrives.enable`."""
         if not self.homed:
             return "not homed: call ~/home first"
-        return self.drives.enable(wait)
+        return self.drives.enable(clock)
 
-    def clear_fault(self, wait) -> str:
+    def clear_fault(self, clock: Clock) -> str:
         """Recover both drives; a drive that restarted must be homed again. See `GatedDrives`."""
         restarted = any(not drive.running for drive in self.drives.drives)
-        problem = self.drives.clear_fault(wait)
+        problem = self.drives.clear_fault(clock)
         if restarted:
             self.homed = False
             for joint in self.joints:
@@ -258,5 +259,5 @@ class PlanarAxes:
 
     def shutdown(self, port: Port) -> str:
         """Leave both drives cleanly after the loop has ended; return what did not work."""
-        self.drives.close(port.clock())  # an open gate would find its command old at the next start
+        self.drives.close(port.clock.now_ns())  # an open gate would find its command old at the next start
         return drive_exit.leave(self.drives.drives, port)

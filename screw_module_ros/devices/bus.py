@@ -15,6 +15,7 @@ from typing import Annotated, NamedTuple
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from ..clock import Clock
 from ..settings import Setting, validated
 from .errors import BusError
 from .port import Port
@@ -22,6 +23,7 @@ from .udp_bus import LeanUdpBus
 
 __all__ = ["BusSettings", "Port", "open_bus", "open_port"]
 
+SIMULATED_INTERFACES = ("virtual", "udp_multicast")
 RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
 _BITRATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 # Linux numbers that the socket module does not name.
@@ -62,9 +64,18 @@ def open_bus(settings: BusSettings) -> can.BusABC:
     return bus
 
 
-def open_port(settings: BusSettings) -> Port:
-    """Open the bus described by `settings` and read it through a `Port`; raises as `open_bus`."""
-    return Port(open_bus(settings), settings.sync_producer, where(settings))
+def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
+    """Open the bus described by `settings` and read it through a `Port`; raises as `open_bus`.
+
+    Simulated time is for simulated buses alone: time that stands still would disarm every guard of
+    a real robot. Raises BusError there.
+    """
+    if clock is not None and clock.simulated and settings.interface not in SIMULATED_INTERFACES:
+        raise BusError(
+            f"{where(settings)} is no simulated bus: set use_sim_time to false for this node, or "
+            f"can.interface to one of {', '.join(SIMULATED_INTERFACES)}"
+        )
+    return Port(open_bus(settings), settings.sync_producer, where(settings), clock)
 
 
 def where(settings: BusSettings) -> str:

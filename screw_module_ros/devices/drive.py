@@ -188,7 +188,7 @@ class Drive:
             logic.latch(f"the torque command was {torque_nm}")
         state = self.reports.state(now_ns)
         if state is State.UNKNOWN:
-            self._port.pump(0.0)  # it may be us who did not listen
+            self._port.pump()  # it may be us who did not listen
             state = self.reports.state(now_ns)
         self._look_at_torque(state, now_ns)
         heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .drive import Drive
 
 _DISABLE_WITHIN_NS = 500_000_000
-_SLICE_S = 0.001
+_PERIOD_NS = 1_000_000
 
 
 def leave(drives: Sequence[Drive], port: Port) -> str:
@@ -46,10 +46,10 @@ def leave(drives: Sequence[Drive], port: Port) -> str:
 
 
 def _disable(drives: Sequence[Drive], port: Port) -> None:
-    begun_ns = port.clock()
+    begun_ns = port.clock.now_ns()
 
     def is_over() -> bool:
-        now_ns = port.clock()
+        now_ns = port.clock.now_ns()
         off = all(_is_off(drive.state(now_ns)) for drive in drives)
         return off or now_ns - begun_ns > _DISABLE_WITHIN_NS
 
@@ -62,7 +62,7 @@ def _is_off(state: State) -> bool:
 
 def _state(drive: Drive, port: Port) -> State:
     """Return what the drive says now, asked for where its statusword is stale."""
-    state = drive.state(port.clock())
+    state = drive.state(port.clock.now_ns())
     return cia402.decode(drive.node.sdo.unsigned(0x6041)) if state is State.UNKNOWN else state
 
 
@@ -87,6 +87,7 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
                 drive_setup.disarm(drive.node)
             except DeviceError as error:
                 problems.append(f"guards of {drive.label} not disarmed: {error}")
+        port.clock.leave()
 
     talker = threading.Thread(target=talk, name="disarm", daemon=True)
     talker.start()
@@ -98,9 +99,11 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
 def _command_until(drives: Sequence[Drive], port: Port, done: Callable[[], bool]) -> None:
     """Command zero torque every millisecond until `done`."""
     while not done():
-        now_ns = port.clock()
+        now_ns = port.clock.now_ns()
         drives[0].sync(now_ns)
         for drive in drives:
             drive.heartbeat(now_ns)
             drive.write(0.0, now_ns)
-        port.pump(_SLICE_S)
+        next_ns = now_ns + _PERIOD_NS
+        while port.clock.now_ns() < next_ns:
+            port.pump(next_ns)

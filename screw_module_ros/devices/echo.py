@@ -37,6 +37,7 @@ class EchoFilter:
         self._stamp = _own_stamp()
         self._tag = f"own {self._stamp!r}"
         self._due: dict[int, int] = {}
+        bus.own_stamp = self._stamp
         self.in_kernel = self.marks and _works(self._stamp) and _attach(bus.fileno(), self._stamp)
 
     def mark(self, message: can.Message) -> None:
@@ -64,7 +65,7 @@ class EchoFilter:
 
 def _own_stamp() -> float:
     """Return a finite number that no clock shows and nobody else uses."""
-    return struct.unpack(">d", b"\x7d" + os.urandom(7))[0]
+    return struct.unpack(">d", b"\x7e" + os.urandom(7))[0]
 
 
 def _works(stamp: float) -> bool:

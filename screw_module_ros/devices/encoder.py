@@ -159,7 +159,7 @@ class Encoder:
         Also after an answer: one frame more would be taken for the next, and all one period old.
         """
         self._ledger.end_tick()
-        self._port.pump(0.0)
+        self._port.pump()
 
     def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
         counters = self.counters
@@ -237,7 +237,7 @@ class Encoder:
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
             raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
-        age_ns = self._port.clock() - last.monotonic_ns
+        age_ns = self._port.clock.now_ns() - last.monotonic_ns
         if age_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns):
             raise NotHomed(
                 f"no position to home at: the newest is {age_ns * 1e-9:.3g} s old, the encoder "

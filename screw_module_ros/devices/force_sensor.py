@@ -213,7 +213,7 @@ class ForceSensor:
         Also after an answer: a pair more would be taken for the next, and all one period old.
         """
         self._ledger.end_tick()
-        self._port.pump(0.0)
+        self._port.pump()
 
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:

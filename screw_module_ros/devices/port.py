@@ -8,7 +8,6 @@ and get their answers through that same loop; where no loop pumps, `wait_for` do
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -18,6 +17,7 @@ from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.virtual import VirtualBus
 
+from ..clock import Clock, WallClock
 from .echo import EchoFilter
 from .errors import BusError
 
@@ -30,7 +30,8 @@ _BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
 _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
 _SENDS_FROM_ANY_THREAD = (UdpMulticastBus, SocketcanBus, VirtualBus)
 _LOOP_IS_ALIVE_NS = 5_000_000
-_SLICE_S = 0.001
+_SLICE_NS = 1_000_000
+_LOCK_S = 0.001
 
 
 @dataclass
@@ -53,8 +54,8 @@ class Port:
     """One CAN bus, one reader.
 
     bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC
-    is a mistake. name: how messages to the user call the bus. clock: gives the arrival of frames
-    on CLOCK_MONOTONIC [ns].
+    is a mistake. name: how messages to the user call the bus. clock: what arrivals are
+    stamped with and waits are measured by.
     """
 
     def __init__(
@@ -62,12 +63,13 @@ class Port:
         bus: can.BusABC,
         sync_producer: bool = True,
         name: str = "",
-        clock: Callable[[], int] = time.monotonic_ns,
+        clock: Clock | None = None,
     ):
         self.bus = bus
         self.sync_producer = sync_producer
         self.name = name or str(bus.channel_info)
-        self.clock = clock
+        self.clock = clock or WallClock()
+        self._arrivals = self.clock.arrivals(bus)
         self.counters = PortCounters()
         self.bus_off = False
         self.network = _Network(self)
@@ -80,7 +82,6 @@ class Port:
         self._marks = self._echo.marks
         self._may_echo = self._marks and not self._echo.in_kernel
         self._pumped_ns = 0
-        self._pause = threading.Event()
 
     # -- sending ---------------------------------------------------------------------------------
 
@@ -100,6 +101,7 @@ class Port:
                 self.bus.send(message)
         except (can.CanError, OSError) as error:
             self._send_failed(can_id, error)
+        self._arrivals.sent()
         self.counters.sent += 1
 
     def send_sync(self, now_ns: int) -> None:
@@ -134,30 +136,30 @@ class Port:
         else:
             self._callbacks.pop(can_id, None)
 
-    def pump(self, timeout_s: float = 0.0) -> int:
-        """Wait at most `timeout_s` [s] for a frame, then dispatch all that wait.
+    def pump(self, until_ns: int = 0) -> int:
+        """Wait until `until_ns` [ns] at most for a frame, then dispatch all that wait; 0 = no wait.
 
         Returns the number of frames, own echoes not counted. Raises BusError when the bus failed.
         """
         self._loop_waits = True
         with self._reading:
             self._loop_waits = False
-            handled = self._pump(timeout_s)
-        self._pumped_ns = time.monotonic_ns()
+            handled = self._pump(until_ns)
+        self._pumped_ns = self.clock.now_ns()
         return handled
 
-    def _pump(self, timeout_s: float) -> int:
-        receive, dispatch, clock = self.bus.recv, self._dispatch, self.clock
+    def _pump(self, until_ns: int) -> int:
+        receive, dispatch, now_ns = self._arrivals.receive, self._dispatch, self.clock.now_ns
         handled = 0
         for _ in range(MAX_FRAMES_PER_PUMP):
             try:
-                message = receive(0.0 if handled else timeout_s)
+                message = receive(0 if handled else until_ns)
             except (can.CanError, OSError) as error:
                 self._receive_failed(error)
                 continue
             if message is None:
                 break
-            handled += dispatch(message, clock())
+            handled += dispatch(message, now_ns())
         return handled
 
     def _dispatch(self, message: can.Message, now_ns: int) -> int:
@@ -215,17 +217,19 @@ class Port:
         Frames come in through the loop that pumps this port; where none does, this pumps. Raises
         BusError when the bus fails meanwhile.
         """
-        deadline_ns = time.monotonic_ns() + round(timeout_s * 1e9)
+        clock = self.clock
+        deadline_ns = clock.now_ns() + round(timeout_s * 1e9)
         while not ready():
-            now_ns = time.monotonic_ns()
+            now_ns = clock.now_ns()
             if now_ns >= deadline_ns:
                 return False
+            slice_ns = min(deadline_ns, now_ns + _SLICE_NS)
             # A lock is not fair: taken again at once, it would keep the loop out for all the time.
             if self._loop_waits or now_ns - self._pumped_ns < _LOOP_IS_ALIVE_NS:
-                self._pause.wait(_SLICE_S)
-            elif self._reading.acquire(timeout=_SLICE_S):
+                clock.sleep_until(slice_ns)
+            elif self._reading.acquire(timeout=_LOCK_S):
                 try:
-                    self._pump(min(_SLICE_S, (deadline_ns - now_ns) * 1e-9))
+                    self._pump(slice_ns)
                 finally:
                     self._reading.release()
         return True
@@ -264,6 +268,7 @@ class Port:
 
     def close(self) -> None:
         """Close the bus."""
+        self._arrivals.close()
         self.bus.shutdown()
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import select
 import socket
+import struct
 
 import can
 import msgpack
@@ -23,10 +24,16 @@ _LAST_STANDARD_ID = 0x7FF
 _LONGEST_DATA = 8
 _DATA_KEY = b"\xa4data\xc4"  # msgpack: the key, then the mark of up to 255 bytes
 _MOST_TEMPLATES = 256
+_MARKS = (struct.unpack(">d", b"\x7e" + bytes(7))[0], struct.unpack(">d", b"\x7e" + b"\xff" * 7)[0])
+"""Time stamps that no clock shows: our own senders mark their frames with one each (see `echo`)."""
 
 
 class LeanUdpBus(UdpMulticastBus):
-    """`can.interface.udp_multicast`, leaner; see there for the arguments."""
+    """`can.interface.udp_multicast`, leaner; see there for the arguments.
+
+    members_bus: what both ends call it. members_frames: frames read so far that another process of this project sent; simulated time
+    waits for these.
+    """
 
     def __init__(self, channel: str, port: int = 43113, **kwargs):
         super().__init__(channel, port, **kwargs)
@@ -35,6 +42,9 @@ class LeanUdpBus(UdpMulticastBus):
         self._waitable = [self._own_socket]
         self._destination = (channel, port)
         self._templates: dict[tuple, tuple[bytes, bytes]] = {}
+        self.own_stamp = 0.0
+        self.members_bus = f"{channel}:{port}"
+        self.members_frames = 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame, None when there is none within `timeout` [s].
@@ -49,7 +59,26 @@ class LeanUdpBus(UdpMulticastBus):
             return None
         except (OSError, ValueError) as error:
             raise can.CanOperationError(f"cannot read from {self.channel_info}") from error
-        return _frame(datagram)
+        return self._frame(datagram)
+
+    def _frame(self, datagram: bytes) -> can.Message:
+        try:
+            fields = msgpack.unpackb(datagram)
+            if not _is_plain(fields):
+                return unpack_message(datagram, replace={"timestamp": 0.0}, check=True)
+            stamp = fields["timestamp"]
+            if _MARKS[0] <= stamp <= _MARKS[1] and stamp != self.own_stamp:
+                self.members_frames += 1
+            return can.Message(
+                0.0,
+                fields["arbitration_id"],
+                False,
+                channel=fields["channel"],
+                dlc=fields["dlc"],
+                data=fields["data"],
+            )
+        except Exception as error:  # whatever a stranger's datagram makes of the decoder
+            raise can.CanOperationError("could not unpack received message") from error
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send `msg`; raises can.CanOperationError when the socket does not take it."""
@@ -79,23 +108,6 @@ def _template(msg: can.Message) -> tuple[bytes, bytes]:
     datagram = pack_message(msg)
     begin = datagram.index(_DATA_KEY) + len(_DATA_KEY) + 1
     return datagram[:begin], datagram[begin + len(msg.data) :]
-
-
-def _frame(datagram: bytes) -> can.Message:
-    try:
-        fields = msgpack.unpackb(datagram)
-        if _is_plain(fields):
-            return can.Message(
-                0.0,
-                fields["arbitration_id"],
-                False,
-                channel=fields["channel"],
-                dlc=fields["dlc"],
-                data=fields["data"],
-            )
-        return unpack_message(datagram, replace={"timestamp": 0.0}, check=True)
-    except Exception as error:  # whatever a stranger's datagram makes of the decoder
-        raise can.CanOperationError("could not unpack received message") from error
 
 
 def _is_plain(fields: dict) -> bool:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
@@ -30,12 +29,13 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
-from .support.realtime import BREATH_NS, Inbox, Tick, breathe
+from .support.realtime import BREATH_S, Tick
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, latency_values, timing_values
 
+_CLEARED = "cleared; call ~/enable to enable"
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
@@ -71,10 +71,9 @@ class AmplifierNode(DriverNode):
         self.parameters.declare(ForceLimits)
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
-        self._inbox: Inbox | None = None
         self._drive: Drive | None = None
-        self.create_service(SetBool, "~/enable", self._enable)
-        self.create_service(Trigger, "~/clear_fault", self._clear_fault)
+        self.serve(SetBool, "~/enable", self._enable)
+        self.serve(Trigger, "~/clear_fault", self._clear_fault, _CLEARED)
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -94,14 +93,12 @@ class AmplifierNode(DriverNode):
         self.get_logger().info(f"linearization: {self._calibration}")
         self._state_period_ns = round(1e9 / own.state_rate)
         self._missed_limit = own.missed_limit
-        self._inbox = Inbox(self, self.direct)
-        self._take_command = self._inbox.subscribe(
+        inbox = self.new_inbox()
+        self._take_command = inbox.subscribe(
             ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
         )
-        self._permission = Permission(self, self._inbox, attrgetter("vertical_permitted"))
-        self._publisher = self.create_publisher(
-            AmplifierState, "screw/amplifier_state", qos.STATE
-        )
+        self._permission = Permission(self, inbox, attrgetter("vertical_permitted"))
+        self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
 
     def _load_linearization(self, own: AmplifierSettings) -> None:
         path, settings = own.linearization_file, self.parameters.read(CalibrationSettings)
@@ -145,10 +142,7 @@ class AmplifierNode(DriverNode):
     def disconnect(self) -> None:
         """Close the bus."""
         if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
             self._permission.close()
-            self.destroy_publisher(self._publisher)
         self._drive = None
         self.close_port()
 
@@ -158,20 +152,19 @@ class AmplifierNode(DriverNode):
         """Wait for a command or the tick and do what is due."""
         due_ns = self.ticker.due_ns()
         self.listen(due_ns)
-        if time.monotonic_ns() >= due_ns:
+        if self.clock.now_ns() >= due_ns:
             tick = self.ticker.take()
             self.begin_tick(tick)
             self.end_tick(tick)
 
     def listen(self, until_ns: int) -> None:
         """Wait for a command on the topic until `until_ns` and act upon it."""
-        self._inbox.wait(until_ns - time.monotonic_ns())
-        command = self._take_command()
+        self._inbox.wait(until_ns)
+        command, now = self._take_command(), self.clock.now_ns()
         if command is not None:
-            now = time.monotonic_ns()
             self.act(command.sequence, command.monotonic_ns, command.force, now)
-        elif time.monotonic_ns() < until_ns - BREATH_NS:
-            breathe()
+        elif now < until_ns:
+            self.clock.sleep_until(min(until_ns, now + round(BREATH_S * 1e9)))
 
     def act(self, sequence: int, monotonic_ns: int, force: float, now: int) -> None:
         """Turn a command [N] into torque at once.
@@ -182,14 +175,14 @@ class AmplifierNode(DriverNode):
         self._force = force
         with suppress(DeviceError):  # latched by the driver, shown by state and diagnostics
             if self._axis.command(sequence, monotonic_ns, force, now):
-                done = time.monotonic_ns()
+                done = self.clock.now_ns()
                 self._meter.tick(sequence, monotonic_ns, done)
                 note_latency(self._own, done - now)
             self._pump(now)
 
     def _pump(self, now: int) -> None:
         self._pumped_ns = now
-        self.port.pump(0.0)
+        self.port.pump()
 
     def begin_tick(self, tick: Tick) -> None:
         """Send what goes out on the tick: SYNC and, when due, the heartbeat."""
@@ -222,7 +215,7 @@ class AmplifierNode(DriverNode):
     def _publish_state(self, now: int) -> None:
         message, drives, meter, drive = self._state, self._axis.drives, self._meter, self._drive
         reading, written = drive.reading, self._axis.last
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(message.header)
         message.state = int(drive.state(now))
         message.statusword = reading.statusword if reading else 0
         message.error_code = drive.error_code
@@ -241,37 +234,21 @@ class AmplifierNode(DriverNode):
         message.success_rate = meter.success_rate
         message.saturated = written.saturated
         message.calibration = self._calibration
-        self._publisher.publish(message)
+        self._publish(message)
 
     # Services ------------------------------------------------------------------------------
 
-    def _enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if not self.active:
-            response.message = "the node is not active"
-            return response
+    def _enable(self, request: SetBool.Request) -> str:
         drives = self._axis.drives
+        if not request.data:
+            return drives.disable(self.clock) or Done("disabled")
         publishers = self._inbox.publishers("screw/force_command")
-        if request.data and publishers > 1:
-            response.message = f"{publishers} nodes publish screw/force_command: one is allowed"
-            return response
-        problem = drives.enable(self.stopping.wait) if request.data else drives.disable()
-        response.success = not problem
-        response.message = problem or ("enabled" if request.data else "disabled")
-        return response
+        if publishers > 1:
+            return f"{publishers} nodes publish screw/force_command: one is allowed"
+        return drives.enable(self.clock) or Done("enabled")
 
-    def _clear_fault(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        if not self.active:
-            response.message = "the node is not active"
-            return response
-        try:
-            problem = self._axis.drives.clear_fault(self.stopping.wait)
-        except DeviceError as error:
-            problem = str(error)
-        response.success = not problem
-        response.message = problem or "cleared; call ~/enable to enable"
-        return response
+    def _clear_fault(self, request: Trigger.Request) -> str:
+        return self._axis.drives.clear_fault(self.clock)
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
@@ -280,7 +257,7 @@ class AmplifierNode(DriverNode):
         values = {
             **timing_values(told, meter),
             **latency_values("own", self._own),
-            "state": self._drive.state(time.monotonic_ns()).text,
+            "state": self._drive.state(self.clock.now_ns()).text,
             "largest force [N]": f"{peak:.0f}",
             "calibration": self._calibration,
             **device_values(self._drive.snapshot()),

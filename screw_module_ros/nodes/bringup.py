@@ -8,7 +8,6 @@ for environments without the launch package.
 from __future__ import annotations
 
 import ctypes
-import os
 import signal
 import subprocess
 import sys
@@ -20,7 +19,7 @@ import click
 
 from screw_module_ros.resources import resource_path
 
-from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, placement
+from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, simulated_arguments
 from .support.runtime import TELL_WHERE
 from .support.stopping import stop_on_signals
 
@@ -107,15 +106,17 @@ def start(
     without: list[str] = (),
     extra: list[str] = (),
     composed: bool = False,
+    wall_clock: bool = False,
 ) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
     `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args;
-    `composed` starts `module` in place of its four parts.
+    `composed` starts `module` in place of its four parts; with `wall_clock` the simulated rig runs
+    in real time.
     """
     default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
     file = params or str(resource_path(default))
-    placed = placement(len(os.sched_getaffinity(0)), composed) if simulation else []
+    placed = simulated_arguments(composed, wall_clock) if simulation else []
     arguments = ["--ros-args", "--params-file", file, *placed, *extra]
     if namespace:
         arguments += ["-r", f"__ns:={namespace}"]
@@ -134,19 +135,21 @@ def stop(processes: list[Process]) -> dict[str, int]:
     "--composed", is_flag=True,
     help="One process `module` in place of encoder, force_sensor, impedance_controller, amplifier.",
 )
+@click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--namespace", default="", help="For a second robot, like /second.")
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")
 @click.option("--without", multiple=True, help="Leave this node out (repeat for more).")
 def command(
-    bench: bool, composed: bool, params: str | None, namespace: str, only, without
+    bench: bool, composed: bool, wall_clock: bool, params: str | None, namespace: str, only, without
 ) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     stopping = threading.Event()
     stop_on_signals(stopping)
     try:
         processes = start(
-            not bench, params, namespace, list(only), list(without), composed=composed
+            not bench, params, namespace, list(only), list(without), composed=composed,
+            wall_clock=wall_clock,
         )
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error

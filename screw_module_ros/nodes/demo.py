@@ -26,7 +26,6 @@ from screw_module_ros.recording.errors import BagError
 
 from .demo_report import FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, evaluated
 from .support.console import Console
-from .support.graph import patience
 from .support.graph_run import GraphRun, Interrupted
 from .support.reach import Way, centre_out, on_way, targets
 from .support.robot import Robot, RobotError, arm
@@ -59,7 +58,7 @@ class Options(NamedTuple):
     params: str | None
     node_logs: bool
     strict: bool
-    bench_guards: bool
+    wall_clock: bool
 
 
 @click.command(context_settings={"show_default": True})
@@ -73,7 +72,7 @@ class Options(NamedTuple):
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--node-logs", is_flag=True, help="Show what the nodes log, not only file it.")
-@click.option("--bench-guards", is_flag=True, help="Time limits as for a patient of flesh.")
+@click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 when a figure is not what is wanted.")
 def command(**given) -> None:
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
@@ -108,12 +107,9 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
     extra += ["-p", "session_recorder:name:=session"]
     if not options.node_logs:
         extra.append("--disable-stdout-logs")
-    if not options.bench_guards:
-        console.show("Time limits of the guards are widened: the patient is simulated.")
-        extra = [*patience(), *extra]
-    with GraphRun(options.params, extra) as graph:
+    with GraphRun(options.params, extra, wall_clock=options.wall_clock) as graph:
         try:
-            with Robot("demo", watch=graph.watch) as robot:
+            with Robot("demo", watch=graph.watch, simulated=not options.wall_clock) as robot:
                 make_ready(robot, graph, console)
                 bag = robot.start_recording()
                 cycles = 1 if options.quick else 2
@@ -165,7 +161,7 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     robot.pause(_RETURN_S + _SETTLE_S)
     duration = (cycles + 0.25) * CYCLE_S
     ways = centre_out(cycles * CYCLE_S, targets()[:: 2 // cycles])
-    begin = time.time_ns()
+    begin = robot.clock.stamp_ns()
     robot.set_arm(
         arm(
             target=(_LEAVE, _LEAVE, SPRING.centre),
@@ -175,16 +171,16 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
     )
     with console.progress(name, duration) as passed:
         play(robot, ways, duration, passed)
-    return Part(name, begin, time.time_ns())
+    return Part(name, begin, robot.clock.stamp_ns())
 
 
 def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
     """Be the game for `duration` [s]: publish set points; the patient's hand goes along."""
-    begun = time.monotonic()
+    begun_ns = robot.clock.now_ns()
     coming = list(ways)
     way = coming[0]
     count = 0
-    while (now := time.monotonic() - begun) < duration:
+    while (now := (robot.clock.now_ns() - begun_ns) * 1e-9) < duration:
         if coming and now >= coming[0].begin:
             way = coming.pop(0)
             robot.send_arm(arm(target=(*way.end, _LEAVE), duration=way.duration))

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import time
-
 from screw_module_msgs.msg import EncoderSample
 from std_srvs.srv import Trigger
 
@@ -15,7 +13,7 @@ from screw_module_ros.samples import EncoderReading
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.rates import RateMeter
 from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
@@ -31,7 +29,7 @@ class EncoderNode(DriverNode):
         self._message = EncoderSample()
         self._rate = RateMeter()
         self.device: Encoder | None = None
-        self.create_service(Trigger, "~/home", self._home)
+        self.serve(Trigger, "~/home", self._home)
 
     def connect(self) -> None:
         """Find and configure the encoder."""
@@ -42,8 +40,7 @@ class EncoderNode(DriverNode):
         self.device.configure()
         self.hardware_id = self.device.identity
         self.check_bus_load(self.device.traffic)
-        self._publisher = self.create_publisher(EncoderSample, "screw/encoder", qos.SAMPLE)
-        self._publish = self._publisher.handle.publish
+        self._publish = self.outlet(EncoderSample, "screw/encoder", qos.SAMPLE)
 
     def begin(self) -> None:
         """Let the samples flow."""
@@ -60,9 +57,6 @@ class EncoderNode(DriverNode):
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self.device is not None and hasattr(self, "_publisher"):
-            self.destroy_publisher(self._publisher)
-            del self._publisher
         self.device = None
         self.close_port()
 
@@ -89,26 +83,16 @@ class EncoderNode(DriverNode):
         """Read alarms and warnings of the device."""
         self.device.poll_slow()
 
-    def _home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.active:
-            response.message = "the node is not active"
-            return response
-        try:
-            if self.device.fault:
-                self.device.clear_fault()
-            height = self.device.home()
-        except DeviceError as error:
-            response.message = str(error)
-            return response
-        response.success = True
-        response.message = f"homed at {height:g} m"
-        return response
+    def _home(self, request: Trigger.Request) -> Done:
+        if self.device.fault:
+            self.device.clear_fault()
+        return Done(f"homed at {self.device.home():g} m")
 
     def health(self) -> Health:
         """Rate, faults, counters."""
         device = self.device
         counters = device.snapshot()
-        rate = self._rate.rate(counters.received, time.monotonic_ns())
+        rate = self._rate.rate(counters.received, self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.answers),

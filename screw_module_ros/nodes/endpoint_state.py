@@ -8,7 +8,6 @@ invalid, their last values are replaced by NaN.
 from __future__ import annotations
 
 import math
-import time
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
@@ -27,7 +26,7 @@ from .support import qos
 from .support.freshness import Newest
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import Inbox, Ticker
+from .support.realtime import BETWEEN_TICKS_NS, Ticker
 from .support.runtime import main as run_node
 
 _NAN = math.nan
@@ -58,28 +57,19 @@ class EndpointStateNode(ModuleNode):
         settings = self.parameters.read(EndpointSettings)
         self._period_ns = round(1e9 / settings.rate)
         age_ns = int(settings.max_age * 1e9)
-        self._inbox = inbox = Inbox(self)
-        take = inbox.subscribe
+        take = self.new_inbox().subscribe
         self._encoder = Newest(take(EncoderSample, "screw/encoder", qos.SAMPLE), age_ns)
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), age_ns)
         self._plane = Newest(take(PlanarState, "manus/state", qos.NEWEST), age_ns)
         self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.NEWEST), age_ns)
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), age_ns)
-        self._state_publisher = self.create_publisher(EndpointState, "endpoint_state", qos.STATE)
-        self._joint_publisher = self.create_publisher(JointState, "joint_states", qos.STATE)
+        self._publish = self.outlet(EndpointState, "endpoint_state", qos.STATE)
+        self._publish_joint_state = self.outlet(JointState, "joint_states", qos.STATE)
 
     def begin(self) -> None:
         """Start the clock."""
-        self._ticker = Ticker(self._period_ns)
+        self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
         self._ticks = 0
-
-    def disconnect(self) -> None:
-        """Remove the topics."""
-        if hasattr(self, "_inbox"):
-            self._inbox.close()
-            self.destroy_publisher(self._state_publisher)
-            self.destroy_publisher(self._joint_publisher)
-            del self._inbox
 
     def step(self) -> None:
         """Publish one state."""
@@ -89,8 +79,10 @@ class EndpointStateNode(ModuleNode):
         plane, amplifier = self._plane.fresh(now), self._amplifier.fresh(now)
         safety = self._safety.fresh(now)
         message = self._message
-        stamp = encoder.stamp if encoder else self.get_clock().now().to_msg()
-        message.header.stamp = stamp
+        if encoder:
+            message.header.stamp = encoder.stamp
+        else:
+            self.stamp(message.header)
         message.sequence = encoder.sequence if encoder else 0
         _fill_plane(message, plane)
         _fill_vertical(message, encoder)
@@ -100,10 +92,10 @@ class EndpointStateNode(ModuleNode):
         ]
         message.safety = safety.level if safety else SafetyState.UNKNOWN
         message.vertical_locked = bool(safety and safety.vertical_locked)
-        self._state_publisher.publish(message)
+        self._publish(message)
         self._ticks += 1
         if self._ticks % _JOINTS_EVERY == 0:
-            self._publish_joints(stamp, encoder, plane, amplifier)
+            self._publish_joints(message.header.stamp, encoder, plane, amplifier)
 
     def _publish_joints(self, stamp, encoder, plane, amplifier) -> None:
         joints = self._joints
@@ -114,11 +106,11 @@ class EndpointStateNode(ModuleNode):
         joints.position = [*angles, encoder.position if encoder and encoder.homed else _NAN]
         joints.velocity = [*speeds, encoder.velocity if encoder else _NAN]
         joints.effort = [*torques, amplifier.measured_torque if amplifier else _NAN]
-        self._joint_publisher.publish(joints)
+        self._publish_joint_state(joints)
 
     def health(self) -> Health:
         """Say which inputs are stale."""
-        now = time.monotonic_ns()
+        now = self.clock.now_ns()
         inputs = {
             "screw/encoder": self._encoder,
             "handle/force": self._force,

@@ -8,28 +8,26 @@ feel what is removed, several times over and at once.
 from __future__ import annotations
 
 import threading
-import time
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ForceSample
 from std_srvs.srv import Trigger
 
-from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
-from .support.module_node import ERROR, OK, Health
+from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
-from .support.realtime import Inbox, fill_stamp
+from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
 
 _TARE_PATIENCE_S = 3.0
-_STATE_PATIENCE_S, _LOOK_S = 0.2, 0.005
+_STATE_PATIENCE_S = 0.2
 _ENABLED = "the vertical drive is enabled and would jump: disable it first (/amplifier/enable)"
 
 
@@ -55,9 +53,8 @@ class ForceSensorNode(DriverNode):
         self.device: ForceSensor | None = None
         self._taring: list[ForceReading] | None = None
         self._tared = threading.Event()
-        self._inbox: Inbox | None = None
-        self.create_service(Trigger, "~/tare", self._tare)
-        self.create_service(Trigger, "~/untare", self._untare)
+        self.serve(Trigger, "~/tare", self._tare)
+        self.serve(Trigger, "~/untare", self._untare)
 
     def connect(self) -> None:
         """Find the sensor and read its calibration."""
@@ -70,11 +67,9 @@ class ForceSensorNode(DriverNode):
         self.check_bus_load(self.device.traffic)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
-        self._publisher = self.create_publisher(ForceSample, "handle/force", qos.SAMPLE)
-        self._wrench_publisher = self.create_publisher(WrenchStamped, "handle/wrench", qos.STATE)
-        self._publish = self._publisher.handle.publish
-        self._inbox = Inbox(self)
-        self._take_amplifier = self._inbox.subscribe(
+        self._publish = self.outlet(ForceSample, "handle/force", qos.SAMPLE)
+        self._publish_slow = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
+        self._take_amplifier = self.new_inbox().subscribe(
             AmplifierState, "screw/amplifier_state", qos.NEWEST
         )
 
@@ -92,11 +87,6 @@ class ForceSensorNode(DriverNode):
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
-            self.destroy_publisher(self._publisher)
-            self.destroy_publisher(self._wrench_publisher)
         self.device = None
         self.close_port()
 
@@ -130,52 +120,39 @@ class ForceSensorNode(DriverNode):
         force, torque = wrench.wrench.force, wrench.wrench.torque
         force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
         torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
-        self._wrench_publisher.publish(wrench)
+        self._publish_slow(wrench)
 
-    def _tare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = self._refusal()
-        if response.message:
-            return response
-        try:
-            if self.device.fault:
-                self.device.clear_fault()
-            bias = self.device.tare(self._gathered())
-        except DeviceError as error:
-            response.message = str(error)
-            return response
-        response.success = True
-        response.message = f"tared, removing {_told(bias)}"
-        return response
+    def _tare(self, request: Trigger.Request) -> str:
+        if self._torque_is_on():
+            return _ENABLED
+        if self.device.fault:
+            self.device.clear_fault()
+        return Done(f"tared, removing {_told(self.device.tare(self._gathered()))}")
 
-    def _refusal(self) -> str:
-        """Return why the bias must not be changed now, empty when it may."""
-        if not self.active:
-            return "the node is not active"
-        return _ENABLED if self._torque_is_on() else ""
+    def _untare(self, request: Trigger.Request) -> str:
+        if self._torque_is_on():
+            return _ENABLED
+        return Done(f"back to removing {_told(self.device.untare())}")
 
     def _torque_is_on(self) -> bool:
         """Return what the amplifier's next state says; one that is silent lets no torque pass."""
         self._take_amplifier()  # what lies there may be old
-        end = time.monotonic() + _STATE_PATIENCE_S
-        while (state := self._take_amplifier()) is None and time.monotonic() < end:
-            self.stopping.wait(_LOOK_S)
-        return state is not None and state.enabled
+        states: list[AmplifierState] = []
+
+        def heard() -> bool:
+            state = self._take_amplifier()
+            states.extend([state] if state is not None else [])
+            return bool(states)
+
+        return self.clock.wait_for(heard, _STATE_PATIENCE_S) and states[0].enabled
 
     def _gathered(self) -> list[ForceReading]:
         """Return the readings of the next moments, from the loop's thread."""
         self._tared.clear()
         self._taring = []
-        self._tared.wait(_TARE_PATIENCE_S)
+        self.clock.wait_for(self._tared.is_set, _TARE_PATIENCE_S)
         readings, self._taring = self._taring, None
         return readings
-
-    def _untare(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = self._refusal()
-        if response.message:
-            return response
-        response.success = True
-        response.message = f"back to removing {_told(self.device.untare())}"
-        return response
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""
@@ -185,7 +162,7 @@ class ForceSensorNode(DriverNode):
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
         device = self.device
         counters = device.snapshot()
-        rate = self._rate.rate(counters.received, time.monotonic_ns())
+        rate = self._rate.rate(counters.received, self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.answers),

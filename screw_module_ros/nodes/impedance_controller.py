@@ -7,7 +7,6 @@ Every number it computes comes from `control/`; here the samples come in and the
 from __future__ import annotations
 
 import math
-import time
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
@@ -42,7 +41,8 @@ from .support import qos
 from .support.driver import RateSettings, period_of
 from .support.freshness import MOVING_SETPOINT_NS, Newest
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
-from .support.realtime import Inbox, breathe, fill_stamp
+from .support.pace import Pace
+from .support.realtime import BREATH_S, Inbox, fill_stamp
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, timing_values
 
@@ -80,11 +80,10 @@ class ImpedanceControllerNode(ModuleNode):
         self._command = ForceCommand()
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
-        self._inbox: Inbox | None = None
         self._module: ModuleCalibration | None = None
         self._calibration = ""
-        self.create_service(SetImpedance, "~/set_impedance", self._set_impedance)
-        self.create_service(SetControlMode, "~/set_mode", self._set_mode)
+        self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
+        self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -95,22 +94,22 @@ class ImpedanceControllerNode(ModuleNode):
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
         self._state_period_ns = round(1e9 / chosen.state_rate)
-        self._inbox = inbox = Inbox(self, self.direct)
+        inbox = self.new_inbox()
         self._take_encoder = inbox.subscribe(
             EncoderSample, "screw/encoder", qos.SAMPLE, wakes=True
         )
-        self._take_force = inbox.subscribe(ForceSample, "handle/force", qos.SAMPLE)
+        self._forces = Inbox(self, self.clock, self.direct)
+        self._take_force = self._forces.subscribe(
+            ForceSample, "handle/force", qos.SAMPLE, wakes=True
+        )
         take = inbox.subscribe
         self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
         self._amplifier = Newest(
             take(AmplifierState, "screw/amplifier_state", qos.NEWEST), _AMPLIFIER_AGE_NS
         )
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), _AMPLIFIER_AGE_NS)
-        self._publisher = self.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
-        self._publish = self._publisher.handle.publish
-        self._state_publisher = self.create_publisher(
-            ImpedanceState, "screw/controller_state", qos.STATE
-        )
+        self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND)
+        self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
     def _load(self, friction_file: str) -> None:
         settings = self.parameters.read(CalibrationSettings)
@@ -152,6 +151,7 @@ class ImpedanceControllerNode(ModuleNode):
         )
         self._meter = DeadlineMeter(self._period_ns)
         self._state_message.success_rate = self._meter.success_rate
+        self._force_pace = Pace(self._period_ns)
         self._encoder: EncoderLike | None = None
         self._resets: int | None = None
         self._state_due_ns = 0
@@ -164,10 +164,7 @@ class ImpedanceControllerNode(ModuleNode):
     def disconnect(self) -> None:
         """Remove the topics."""
         if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
-            self.destroy_publisher(self._publisher)
-            self.destroy_publisher(self._state_publisher)
+            self._forces.close()
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
@@ -184,12 +181,12 @@ class ImpedanceControllerNode(ModuleNode):
 
     def step(self) -> None:
         """Wait for an encoder sample and answer it with a command."""
-        self._inbox.wait(2 * self._period_ns)
-        now = time.monotonic_ns()
-        force = self._take_force()
+        self._inbox.wait(self.clock.now_ns() + 2 * self._period_ns)
+        sample = self._take_encoder()
+        force = self._force_of(sample)
+        now = self.clock.now_ns()
         if force is not None:
             self.feel(force, now)
-        sample = self._take_encoder()
         output = self.respond(sample, now) if sample is not None else None
         if output is not None:
             self._command.stamp = sample.stamp
@@ -198,9 +195,21 @@ class ImpedanceControllerNode(ModuleNode):
         elif (zero := self.idle(now)) is not None:
             self.tell(zero)
         if sample is None and force is None:
-            breathe()
+            self.clock.sleep(BREATH_S)
         self._hear_amplifier(now)
         self.follow(now)
+
+    def _force_of(self, sample: EncoderSample | None) -> ForceSample | None:
+        """Return the newest force sample; that of the encoder sample's tick is waited for a moment."""
+        force = self._take_force()
+        if sample is None or (force is not None and force.sequence == sample.sequence):
+            return force
+        if not self._force_pace.worth_waiting():
+            return force
+        self._forces.wait(self.clock.now_ns() + self._force_pace.wait_ns)
+        newer = self._take_force()
+        self._force_pace.came(newer is not None)
+        return newer or force
 
     def feel(self, force: ForceLike, now: int) -> None:
         """Take a force sample."""
@@ -226,7 +235,7 @@ class ImpedanceControllerNode(ModuleNode):
     def count(self) -> None:
         """Count the newest sample as answered now."""
         sample = self._encoder
-        self._meter.tick(sample.sequence, sample.monotonic_ns, time.monotonic_ns())
+        self._meter.tick(sample.sequence, sample.monotonic_ns, self.clock.now_ns())
 
     def idle(self, now: int) -> VerticalOutput | None:
         """Return the zero to send when no sample came that can be acted upon, None when not due."""
@@ -266,7 +275,7 @@ class ImpedanceControllerNode(ModuleNode):
         if now >= self._state_due_ns:
             self._state_due_ns = now + self._state_period_ns
             self._follow_supervisor(now)
-            self._publish_state(now)
+            self._show_state(now)
 
     def _follow_supervisor(self, now: int) -> None:
         """A reset there clears a fault here; one that was started anew counts from 0 again."""
@@ -277,10 +286,10 @@ class ImpedanceControllerNode(ModuleNode):
             self._controller.reset(now)
         self._resets = safety.resets
 
-    def _publish_state(self, now: int) -> None:
+    def _show_state(self, now: int) -> None:
         message, meter, controller = self._state_message, self._meter, self._controller
         output = controller.output
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(message.header)
         message.mode = controller.mode
         message.faulted = controller.faulted
         message.reason = controller.reason
@@ -301,32 +310,22 @@ class ImpedanceControllerNode(ModuleNode):
         message.consecutive_missed = meter.missed_in_a_row(now)
         message.success_rate = meter.success_rate
         message.calibration = self._calibration
-        self._state_publisher.publish(message)
+        self._publish_state(message)
 
     # Services ------------------------------------------------------------------------------
 
-    def _set_impedance(
-        self, request: SetImpedance.Request, response: SetImpedance.Response
-    ) -> SetImpedance.Response:
-        response.message = self.parameters.write(
-            stiffness=request.stiffness, damping=request.damping
-        )
-        response.success = not response.message
-        return response
+    def _set_impedance(self, request: SetImpedance.Request) -> str:
+        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
 
-    def _set_mode(
-        self, request: SetControlMode.Request, response: SetControlMode.Response
-    ) -> SetControlMode.Response:
-        response.message = self.parameters.write(mode=request.mode)
-        response.success = not response.message
-        return response
+    def _set_mode(self, request: SetControlMode.Request) -> str:
+        return self.parameters.write(mode=request.mode)
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
         told, controller = self._state_message, self._controller
         values = {
             **timing_values(told, self._meter),
-            "age [s]": self._age_text(time.monotonic_ns()),
+            "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
             "calibration": self._calibration,
         }

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import time
 from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
@@ -26,9 +25,8 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.freshness import MOVING_SETPOINT_NS, Newest
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
-from .support.realtime import Inbox
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract
 
@@ -70,12 +68,11 @@ class ManusNode(DriverNode):
         self._state = PlanarState()
         self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
-        self._inbox: Inbox | None = None
         self._axes: PlanarAxes | None = None
-        self.create_service(SetBool, "~/enable", self._enable)
-        self.create_service(Trigger, "~/clear_fault", self._clear_fault)
-        self.create_service(Trigger, "~/home", self._home)
-        self.create_service(SetImpedance, "~/set_impedance", self._set_impedance)
+        self.serve(SetBool, "~/enable", self._enable)
+        self.serve(Trigger, "~/clear_fault", self._clear_fault, "cleared; call ~/enable to enable")
+        self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
+        self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -113,12 +110,12 @@ class ManusNode(DriverNode):
         self._make_topics()
 
     def _make_topics(self) -> None:
-        self._inbox = Inbox(self)
-        take = self._inbox.subscribe
+        inbox = self.new_inbox()
+        take = inbox.subscribe
         self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
         self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
-        self._permission = Permission(self, self._inbox, attrgetter("planar_permitted"))
-        self._publisher = self.create_publisher(PlanarState, "manus/state", qos.STATE)
+        self._permission = Permission(self, inbox, attrgetter("planar_permitted"))
+        self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
 
     def begin(self) -> None:
         """Start the drives, disabled."""
@@ -138,10 +135,7 @@ class ManusNode(DriverNode):
     def disconnect(self) -> None:
         """Close the bus."""
         if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
             self._permission.close()
-            self.destroy_publisher(self._publisher)
         self._axes = None
         self.close_port()
 
@@ -167,7 +161,7 @@ class ManusNode(DriverNode):
         with suppress(DeviceError):
             if answered:
                 self._axes.act(self._wanted(now), now)
-                self._meter.tick(tick.sequence, now, time.monotonic_ns())
+                self._meter.tick(tick.sequence, now, self.clock.now_ns())
             else:
                 self._axes.idle(now)
         self._ticks += 1
@@ -177,10 +171,9 @@ class ManusNode(DriverNode):
     def _await_drives(self, since: int) -> bool:
         due = self.ticker.due_ns()
         while not self._axes.answered(since):
-            left = due - time.monotonic_ns()
-            if left <= 0:
+            if self.clock.now_ns() >= due:
                 return False
-            self.port.pump(left * 1e-9)
+            self.port.pump(due)
         return True
 
     def _look_around(self, now: int) -> None:
@@ -207,7 +200,7 @@ class ManusNode(DriverNode):
     def _publish_state(self, sequence: int, now: int) -> None:
         message, axes, meter = self._state, self._axes, self._meter
         drives, output = axes.drives, axes.output
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(message.header)
         message.sequence, message.monotonic_ns = sequence, now
         message.homed = axes.homed
         message.enabled, message.faulted = drives.enabled, drives.faulted
@@ -231,56 +224,28 @@ class ManusNode(DriverNode):
         self._latency_p99 = meter.latency(0.99)
         message.samples, message.late, message.lost = meter.samples, meter.late, meter.lost
         message.success_rate = meter.success_rate
-        self._publisher.publish(message)
+        self._publish(message)
 
     # Services ------------------------------------------------------------------------------
 
-    def _answer(self, response, action, done: str):
-        """Fill `response` with what came of `action`, a function returning what is wrong."""
-        if not self.active:
-            problem = "the node is not active"
-        else:
-            try:
-                problem = action()
-            except DeviceError as error:
-                problem = str(error)
-        response.success, response.message = not problem, problem or done
-        return response
-
-    def _enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _enable(self, request: SetBool.Request) -> str:
         if request.data:
-            return self._answer(response, lambda: self._axes.enable(self.stopping.wait), "enabled")
-        return self._answer(response, lambda: self._axes.drives.disable(), "disabled")
+            return self._axes.enable(self.clock) or Done("enabled")
+        return self._axes.drives.disable(self.clock) or Done("disabled")
 
-    def _clear_fault(
-        self, request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
-        return self._answer(
-            response,
-            lambda: self._axes.clear_fault(self.stopping.wait),
-            "cleared; call ~/enable to enable",
-        )
+    def _clear_fault(self, request: Trigger.Request) -> str:
+        return self._axes.clear_fault(self.clock)
 
-    def _home(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(
-            response,
-            lambda: self._axes.home(time.monotonic_ns()),
-            "homed at the reference mark",
-        )
+    def _home(self, request: Trigger.Request) -> str:
+        return self._axes.home(self.clock.now_ns())
 
-    def _set_impedance(
-        self, request: SetImpedance.Request, response: SetImpedance.Response
-    ) -> SetImpedance.Response:
-        response.message = self.parameters.write(
-            stiffness=request.stiffness, damping=request.damping
-        )
-        response.success = not response.message
-        return response
+    def _set_impedance(self, request: SetImpedance.Request) -> str:
+        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""
         # The meter belongs to the hot loop, this is another thread: what the loop told last.
-        now, state, drives = time.monotonic_ns(), self._state, self._axes.drives
+        now, state, drives = self.clock.now_ns(), self._state, self._axes.drives
         values = {
             "rate [1/s]": f"{state.rate:.0f}",
             "latency p99 [us]": f"{self._latency_p99 * 1e6:.0f}",

@@ -13,11 +13,11 @@ the torque.
 
 from __future__ import annotations
 
-import time
 from typing import NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
 
+from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -27,12 +27,11 @@ from .force_sensor import ForceSensorNode
 from .impedance_controller import ImpedanceControllerNode
 from .support.driver import RateSettings, period_of
 from .support.module_node import ModuleNode
+from .support.pace import Pace
 from .support.parameters import ParameterError
 from .support.realtime import Tick, Ticker
 from .support.runtime import run_together
 
-_FORCE_WAIT = 0.1  # periods by which a force sample may come after the encoder's and still count
-_TRY_AGAIN = 64  # periods after which a force that came later is waited for again
 _LOOK_NS = 10_000  # for what lies in the socket already
 _IDLE_S = 0.05
 _BY_CALLS = ("screw/encoder", "handle/force", "screw/amplifier_state")
@@ -54,10 +53,9 @@ class ModuleLoop:
         self._nodes = nodes
         self._stopping = nodes[0].stopping
         period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
-        self._ticker = Ticker(period_ns)
-        self._force_wait_ns = round(_FORCE_WAIT * period_ns)
-        self._force_is_quick = True
-        self._periods = 0
+        self._clock = nodes[0].clock
+        self._ticker = Ticker(self._clock, period_ns)
+        self._force_pace = Pace(period_ns)
 
     def run(self) -> None:
         """Run until the nodes are to stop."""
@@ -67,7 +65,10 @@ class ModuleLoop:
                 if any(active):
                     self._one_period(Parts(*active))
                 else:
+                    self._clock.idle()
                     self._stopping.wait(_IDLE_S)
+        except TimeStandsStill as error:  # only raised here when the process is to end
+            self._nodes[0].get_logger().warning(str(error))
         finally:
             for node in self._nodes:
                 node.leaves()
@@ -79,7 +80,7 @@ class ModuleLoop:
         due_ns = self._ticker.due_ns()
         self._ask(parts, tick)
         sample, force = self._answers(parts, due_ns)
-        now = time.monotonic_ns()
+        now = self._clock.now_ns()
         output = self._act(parts, sample, force, now)
         # The torque is out; what follows only tells of it and looks after the drive.
         self._publish(parts, sample, force, output)
@@ -89,7 +90,7 @@ class ModuleLoop:
 
     def _listen(self, amplifier: AmplifierNode) -> None:
         """Let another process command the amplifier while there is no controller here."""
-        while (due_ns := self._ticker.due_ns()) > time.monotonic_ns():
+        while (due_ns := self._ticker.due_ns()) > self._clock.now_ns():
             amplifier.listen(due_ns)
 
     def _ask(self, parts: Parts, tick: Tick) -> None:
@@ -108,17 +109,12 @@ class ModuleLoop:
         if parts.encoder is not None:
             sample = parts.encoder.answer(parts.encoder.device, due_ns)
         if parts.force_sensor is not None:
-            until_ns = min(due_ns, time.monotonic_ns() + self._force_patience_ns())
+            worth = self._force_pace.worth_waiting()
+            wait_ns = self._force_pace.wait_ns if worth else _LOOK_NS
+            until_ns = min(due_ns, self._clock.now_ns() + wait_ns)
             force = parts.force_sensor.answer(parts.force_sensor.device, until_ns)
-            self._force_is_quick = force is not None
+            self._force_pace.came(force is not None)
         return sample, force
-
-    def _force_patience_ns(self) -> int:
-        """Return how long to wait for the force: where it is always late there is no use in it."""
-        self._periods += 1
-        if self._force_is_quick or self._periods % _TRY_AGAIN == 0:
-            return self._force_wait_ns
-        return _LOOK_NS
 
     def _act(
         self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now: int
@@ -171,7 +167,7 @@ class ModuleLoop:
         if force is None:
             return
         if parts.controller is not None:
-            parts.controller.feel(force, time.monotonic_ns())
+            parts.controller.feel(force, self._clock.now_ns())
         parts.force_sensor.publish(force)
 
 

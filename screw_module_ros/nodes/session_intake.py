@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import fnmatch
 import importlib
+import struct
 import threading
 from typing import Any, NamedTuple
 
@@ -18,6 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from screw_module_ros.clock import Clock
+from screw_module_ros.lockstep.wires import Hop
 from screw_module_ros.recording import (
     BagError,
     Definition,
@@ -31,8 +34,15 @@ from screw_module_ros.recording import (
 
 from .support.realtime import HotGroup
 
+_pause = threading.Event()
+
 _DEPTH = 2000  # messages; two seconds of a 1 kHz topic may wait for us
 _AT_ONCE = 4000  # messages of one topic before the others have their turn
+_STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
+_STAMP = struct.Struct("<iI")
+_STAMP_AT = 4  # behind the head of serialized messages
+_COMES_S = 0.005
+_LOST_S = 0.5  # wall clock
 _NO_DEFINITION = Definition("", "", "")
 
 
@@ -60,7 +70,10 @@ class _Tap:
         self.channel = channel
         self.numbered = True
         self.newest = b""
-        self.has_calibration = "calibration" in kind.get_fields_and_field_types()
+        fields = kind.get_fields_and_field_types()
+        self.has_calibration = "calibration" in fields
+        self.is_stamped = next(iter(fields.values()), "") in _STAMPS
+        self.hop: Hop | None = None
         self.subscription: Any = None
         self.request: QoSProfile | None = None
 
@@ -68,8 +81,9 @@ class _Tap:
 class Intake:
     """Subscriptions to everything selected, for one session."""
 
-    def __init__(self, node: Node, selection: Selection, session: Session):
+    def __init__(self, node: Node, clock: Clock, selection: Selection, session: Session):
         self._node = node
+        self._clock = clock
         self._selection = selection
         self._session = session
         self._definitions = Definitions()
@@ -147,6 +161,8 @@ class Intake:
         tap.subscription = self._node.create_subscription(
             tap.kind, tap.name, _never, request, callback_group=self._group, raw=True
         )
+        if self._clock.simulated and tap.hop is None:
+            tap.hop = self._clock.hop(tap.name)
 
     def drain(self) -> list[Message]:
         """Take everything that waits."""
@@ -160,16 +176,46 @@ class Intake:
     def _take(self, tap: _Tap) -> list[Any]:
         """Take what waits for one topic, as plain tuples in the order of `Message`."""
         take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
-        numbered = tap.numbered
+        numbered, hop = tap.numbered, tap.hop
         taken: list[Any] = []
-        while len(taken) < _AT_ONCE and (got := take(kind, True)) is not None:
+        while len(taken) < _AT_ONCE:
+            got = take(kind, True)
+            if got is None and hop is not None:
+                got = self._awaited(tap)
+            if got is None:
+                break
             data, info = got
-            number = (info["publication_sequence_number"] or 0) if numbered else 0
+            number = info["publication_sequence_number"] or 0
             received, sent = info["received_timestamp"], info["source_timestamp"]
-            taken.append((channel, received, sent, number, data))
+            if hop is not None:
+                hop.taken(number)
+                received = sent = self._stamp(tap, data)
+            taken.append((channel, received, sent, number if numbered else 0, data))
         if taken and tap.has_calibration:
             tap.newest = taken[-1][4]
         return taken
+
+    def _awaited(self, tap: _Tap) -> Any:
+        """Take a message that was published and is still on its way, None when it was lost."""
+        left_s = _LOST_S
+        while tap.hop.pending():
+            if left_s <= 0.0:
+                tap.hop.let_go()
+                break
+            got = tap.subscription.handle.take_message(tap.kind, True)
+            if got is not None:
+                return got
+            _pause.wait(_COMES_S)
+            left_s -= _COMES_S
+        return None
+
+    def _stamp(self, tap: _Tap, data: bytes) -> int:
+        """Return ROS time of a message [ns]: its own stamp, or now where it has none."""
+        if tap.is_stamped and data[1] == 1 and len(data) >= _STAMP_AT + _STAMP.size:
+            seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_AT)
+            if seconds > 0:
+                return seconds * 1_000_000_000 + nanoseconds
+        return self._clock.stamp_ns()
 
     def calibrations(self) -> dict[str, str]:
         """Return the calibration identity each topic told last."""
@@ -184,6 +230,8 @@ class Intake:
         for tap in self._taps.values():
             if tap.subscription is not None:
                 self._node.destroy_subscription(tap.subscription)
+            if tap.hop is not None:
+                tap.hop.close()
         self._taps, self._taking = {}, []
 
 

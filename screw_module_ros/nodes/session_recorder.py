@@ -26,7 +26,8 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .support import qos
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
+from .support.realtime import BETWEEN_TICKS_NS, Ticker
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05
@@ -71,10 +72,10 @@ class SessionRecorder(ModuleNode):
         self._folder: Path | None = None
         self._refusal = ""
         self._lock = threading.Lock()  # the loop takes messages, or services change the session
-        self.create_service(Trigger, "~/start", self._on_start)
-        self.create_service(Trigger, "~/stop", self._on_stop)
+        self.serve(Trigger, "~/start", self._on_start)
+        self.serve(Trigger, "~/stop", self._on_stop, always=True)
         self._status = self.create_publisher(DiagnosticStatus, "~/status", qos.STATE)
-        self.create_timer(1.0, self._each_second)
+        self.periodic.every(self.clock, 1.0, self._each_second)
 
     def connect(self) -> None:
         """Complete bags that a power failure cut off."""
@@ -94,9 +95,10 @@ class SessionRecorder(ModuleNode):
     def step(self) -> None:
         """Empty the queues."""
         if self._session is None:
+            self.clock.idle()  # a recorder that records nothing keeps nobody waiting
             self.stopping.wait(_IDLE_S)
             return
-        self.stopping.wait(self._period)
+        self._ticker.sleep()
         with self._lock:
             if self._session is not None and self._intake is not None:
                 self._session.put(self._intake.drain())
@@ -119,9 +121,10 @@ class SessionRecorder(ModuleNode):
         session.add_metadata("configuration", file_hashes(settings.configuration))
         session.start()
         topics = tuple(t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics)
-        intake = Intake(self, Selection(topics, settings.exclude, settings.include_hidden), session)
+        intake = Intake(self, self.clock, Selection(topics, settings.exclude, settings.include_hidden), session)
         intake.discover()
         with self._lock:
+            self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
             self._folder, self._intake, self._session = folder, intake, session
             self._told = NodeParameters(self)
         self._told.ask()
@@ -148,26 +151,19 @@ class SessionRecorder(ModuleNode):
         if intake.refused:
             session.add_metadata(REFUSED, intake.refused)
 
-    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.active:
-            response.message = "the node is not active: activate it first"
-        elif self._session is not None and not self._session.status().error:
-            response.message = f"already recording to {self._folder}: call ~/stop first"
-        else:
-            self._stop()
-            self._refusal = self._start()
-            response.success = not self._refusal
-            response.message = self._refusal or str(self._folder)
-        return response
-
-    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._session is None:
-            response.message = "not recording"
-            return response
+    def _on_start(self, request: Trigger.Request) -> str:
+        if self._session is not None and not self._session.status().error:
+            return f"already recording to {self._folder}: call ~/stop first"
         self._stop()
-        response.success = not self._last.error
-        response.message = f"{self._folder}: {self._last.summary()}"
-        return response
+        self._refusal = self._start()
+        return self._refusal or Done(str(self._folder))
+
+    def _on_stop(self, request: Trigger.Request) -> str:
+        if self._session is None:
+            return "not recording"
+        self._stop()
+        told = f"{self._folder}: {self._last.summary()}"
+        return told if self._last.error else Done(told)
 
     def _each_second(self) -> None:
         session, intake = self._session, self._intake

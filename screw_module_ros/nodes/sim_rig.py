@@ -7,24 +7,26 @@ It meets the rest of the graph on the CAN bus only; `sim/truth` is for tests and
 from __future__ import annotations
 
 import queue
-import time
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import can
+from rosgraph_msgs.msg import Clock as ClockMessage
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
 from screw_module_ros.devices.bus import BusSettings, open_bus
+from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .support import qos
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.module_node import OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _ANSWER_S = 1.0
+_CLOCK_NS = 10_000_000
 
 
 class SimulationSettings(NamedTuple):
@@ -35,12 +37,13 @@ class SimulationSettings(NamedTuple):
     perturb_seed: Annotated[
         int, Setting("seed that perturbs the plant's values, -1 for none", "", -1, 2**31 - 1)
     ] = -1
-    clock: Annotated[
-        str,
-        Setting("what advances the physics: wall clock, or one period per SYNC",
-                choices=("wall", "sync")),
-    ] = "wall"
-    period: Annotated[float, Setting("period per SYNC in clock sync", "s", 1e-4, 0.1)] = 0.001
+    period: Annotated[
+        float, Setting("simulated time moves on by this much, or less when a node asks for it", "s",
+                       1e-4, 0.01)
+    ] = 0.001
+    speed: Annotated[
+        float, Setting("simulated seconds per second at most, 0 = as fast as it goes", "", 0.0, 1e3)
+    ] = 1.0
     truth_rate: Annotated[float, Setting("sim/truth messages per second", "Hz", 1.0, 500.0)] = 100.0
 
 
@@ -60,6 +63,11 @@ class SimRigNode(ModuleNode):
         self._slipped = 0
         self._truth = SimTruth()
         self._truth.header.frame_id = "manus_base"
+        self._time: Conductor | None = None
+        self._clock_message = ClockMessage()
+        self.serve(SetArm, "~/set_arm", self._set_arm, "arm set")
+        self.serve(SetFixture, "~/set_fixture", self._set_fixture, "fixture set")
+        self.serve(InjectFault, "~/inject_fault", self._inject)
 
     def connect(self) -> None:
         """Load the plant and open the buses."""
@@ -71,18 +79,16 @@ class SimRigNode(ModuleNode):
         self._rig = Rig(
             by_name,
             self._world,
-            settings.clock,
+            self.clock,
             round(settings.period * 1e9),
             self.parameters.read(RigSettings, "devices"),
         )
-        self._publisher = self.create_publisher(SimTruth, "sim/truth", qos.STATE)
+        self._publish = self.outlet(SimTruth, "sim/truth", qos.STATE)
         self._truth_period_ns = round(1e9 / settings.truth_rate)
-        self._truth_due_ns = 0
-        self._rig_services = [
-            self.create_service(SetArm, "~/set_arm", self._set_arm),
-            self.create_service(SetFixture, "~/set_fixture", self._set_fixture),
-            self.create_service(InjectFault, "~/inject_fault", self._inject),
-        ]
+        self._truth_due_ns = self._clock_due_ns = 0
+        if self.clock.simulated:
+            self._publish_clock = self.outlet(ClockMessage, "/clock", qos.NEWEST)
+            self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
 
     def _open(self, settings: BusSettings) -> can.BusABC:
         if settings not in self._buses:
@@ -93,37 +99,51 @@ class SimRigNode(ModuleNode):
         """Close the buses."""
         if self._rig is not None:
             self._rig.close()
-            self.destroy_publisher(self._publisher)
-            for service in self._rig_services:
-                self.destroy_service(service)
             self._rig = None
+        if self._time is not None:
+            self._time.close()
+            self._time = None
         for bus in self._buses.values():
             bus.shutdown()
         self._buses = {}
 
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""
-        self._rig.run(self._look_up)
+        if self._time is not None:
+            self._rig.run_in_steps(self._time, self._is_over, self._publish_due)
+        else:
+            self._rig.run(self._look_up)
+
+    def _is_over(self) -> bool:
+        return self.stopping.is_set() or not self.active
 
     def _look_up(self) -> bool:
-        """Between two frames: publish sim/truth when due; return whether to stop serving."""
-        if time.monotonic_ns() >= self._truth_due_ns:
-            self._truth_due_ns = time.monotonic_ns() + self._truth_period_ns
+        """Between two frames: publish what is due; return whether to stop serving."""
+        self._publish_due(self.clock.now_ns())
+        return self._is_over()
+
+    def _publish_due(self, now_ns: int) -> None:
+        if now_ns >= self._truth_due_ns:
+            self._truth_due_ns = (now_ns // self._truth_period_ns + 1) * self._truth_period_ns
             self._publish_truth()
-        return self.stopping.is_set() or not self.active
+        if self._time is not None and now_ns >= self._clock_due_ns:
+            self._clock_due_ns = (now_ns // _CLOCK_NS + 1) * _CLOCK_NS
+            now = self._clock_message.clock
+            now.sec, now.nanosec = divmod(now_ns, 1_000_000_000)
+            self._publish_clock(self._clock_message)
 
     def _publish_truth(self) -> None:
         message = self._truth
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(message.header)
         for name, value in self._world.truth()._asdict().items():
             setattr(message, name, list(value) if isinstance(value, tuple) else value)
         message.slipped = self._rig.counters.slipped
-        self._publisher.publish(message)
+        self._publish(message)
 
     # Services: what they change, the rig's own thread changes between two frames -------------
 
-    def _set_arm(self, request: SetArm.Request, response: SetArm.Response) -> SetArm.Response:
-        return self._asked(response, lambda: self._world.set_arm(ArmSettings(
+    def _set_arm(self, request: SetArm.Request) -> str:
+        return self._changed(lambda: self._world.set_arm(ArmSettings(
             request.kind,
             request.mass,
             request.stiffness,
@@ -132,29 +152,21 @@ class SimRigNode(ModuleNode):
             request.duration,
             _xyz(request.amplitude),
             _xyz(request.omega),
-        )), "arm set")
+        )))
 
-    def _set_fixture(
-        self, request: SetFixture.Request, response: SetFixture.Response
-    ) -> SetFixture.Response:
-        return self._asked(response, lambda: self._world.set_fixture(
+    def _set_fixture(self, request: SetFixture.Request) -> str:
+        return self._changed(lambda: self._world.set_fixture(
             request.fixture, request.speed, request.position, request.upside_down, request.locked
-        ), "fixture set")
+        ))
 
-    def _inject(
-        self, request: InjectFault.Request, response: InjectFault.Response
-    ) -> InjectFault.Response:
-        try:
-            response.message = self._rig.inject(
-                request.device or ALL, request.fault, request.value, request.duration,
-                time.monotonic_ns(),
-            )
-            response.success = True
-        except ValueError as error:
-            response.message = str(error)
-        return response
+    def _inject(self, request: InjectFault.Request) -> str:
+        return Done(self._rig.inject(
+            request.device or ALL, request.fault, request.value, request.duration,
+            self.clock.now_ns(),
+        ))
 
-    def _asked(self, response, change: Callable[[], None], done: str):
+    def _changed(self, change: Callable[[], None]) -> str:
+        """Have the rig's thread make a change; return what is wrong with it."""
         answer: queue.SimpleQueue[str] = queue.SimpleQueue()
 
         def carry_out() -> None:
@@ -165,16 +177,20 @@ class SimRigNode(ModuleNode):
                 answer.put(str(error))
 
         self._rig.call(carry_out)
+        if self._time is not None:
+            self.clock.page.wake_conductor()
         try:
-            problem = answer.get(timeout=_ANSWER_S)
+            return answer.get(timeout=_ANSWER_S)
         except queue.Empty:
-            problem = "the rig is not running: activate the node"
-        response.success, response.message = not problem, problem or done
-        return response
+            return "the rig is not running: activate the node"
 
     def health(self) -> Health:
         """Frames, slips."""
         counters = self._rig.counters._asdict()
+        if self._time is not None:
+            counters["real-time factor"] = f"{self.clock.page.factor:.2f}"
+            counters["given up"] = self._time.given_up
+            return Health(OK, f"simulating, real-time factor {self.clock.page.factor:.2f}", counters)
         slipped = counters["slipped"] - self._slipped
         self._slipped = counters["slipped"]
         if slipped:

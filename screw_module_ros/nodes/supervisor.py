@@ -9,7 +9,6 @@ emergency stop and the lock outlive the process; a latched stop does too, unless
 from __future__ import annotations
 
 import threading
-import time
 from typing import Annotated, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -36,11 +35,12 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.freshness import Newest
 from .support.kept import Kept
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import Inbox, Ticker
+from .support.realtime import BETWEEN_TICKS_NS, Ticker
 from .support.runtime import main as run_node
 
+_STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
 # Node -> what it is heard by. Watched besides: endpoint_state, which nothing depends on.
 _HEARD_BY = {
@@ -74,12 +74,11 @@ class SupervisorNode(ModuleNode):
         self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
-        self._inbox: Inbox | None = None
         self._alarms: dict[str, tuple[int, str]] = {}
         self.create_subscription(DiagnosticArray, "/diagnostics", self._note_diagnostics, 50)
-        self.create_service(Trigger, "~/estop", self._estop)
-        self.create_service(Trigger, "~/reset", self._reset)
-        self.create_service(SetBool, "~/lock_vertical", self._lock)
+        self.serve(Trigger, "~/estop", self._estop, _STOPPED, always=True)
+        self.serve(Trigger, "~/reset", self._reset, "reset; the drives stay off until enabled")
+        self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
 
     def _restored(self) -> SupervisorState:
         """Return the state that an earlier process left; one that cannot be read is a stop."""
@@ -116,24 +115,21 @@ class SupervisorNode(ModuleNode):
             raise ValueError(
                 f"required names {', '.join(sorted(unknown))}; there are {', '.join(_HEARD_BY)}"
             )
-        self._inbox = Inbox(self)
+        inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
         self._heard = {
-            node: Newest(self._inbox.subscribe(*heard), age_ns)
+            node: Newest(inbox.subscribe(*heard), age_ns)
             for node, heard in _HEARD_BY.items()
         }
-        self._publisher = self.create_publisher(SafetyState, "safety_state", qos.COMMAND)
+        self._send = self.outlet(SafetyState, "safety_state", qos.COMMAND)
 
     def begin(self) -> None:
         """Start the clock."""
-        self._ticker = Ticker(self._period_ns)
+        self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
     def disconnect(self) -> None:
         """Remove the topics; without safety_state the drives stop."""
         if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
-            self.destroy_publisher(self._publisher)
             with self._changing:  # when a graph is ended, the last to go sees the others missing
                 self._keep(self._state._replace(latched=()))
 
@@ -149,7 +145,7 @@ class SupervisorNode(ModuleNode):
     def _decide_and_tell(self, now: int) -> None:
         decision, self._state = decide(self._settings, self._state, self._reports(now), now)
         message, state = self._message, self._state
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(message.header)
         message.level = decision.level
         message.motion_permitted = decision.motion_permitted
         message.vertical_permitted = decision.vertical_permitted
@@ -158,7 +154,7 @@ class SupervisorNode(ModuleNode):
         message.estopped = state.estopped
         message.vertical_locked = state.locked
         message.resets = state.resets
-        self._publisher.publish(message)
+        self._send(message)
         self._decisions += 1
 
     def _reports(self, now: int) -> dict[str, NodeReport]:
@@ -184,46 +180,37 @@ class SupervisorNode(ModuleNode):
             namespace, _, node = status.name.rpartition("/")
             if namespace == mine and node in _HEARD_BY:
                 alarm = status.message if status.level == ERROR else ""
-                self._alarms[node] = (time.monotonic_ns(), alarm)
+                self._alarms[node] = (self.clock.now_ns(), alarm)
 
     # Services ------------------------------------------------------------------------------
 
-    def _estop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _estop(self, request: Trigger.Request) -> str:
         with self._changing:
             self._state = supervision.estop(self._state)
             if self.active:
-                self._decide_and_tell(time.monotonic_ns())
+                self._decide_and_tell(self.clock.now_ns())
             self._keep(self._state)
         self.get_logger().error("emergency stop")
-        response.success = True
-        response.message = "stopped; call ~/reset, then enable the drives"
-        return response
+        return ""
 
-    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self.active:
-            response.message = "the node is not active"
-            return response
-        now = time.monotonic_ns()
+    def _reset(self, request: Trigger.Request) -> str:
+        now = self.clock.now_ns()
         with self._changing:
-            self._state, response.message = supervision.reset(
+            self._state, refused = supervision.reset(
                 self._settings, self._state, self._reports(now), now
             )
             self._keep(self._state)
-        response.success = not response.message
-        response.message = response.message or "reset; the drives stay off until enabled"
-        return response
+        return refused
 
-    def _lock(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+    def _lock(self, request: SetBool.Request) -> str:
         with self._changing:
             self._state = supervision.lock(self._state, request.data)
             self._keep(self._state)
-        response.success = True
-        response.message = "vertical locked" if request.data else "vertical unlocked"
-        return response
+        return Done("vertical locked" if request.data else "vertical unlocked")
 
     def health(self) -> Health:
         """What is permitted and why not."""
-        message, now = self._message, time.monotonic_ns()
+        message, now = self._message, self.clock.now_ns()
         ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._heard.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
         reason = "; ".join(message.reasons)

@@ -23,6 +23,14 @@ def seeded(seed: int) -> tuple[int, int]:
     return first, second
 
 
+def advanced(first: int, second: int, draws: int) -> tuple[int, int]:
+    """Return the state after so many calls of `uniform`; plain Python only."""
+    return (
+        first * pow(40014, draws, _MODULUS_1) % _MODULUS_1,
+        second * pow(40692, draws, _MODULUS_2) % _MODULUS_2,
+    )
+
+
 def uniform(first: int, second: int) -> tuple[float, int, int]:
     """Return a number strictly between 0 and 1 and the next state."""
     first = first * 40014 % _MODULUS_1

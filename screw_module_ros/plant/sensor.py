@@ -20,6 +20,9 @@ from typing import Annotated, NamedTuple
 from ..settings import Setting
 from .noise import normal_pair
 
+DRAWS = 6
+"""Random numbers in one measured wrench, each of `noise.uniform`."""
+
 Wrench = tuple[float, float, float, float, float, float]
 
 

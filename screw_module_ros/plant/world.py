@@ -15,10 +15,10 @@ from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
 from .module import HUMAN_ARM, LOCKED_ROTOR, VerticalInput, resting_state, vertical_params
-from .noise import seeded
+from .noise import advanced, seeded
 from .patient import ArmSettings, changed_patient, moved_patient, resting_patient
 from .planar import PlanarInput, planar_params, resting_plane, tip
-from .sensor import Wrench, measured_wrench, sensor_params, true_wrench
+from .sensor import DRAWS, Wrench, measured_wrench, sensor_params, true_wrench
 from .settings import PlantFileError, WorldSettings, checked, load_world
 from .simulation import SimulationParams, SimulationState, advance, advance_packed
 
@@ -191,8 +191,8 @@ class World:
     def wrench(self) -> Wrench:
         """Return the wrench of the patient on the robot in frame `handle` [N, Nm].
 
-        With the transducer's zeros, drift and noise, not quantised. Asked twice at one time it
-        gives the same answer twice.
+        With the transducer's zeros, drift and noise, not quantised. The noise belongs to the time:
+        asked twice at one time, or asked more or less often before, it gives the same answer.
         """
         if self._measured[0] == self._state.ticks:
             return self._measured[1]
@@ -204,10 +204,10 @@ class World:
             self.settings.vertical.grip_height,
             self.settings.transducer.stiffness * v.rotor_angle,
         )
-        (fx, fy, fz, tx, ty, tz), *noise = self._measure(
-            self._sensor, true, self.simulated_time, self._noise_gain, *self._noise
+        noise = advanced(*self._noise, DRAWS * self._state.ticks)
+        (fx, fy, fz, tx, ty, tz), *_ = self._measure(
+            self._sensor, true, self.simulated_time, self._noise_gain, *noise
         )
-        self._noise = tuple(noise)
         self._measured = (self._state.ticks, (fx + bias, fy + bias, fz + bias, tx, ty, tz))
         return self._measured[1]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from screw_module_ros.rig.physics import World
+from screw_module_ros.rig.physics import Physics
 
 
 class Axis(Protocol):
@@ -27,9 +27,11 @@ class VerticalAxis:
     torque_constant: motor torque per ampere of command [Nm/A].
     """
 
-    def __init__(self, world: World, torque_constant: float):
-        self._world = world
+    def __init__(self, physics: Physics, torque_constant: float):
+        self._physics = physics
+        self._world = physics.world
         self._amperes = 1.0 / torque_constant
+        self._driven = (0.0, False, False)
 
     def position(self) -> int:
         """Return the motor count."""
@@ -41,8 +43,14 @@ class VerticalAxis:
 
     def drive(self, torque: float, powered: bool, braked: bool) -> None:
         """Command the amplifier [Nm], or let go of the motor."""
+        driven = (torque * self._amperes if powered else 0.0, powered, braked)
+        if driven != self._driven:
+            self._driven = driven
+            self._physics.act(lambda: self._set(*driven))
+
+    def _set(self, amperes: float, powered: bool, braked: bool) -> None:
         world = self._world
-        world.vertical_command = torque * self._amperes if powered else 0.0
+        world.vertical_command = amperes
         world.vertical_powered = powered
         world.vertical_braked = braked
 
@@ -50,9 +58,11 @@ class VerticalAxis:
 class PlanarAxis:
     """One of the two direct drives of the plane; index 0 = shoulder, 1 = elbow."""
 
-    def __init__(self, world: World, index: int):
-        self._world = world
+    def __init__(self, physics: Physics, index: int):
+        self._physics = physics
+        self._world = physics.world
         self._index = index
+        self._driven = (0.0, False, False)
 
     def position(self) -> int:
         """Return the joint's count."""
@@ -64,9 +74,14 @@ class PlanarAxis:
 
     def drive(self, torque: float, powered: bool, braked: bool) -> None:
         """Command the motor [Nm], or let go of it."""
+        driven = (torque if powered else 0.0, powered, braked)
+        if driven != self._driven:
+            self._driven = driven
+            self._physics.act(lambda: self._set(*driven))
+
+    def _set(self, torque: float, powered: bool, braked: bool) -> None:
         world, index = self._world, self._index
-        command = torque if powered else 0.0
-        world.planar_command = _with(world.planar_command, index, command)
+        world.planar_command = _with(world.planar_command, index, torque)
         world.planar_powered = _with(world.planar_powered, index, powered)
         world.planar_braked = _with(world.planar_braked, index, braked)
 

@@ -46,9 +46,10 @@ class RigSettings(NamedTuple):
     max_torque: Annotated[
         int, Setting("largest torque of the drives, object 6072", "per mille", 100, 32767)
     ] = 4000
-    sync_latency: Annotated[
-        float, Setting("delay from SYNC to the command it led to, clock 'sync'", "s", 0.0, 0.1)
-    ] = 250e-6
+    command_latency: Annotated[
+        float, Setting("from SYNC to when the command that answers it acts, in simulated time", "s",
+                       0.0, 0.1)
+    ] = 600e-6
 
 
 def build_devices(
@@ -58,14 +59,14 @@ def build_devices(
     if "encoder" in ports:
         yield Encoder(ports["encoder"].plug(), settings.encoder_node, physics.world)
     if "drive" in ports:
-        axis = VerticalAxis(physics.world, settings.torque_constant)
+        axis = VerticalAxis(physics, settings.torque_constant)
         yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
     if "force_sensor" in ports:
         yield ForceSensor(ports["force_sensor"].plug(), settings.sensor_base, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
-            axis, rating = PlanarAxis(physics.world, index), planar_rating(settings, node_id)
+            axis, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
             yield _drive(name, ports["planar"], rating, axis, physics)
 
 

@@ -9,9 +9,9 @@ a sensor that heard itself would answer itself for ever, which the port prevents
 from __future__ import annotations
 
 import math
-import random
 import struct
 
+from screw_module_ros.plant.noise import advanced, normal_pair, seeded
 from screw_module_ros.rig.calibration import CALIBRATIONS, ZERO_OFFSETS
 from screw_module_ros.rig.faults import Fault, FaultBook
 from screw_module_ros.rig.physics import Physics
@@ -65,7 +65,7 @@ class ForceSensor:
         self._physics = physics
         self._calibration = CALIBRATIONS[0]
         self._silent_until_ns = 0
-        self._random = random.Random(base_id)
+        self._seeds = seeded(base_id)
         self._force_bias = self._drift = self._noise = 0.0
         self._drift_from_ns = 0
         self._saturated: int | None = None
@@ -87,7 +87,8 @@ class ForceSensor:
         raw = self._calibration.gauges((fx, fy, fz, *torques))
         noise = math.hypot(self.converter_noise, self._noise)
         if noise:
-            raw = [value + self._random.gauss(0.0, noise) for value in raw]
+            flicker = _flicker(self._seeds, now_ns)
+            raw = [value + noise * number for value, number in zip(raw, flicker, strict=True)]
         counts = [_limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
         if self._saturated is not None:
             counts[self._saturated] = LARGEST_COUNT
@@ -233,6 +234,16 @@ class ForceSensor:
     def _back_on_bus(self) -> None:
         self.faults.cable(out=False)
         self.status |= CAN_ERROR
+
+
+def _flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
+    """Return six standard normal numbers that belong to this microsecond, whoever asks how often."""
+    first, second = advanced(*seeds, _GAUGES * (now_ns // 1000))
+    numbers: list[float] = []
+    for _ in range(_GAUGES // 2):
+        one, other, first, second = normal_pair(first, second)
+        numbers += (one, other)
+    return numbers
 
 
 def _limited(value: float) -> int:

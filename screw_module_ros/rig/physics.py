@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant's time: wall clock, or one period per SYNC.
+"""The plant's time: wall clock, or steps in lock step with everybody else.
 
 With the wall clock the world follows CLOCK_MONOTONIC; after a stall it gives up the lost time and
-counts it instead of integrating a burst. With `sync` it advances one period per SYNC of the bus
-that carries the encoder, whatever the machine's load. A command written in answer to a SYNC acts
-`latency_ns` after it, as it would on the wall clock, however long the answer took.
+counts it instead of integrating a burst. In steps it goes exactly as far as it is told, and a
+command acts a fixed latency after the SYNC that it answers, as it would on a real robot, however
+long the answer took to compute.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Callable
 from typing import Protocol
-
-WALL = "wall"
-SYNC = "sync"
 
 _SHORTEST_NS = 50_000
 """The plant integrates in steps of this size; asking it more often only costs time."""
@@ -61,30 +60,29 @@ class World(Protocol):
 class Physics:
     """Keeps a world's time.
 
-    clock: "wall" or "sync"; period_ns: time per SYNC, and the unit of `slipped` [ns];
-    latency_ns: delay from SYNC to the command it led to, with the clock "sync" [ns].
-    Raises ValueError for another clock.
+    stepped: see above, else wall clock. period_ns: the unit of `slipped`. latency_ns: from a SYNC
+    to when its answer acts, in steps.
     """
 
-    def __init__(self, world: World, clock: str, period_ns: int, latency_ns: int):
-        if clock not in (WALL, SYNC):
-            raise ValueError(f"clock = {clock!r}: '{WALL}' or '{SYNC}' is wanted")
+    def __init__(self, world: World, stepped: bool, period_ns: int, latency_ns: int):
         self.world = world
         #: whole periods of wall clock given up
         self.slipped = 0
-        self._wall = clock == WALL
-        self._period_ns = period_ns
-        self._latency_ns = min(latency_ns, period_ns)
-        #: how far the wall clock's world has come [ns]
+        #: how far the world has come [ns]
         self.reached_ns = 0
-        self._begun = False
+        self.stepped = stepped
+        self._period_ns = period_ns
+        self._latency_ns = latency_ns
+        self._due: deque[tuple[int, Callable[[], None]]] = deque()
+        self._synced_ns = 0
 
     def advance(self, now_ns: int) -> None:
-        """Bring the world to `now_ns`; nothing to do with the clock "sync"."""
-        if not self._wall:
-            return
+        """Bring the world to `now_ns`."""
         if not self.reached_ns:
             self.reached_ns = now_ns
+        if self.stepped:
+            self._step(now_ns)
+            return
         elapsed = now_ns - self.reached_ns
         if elapsed < _SHORTEST_NS:
             return
@@ -95,28 +93,40 @@ class Physics:
             elapsed = longest
         self.world.advance(elapsed * 1e-9)
 
+    def _step(self, now_ns: int) -> None:
+        while self._due and self._due[0][0] <= now_ns:
+            due_ns, change = self._due.popleft()
+            self._go_to(due_ns)
+            change()
+        self._go_to(now_ns)
+
+    def _go_to(self, now_ns: int) -> None:
+        if now_ns > self.reached_ns:
+            self.world.advance((now_ns - self.reached_ns) * 1e-9)
+            self.reached_ns = now_ns
+
+    def act(self, change: Callable[[], None]) -> None:
+        """Carry out a change of the commands: now, or in steps when its latency is over."""
+        if not self.stepped:
+            change()
+            return
+        due_ns = max(self.reached_ns, self._synced_ns + self._latency_ns)
+        if self._due:
+            due_ns = max(due_ns, self._due[-1][0])  # commands do not overtake each other
+        self._due.append((due_ns, change))
+        if due_ns <= self.reached_ns:
+            self._step(self.reached_ns)
+
     def look(self, now_ns: int) -> None:
         """Bring the world to `now_ns` for a reader, unless it is recent enough."""
-        if now_ns - self.reached_ns >= _RECENT_NS:
+        if self.stepped or now_ns - self.reached_ns >= _RECENT_NS:
             self.advance(now_ns)
 
     def resume(self) -> None:
         """Go on from the next `advance`, as if no time had passed since the last one."""
         self.reached_ns = 0
 
-    def sync_begin(self, _data: bytes, now_ns: int) -> None:
+    def sync(self, _data: bytes, now_ns: int) -> None:
         """Bring the world to this SYNC, before the devices latch their state."""
-        if self._wall:
-            self.advance(now_ns)
-        elif self._begun and self._latency_ns < self._period_ns:
-            self.world.advance((self._period_ns - self._latency_ns) * 1e-9)
-
-    def sync_elsewhere(self, _data: bytes, now_ns: int) -> None:
-        """Bring the world up to date for a SYNC on a bus that does not keep its time."""
+        self._synced_ns = now_ns
         self.look(now_ns)
-
-    def sync_end(self, _data: bytes, _now_ns: int) -> None:
-        """Go on to the moment at which an answer to this SYNC acts, once it has been answered."""
-        self._begun = True
-        if not self._wall and self._latency_ns:
-            self.world.advance(self._latency_ns * 1e-9)

@@ -14,6 +14,7 @@ from typing import Protocol
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from screw_module_ros.clock import Clock
 from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
 
 Handler = Callable[[bytes, int], None]
@@ -67,18 +68,20 @@ class Link:
 class Port:
     """One bus: frames in by id, frames out, counters.
 
-    bus: any python-can bus; it stays the caller's, and is not closed here.
+    bus: any python-can bus; it stays the caller's, and is not closed here. clock: what the other
+    ends of the bus wait by.
     around: frame id -> handlers called before and after every device's own.
     """
 
-    def __init__(self, bus: can.BusABC):
+    def __init__(self, bus: can.BusABC, clock: Clock):
         self.bus = bus
+        self._arrivals = clock.arrivals(bus)
         self.links: list[Link] = []
         self.around: dict[int, tuple[Handler | None, Handler | None]] = {}
         self.now_ns = 0
         self.frames_in = self.frames_out = self.ignored = self.own_echoes = 0
         self.receive_errors = self.send_errors = 0
-        self._stamp = own_stamp()
+        self._stamp = bus.own_stamp = own_stamp()
         self._tag: str | None = None
         if isinstance(bus, UdpMulticastBus) and not drop_own_frames(bus, self._stamp):
             self._tag = f"rig {self._stamp!r}"
@@ -111,7 +114,7 @@ class Port:
         """Handle the next waiting frame, if there is one; never blocks. True when there was."""
         self.now_ns = now_ns
         try:
-            message = self.bus.recv(0)
+            message = self._arrivals.receive(0)
         except (can.CanError, OSError, ValueError):
             self.receive_errors += 1
             return False
@@ -143,6 +146,7 @@ class Port:
         except (can.CanError, OSError):
             self.send_errors += 1
         else:
+            self._arrivals.sent()
             self.frames_out += 1
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole far end: five devices on up to four buses, one world, one thread.
 
-`process` is one pass for tests; `run` is the loop of the simulator. The answer to SYNC comes first:
-frames are taken one from each bus in turn, and housekeeping waits for the quiet part of a period.
-Physics is brought up to date when something looks at it or acts on it.
+`process` is one pass without waiting, `run` serves the buses on the wall clock, `run_in_steps` in
+simulated time. The answer to SYNC comes first: frames are taken one from each bus in turn, and
+housekeeping waits for the quiet part of a period. Physics is brought up to date when something looks
+at it or acts on it.
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from typing import NamedTuple
 
 import can
 
+from screw_module_ros.clock import Clock, WallClock
+from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.drive import Drive
 from screw_module_ros.rig.faults import CLEAR, catalogue
-from screw_module_ros.rig.physics import WALL, Physics, World
+from screw_module_ros.rig.physics import Physics, World
 from screw_module_ros.rig.port import Port
 from screw_module_ros.settings import validated
 
@@ -39,6 +42,7 @@ _AFTER_TICK_NS = 600_000
 """When housekeeping is due: the nodes tick at whole periods and have written by then."""
 _LONGEST_UNSEEN_NS = 2_000_000
 """The world is brought up to date at least so often, though nobody looks."""
+_LOOK_S = 0.05
 _PAUSE_S = 0.0002
 """Between two passes on interfaces that cannot be waited for."""
 
@@ -64,15 +68,15 @@ class Rig:
     """The simulated devices on `buses`, driven by `world`.
 
     buses: encoder, drive, force_sensor, planar -> bus; the same bus may stand under several keys,
-    and what is left out is not there. clock: "wall" or "sync" (see `physics`); period_ns: time per
-    SYNC. Raises ValueError for an unknown bus, clock or setting.
+    and what is left out is not there. clock: simulated time goes in steps (see `physics`);
+    period_ns: the shortest period of the nodes. Raises ValueError for an unknown bus or setting.
     """
 
     def __init__(
         self,
         buses: dict[str, can.BusABC],
         world: World,
-        clock: str = WALL,
+        clock: Clock | None = None,
         period_ns: int = 1_000_000,
         settings: RigSettings | None = None,
     ):
@@ -81,18 +85,23 @@ class Rig:
             raise ValueError(f"buses: {unknown or 'none'}; some of {', '.join(BUSES)} are wanted")
         settings = validated(settings or RigSettings())
         self.world = world
-        self.physics = Physics(world, clock, period_ns, round(settings.sync_latency * 1e9))
+        clock = clock or WallClock()
+        latency_ns = round(settings.command_latency * 1e9)
+        self.physics = Physics(world, clock.simulated, period_ns, latency_ns)
+        self._period_ns = period_ns
         self._every_ns = min(period_ns, _HOUSEKEEPING_NS)
         self._after_ns = _AFTER_TICK_NS * self._every_ns // _HOUSEKEEPING_NS
         self._requests: deque[Callable[[], object]] = deque()
-        by_bus = {id(bus): Port(bus) for bus in buses.values()}
+        by_bus = {id(bus): Port(bus, clock) for bus in buses.values()}
         self._ports = {name: by_bus[id(bus)] for name, bus in buses.items()}
         self._distinct = list(by_bus.values())
         #: name -> device: encoder, drive, force_sensor, shoulder, elbow
         self.devices: dict[str, Device] = {
             device.name: device for device in build_devices(settings, self._ports, self.physics)
         }
-        self._let_sync_keep_time()
+        for port in self._distinct:
+            port.around[_SYNC_ID] = (self.physics.sync, None)
+            port.rebuild()
 
     def process(self, now_ns: int) -> int:
         """Do one pass without waiting: requests, every waiting frame, timers.
@@ -134,6 +143,31 @@ class Rig:
                 self._serve_requests()
                 self._housekeep(now_ns)
                 backlog, wake_ns = 0, self._next_wake(now_ns)
+
+    def run_in_steps(
+        self, time: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None]
+    ) -> None:
+        """Serve the buses and move simulated time until `should_stop` says so.
+
+        stepped: called with each new time [ns], after the devices' timers.
+        """
+        while not should_stop():
+            time.look()
+            now_ns = time.now_ns
+            self._serve_requests()
+            while any([port.receive(now_ns) for port in self._distinct]):
+                pass
+            content_ns = time.quiet()
+            if content_ns is None:
+                time.sleep(_LOOK_S)
+            elif (early_s := time.too_early()) > 0.0:
+                time.sleep(early_s)
+            else:
+                now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
+                time.move(now_ns)
+                self._housekeep(now_ns)
+                stepped(now_ns)
+                time.release()
 
     def call(self, function: Callable[[], object]) -> None:
         """Have `function` called between two frames, by the thread that runs the rig.
@@ -198,18 +232,8 @@ class Rig:
 
     # Inside.
 
-    def _let_sync_keep_time(self) -> None:
-        """Tie the world's time to SYNC; with the clock "sync" to that of one bus alone."""
-        physics = self.physics
-        master = self._ports[next(name for name in BUSES if name in self._ports)]
-        for port in self._distinct:
-            after = physics.sync_end if port is master else None
-            before = physics.sync_begin if port is master else physics.sync_elsewhere
-            port.around[_SYNC_ID] = (before, after)
-            port.rebuild()
-
     def _housekeep(self, now_ns: int) -> None:
-        if now_ns - self.physics.reached_ns >= _LONGEST_UNSEEN_NS:
+        if self.physics.stepped or now_ns - self.physics.reached_ns >= _LONGEST_UNSEEN_NS:
             self.physics.advance(now_ns)
         for device in self.devices.values():
             device.poll(now_ns)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from typing import Annotated, NamedTuple
 
 from screw_module_ros.control.timing import empty_histogram, note_latency
@@ -22,7 +21,7 @@ _SLOW_POLL_S = 5.0
 
 
 class RateSettings(NamedTuple):
-    """The node's clock: whole multiples of one period of CLOCK_MONOTONIC."""
+    """The node ticks at whole multiples of one period of its clock."""
 
     rate: Annotated[float, Setting("ticks per second, one tick a period", "Hz", 50.0, 4000.0)] = (
         1000.0
@@ -55,7 +54,7 @@ class DriverNode(ModuleNode):
             self._device_locks.append(
                 lock_device(bus.interface, bus.channel, bus.port, device)
             )
-        self.port = open_port(bus)
+        self.port = open_port(bus, self.clock)
         self.bus_name = where(bus)
         return self.port
 
@@ -68,15 +67,15 @@ class DriverNode(ModuleNode):
 
     def start_clock(self) -> None:
         """Begin ticking; slow polls begin with it."""
-        self.ticker = Ticker(self.period_ns)
+        self.ticker = Ticker(self.clock, self.period_ns)
         self.skipped = 0
         self.answers = empty_histogram()
-        self._slow_timer = self.create_timer(_SLOW_POLL_S, self.poll_slow)
+        self._slow_timer = self.periodic.every(self.clock, _SLOW_POLL_S, self.poll_slow)
 
     def stop_clock(self) -> None:
         """End the slow polls."""
         if self._slow_timer is not None:
-            self.destroy_timer(self._slow_timer)
+            self.periodic.cancel(self._slow_timer)
             self._slow_timer = None
 
     def next_tick(self) -> Tick:
@@ -103,13 +102,12 @@ class DriverNode(ModuleNode):
         """Return the reading asked for, None when it has not come by `until_ns`."""
         try:
             while (reading := device.reading()) is None:
-                left = until_ns - time.monotonic_ns()
-                if left <= 0:
+                if self.clock.now_ns() >= until_ns:
                     return None
-                self.port.pump(left * 1e-9)
+                self.port.pump(until_ns)
         except DeviceError:
             return None
-        note_latency(self.answers, time.monotonic_ns() - reading.monotonic_ns)
+        note_latency(self.answers, self.clock.now_ns() - reading.monotonic_ns)
         return reading
 
     def poll_slow(self) -> None:

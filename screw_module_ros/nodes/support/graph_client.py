@@ -7,8 +7,8 @@ Every call either works or raises RobotError in a sentence that names the node a
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterable
+from contextlib import contextmanager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -22,16 +22,21 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
 from std_srvs.srv import Trigger
 
+from screw_module_ros.clock import Clock, WallClock, simulated_clock
+
 from . import qos
 from .freshness import Newest
+from .module_node import answer_topic, request_topic
 from .realtime import Inbox
 from .transport import choose_transport
 
-_POLL_S = 0.02
+_POLL_NS = 20_000_000
 _SERVE_S = 0.5
 ANSWER_S = 10.0
+_LOST_S = 1.0
 _READY_S = 90.0
-_FIRST_ASK_S, _ASK_AGAIN_S = 0.2, 1.0
+_FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
+_WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
 _STATES = {
     SafetyState: "safety_state",
@@ -48,7 +53,9 @@ class RobotError(RuntimeError):
 class Client:
     """A client of the whole graph. Not thread-safe: one thread calls it.
 
-    `watch` is called in every wait and may raise to end it, for instance when a process died.
+    watch: called in every wait, may raise to end it, for instance when a process died. simulated:
+    take part in the rig's time: waits go by it, what is asked is asked at one time and answered
+    before it moves on.
     """
 
     def __init__(
@@ -56,17 +63,19 @@ class Client:
         name: str = "operator",
         namespace: str = "",
         watch: Callable[[], None] = lambda: None,
+        simulated: bool = False,
     ):
         self.watch = watch
+        self.clock: Clock = simulated_clock(name, namespace) if simulated else WallClock()
         choose_transport()
         self._context = Context()
         self._context.init()
         self.node = Node(name, namespace=namespace or None, context=self._context)
         self._clients: dict[str, Any] = {}
         self._told: dict[str, DiagnosticStatus] = {}
-        self._never = threading.Event()
+        self._wires: dict[str, tuple[Any, Any]] = {}
         self._closing = threading.Event()
-        self._inbox = Inbox(self.node)
+        self._inbox = Inbox(self.node, self.clock)
         self._states = {
             kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
             for kind, topic in _STATES.items()
@@ -92,6 +101,7 @@ class Client:
         self._inbox.close()
         self.node.destroy_node()
         self._context.try_shutdown()
+        self.clock.close()
 
     def _serve(self) -> None:
         # Not `spin`: shutting it down from another thread destroys what it is about to use.
@@ -102,10 +112,11 @@ class Client:
 
     def pause(self, seconds: float) -> None:
         """Wait, watching."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
+        clock = self.clock
+        end_ns = clock.now_ns() + round(seconds * 1e9)
+        while (now_ns := clock.now_ns()) < end_ns:
             self.watch()
-            self._never.wait(min(left, _POLL_S))
+            clock.sleep_until(min(end_ns, now_ns + _POLL_NS))
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
@@ -114,11 +125,11 @@ class Client:
 
     def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Wait for `condition`, watching; return whether it was met before the deadline."""
-        end = time.monotonic() + deadline_s
+        end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
         while not condition():
-            if time.monotonic() > end:
+            if self.clock.now_ns() > end_ns:
                 return False
-            self.pause(_POLL_S)
+            self.pause(_POLL_NS * 1e-9)
         return True
 
     def wait_until_ready(
@@ -129,35 +140,45 @@ class Client:
     ) -> None:
         """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet."""
         waiting = list(nodes)
-        asked: dict[str, tuple[Any, float]] = {}
+        asked: dict[str, tuple[Any, int]] = {}
 
         def ready() -> bool:
             waiting[:] = [name for name in waiting if not self._is_active(name, asked)]
             told(waiting)
             return not waiting
 
-        if not self.met(ready, deadline_s):
+        if not self._met_by_wall(ready, deadline_s):
             said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
-    def _is_active(self, name: str, asked: dict[str, tuple[Any, float]]) -> bool:
+    def _met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        self.clock.idle()
+        end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                return False
+            self.watch()
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+        return True
+
+    def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
         """Whether the node has answered so.
 
         A node that is just being discovered may lose a question: it is asked a moment after it was
         seen, and again where an answer does not come.
         """
-        future, due = asked.get(name, (None, 0.0))
+        future, due_ns = asked.get(name, (None, 0))
         if future is not None and future.done():
             del asked[name]
             return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
-        now = time.monotonic()
+        now_ns = _WALL.now_ns()
         client = self.client(GetState, f"{name}/get_state")
         if not client.service_is_ready():
             asked.pop(name, None)
         elif name not in asked:
-            asked[name] = (None, now + _FIRST_ASK_S)
-        elif now > due:
-            asked[name] = (client.call_async(GetState.Request()), now + _ASK_AGAIN_S)
+            asked[name] = (None, now_ns + _FIRST_ASK_NS)
+        elif now_ns > due_ns:
+            asked[name] = (client.call_async(GetState.Request()), now_ns + _ASK_AGAIN_NS)
         return False
 
     # What the nodes say --------------------------------------------------------------------
@@ -187,7 +208,7 @@ class Client:
 
         None when it is older than 0.3 s.
         """
-        return self._states[kind].fresh(time.monotonic_ns())
+        return self._states[kind].fresh(self.clock.now_ns())
 
     # Services ------------------------------------------------------------------------------
 
@@ -201,9 +222,47 @@ class Client:
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
         self.wait_until(client.service_is_ready, deadline_s, f"nobody offers {service}")
-        future = client.call_async(request or kind.Request())
-        self.wait_until(future.done, deadline_s, f"{service} did not answer")
+        with self._under_way(client.srv_name) as hops:
+            future = client.call_async(request or kind.Request())
+            end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
+            while not future.done():
+                self.watch()
+                now_ns = self.clock.now_ns()
+                if now_ns > end_ns:
+                    self.wait_until(future.done, 0.0, f"{service} did not answer")
+                self._await(future, now_ns + _POLL_NS, hops)
         return future.result()
+
+    def _await(self, future: Any, until_ns: int, hops: list) -> None:
+        """Wait until `until_ns` for an answer; one that was given comes before time moves on."""
+        if not hops:
+            answered = threading.Event()
+            future.add_done_callback(lambda _: answered.set())
+            answered.wait((until_ns - self.clock.now_ns()) * 1e-9)
+            return
+        self.clock.member.wait(until_ns, hops=hops)
+        answered = threading.Event()
+        if hops[0].pending():
+            future.add_done_callback(lambda _: answered.set())
+            if answered.wait(_LOST_S):
+                hops[0].catch_up()
+            else:
+                hops[0].let_go()
+
+    @contextmanager
+    def _under_way(self, service: str):
+        """Let a request hold simulated time until its node has it; yield the way of the answer."""
+        if not self.clock.simulated:
+            yield []
+            return
+        node = service.rpartition("/")[0]
+        if node not in self._wires:
+            request = self.clock.source(request_topic(node))
+            self._wires[node] = (request, self.clock.hop(answer_topic(node)))
+        request, answer = self._wires[node]
+        answer.catch_up()
+        request.publishing()
+        yield [answer]
 
     def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
         """Like `call`; return the response's message, raise RobotError with it when refused."""

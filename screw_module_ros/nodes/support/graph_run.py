@@ -39,9 +39,11 @@ class GraphRun:
         only: Sequence[str] = (),
         without: Sequence[str] = (),
         composed: bool = False,
+        wall_clock: bool = False,
     ):
-        """Prepare; `params`, `extra`, `composed`: as of `bringup.start`."""
+        """Prepare; `params`, `extra`, `composed`, `wall_clock`: as of `bringup.start`."""
         self._params, self._extra, self._composed = params, list(extra), composed
+        self.wall_clock = wall_clock
         self._only, self._without = list(only), list(without)
         self._stopping = StopFlag()
         self._processes: list[bringup.Process] = []
@@ -61,6 +63,7 @@ class GraphRun:
                 without=self._without,
                 extra=[*self._place.arguments(), *self._extra],
                 composed=self._composed,
+                wall_clock=self.wall_clock,
             )
         except BaseException:
             self._leave()

@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection
-from typing import Annotated, NamedTuple
+from contextlib import contextmanager
+from typing import Annotated, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.timer import Timer
+from rclpy.qos import QoSProfile
 
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.settings import Setting
 
 from .parameters import Parameters
-from .realtime import RealtimeSettings
+from .realtime import Inbox, Outlet, RealtimeSettings
+from .timers import Timer, Timers
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
@@ -34,6 +38,12 @@ class StartSettings(NamedTuple):
     ] = True
 
 
+class Done(str):
+    """What a service did, for its response; a plain string says what was wrong."""
+
+    __slots__ = ()
+
+
 class Health(NamedTuple):
     """One diagnostics entry: level, a sentence, and named values."""
 
@@ -45,13 +55,21 @@ class Health(NamedTuple):
 class ModuleNode(LifecycleNode):
     """A lifecycle node with parameters, diagnostics and a hot loop.
 
-    Subclasses override what they need of `connect`, `begin`, `step`, `end`, `disconnect` (each in
+    Two threads share a node. The loop's thread runs `step` and owns all that it uses; the service
+    thread runs services, timers and the lifecycle, and reaches into the loop only by replacing
+    whole values or by what the loop takes up itself (see `axes/gated_drives`).
+
+    clock: the one clock of this process. Subclasses override what they need of `connect`, `begin`, `step`, `end`, `disconnect` (each in
     lifecycle order), `health` and `changed`.
     """
 
     def __init__(self, name: str):
         super().__init__(name)
         self.stopping = threading.Event()
+        self.clock = self._chosen_clock()
+        self.periodic = Timers()
+        self.wake: Callable[[], None] = lambda: None
+        self._outlets: list[Outlet] = []
         self._active = threading.Event()
         self._outside_step = threading.Event()
         self._outside_step.set()
@@ -61,8 +79,95 @@ class ModuleNode(LifecycleNode):
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(1.0, self.publish_health)
+        self.periodic.every(self.clock, 1.0, self.publish_health)
         self._start_timer: Timer | None = None
+        self._inbox: Inbox | None = None
+        self._requests = self._answers = None
+
+    def _chosen_clock(self) -> Clock:
+        if not self.get_parameter("use_sim_time").value:
+            return WallClock()
+        # Our own time comes from the page: a topic at 100 Hz would only cost a callback each.
+        for subscription in list(self.subscriptions):
+            if subscription.topic_name == "/clock":
+                self.destroy_subscription(subscription)
+        return simulated_clock(self.get_name(), self.get_namespace(), lambda: self.stopping.is_set())
+
+    # What subclasses use -------------------------------------------------------------------
+
+    def outlet(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[Any], None]:
+        """Return what publishes on a topic until `disconnect`."""
+        outlet = Outlet(self, self.clock, kind, topic, qos)
+        self._outlets.append(outlet)
+        return outlet.publish
+
+    def new_inbox(self) -> Inbox:
+        """Return the subscriptions of the hot loop, which end with `disconnect`."""
+        self._inbox = Inbox(self, self.clock, self.direct)
+        return self._inbox
+
+    def close_topics(self) -> None:
+        """Remove what `outlet` and `new_inbox` made."""
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
+        for outlet in self._outlets:
+            outlet.close()
+        self._outlets = []
+
+    def stamp(self, header: Any) -> None:
+        """Write the time of now into a message's header."""
+        header.stamp.sec, header.stamp.nanosec = divmod(self.clock.stamp_ns(), 1_000_000_000)
+
+    def serve(
+        self,
+        kind: type,
+        name: str,
+        action: Callable[[Any], str],
+        done: str = "",
+        always: bool = False,
+    ) -> None:
+        """Offer a service whose response has `success` and `message`.
+
+        action: takes the request and returns what is wrong, empty when nothing is, or `Done` with
+        what it did; what it raises is the answer too, and the node lives on. done: the message
+        where it returns nothing. always: also while the node is not active.
+        """
+
+        def answer(request: Any, response: Any) -> Any:
+            with self._asked():
+                said = self._carried_out(action, request, name, always)
+            response.success = not said or isinstance(said, Done)
+            response.message = str(said) or done
+            return response
+
+        self.create_service(kind, name, answer)
+
+    def _carried_out(self, action: Callable, request: Any, name: str, always: bool) -> str:
+        if not (always or self.active):
+            return "the node is not active"
+        try:
+            return action(request) or ""
+        except (DeviceError, TimeStandsStill) as error:
+            return str(error)
+        except Exception as error:
+            self.get_logger().error(f"{name}: {type(error).__name__}: {error}")
+            return str(error) or type(error).__name__
+
+    @contextmanager
+    def _asked(self):
+        """Hold simulated time while a service works, and until whoever asked has the answer."""
+        if not self.clock.simulated:
+            yield
+            return
+        if self._requests is None:
+            self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
+            self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
+        with self.clock.working():
+            self._requests.catch_up()
+            yield
+            self._answers.publishing()
+        self._answers.published()
 
     # What subclasses fill in ---------------------------------------------------------------
 
@@ -79,7 +184,7 @@ class ModuleNode(LifecycleNode):
 
     def step(self) -> None:
         """One pass of the hot loop; must return within some periods, blocking is its own affair."""
-        self.stopping.wait(0.05)
+        self.clock.sleep(_IDLE_S)
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
@@ -107,10 +212,12 @@ class ModuleNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle configure."""
         try:
-            self.connect()
+            with self.clock.working():
+                self.connect()
         except Exception as error:  # the sentence is what the user acts on, whatever its type
             self._fail("configure", error)
             self.disconnect()
+            self.close_topics()
             return TransitionCallbackReturn.FAILURE
         self._phase, self._failure = "inactive", ""
         return TransitionCallbackReturn.SUCCESS
@@ -118,7 +225,8 @@ class ModuleNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle activate."""
         try:
-            self.begin()
+            with self.clock.working():
+                self.begin()
         except Exception as error:
             self._fail("activate", error)
             self.end()
@@ -130,14 +238,16 @@ class ModuleNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle deactivate."""
-        self._leave_step()
-        self.end()
+        with self.clock.working():
+            self._leave_step()
+            self.end()
         self._phase = "inactive"
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle cleanup."""
         self.disconnect()
+        self.close_topics()
         self._phase = "unconfigured"
         return TransitionCallbackReturn.SUCCESS
 
@@ -152,16 +262,21 @@ class ModuleNode(LifecycleNode):
         ended: called when the node's work is done and only topics and buses are left to close.
         """
         if self._active.is_set():
-            self._leave_step()
-            self.end()
+            try:
+                with self.clock.working():
+                    self._leave_step()
+                    self.end()
+            except TimeStandsStill as error:
+                self.get_logger().warning(f"not left in order: {error}")
         ended()
         if self._phase != "finalized":
             self.disconnect()
+            self.close_topics()
         self._phase = "finalized"
 
     def _leave_step(self) -> None:
         self._active.clear()
-        if not self._outside_step.wait(_LEAVE_STEP_S):
+        if not self.clock.wait_for(self._outside_step.is_set, _LEAVE_STEP_S):
             self.get_logger().error("the loop did not end its step in time")
 
     def _fail(self, doing: str, error: Exception) -> None:
@@ -173,7 +288,7 @@ class ModuleNode(LifecycleNode):
     def start_by_itself(self) -> None:
         """Configure and activate when `autostart` says so, again each second until it works."""
         if self.parameters.read(StartSettings).autostart:
-            self._start_timer = self.create_timer(_RETRY_S, self._try_start)
+            self._start_timer = self.periodic.every(WallClock(), _RETRY_S, self._try_start)
             self._try_start()
 
     def _try_start(self) -> None:
@@ -182,7 +297,7 @@ class ModuleNode(LifecycleNode):
         if self._phase == "inactive":
             self.trigger_activate()
         if self._phase in ("active", "finalized"):
-            self.destroy_timer(self._start_timer)
+            self.periodic.cancel(self._start_timer)
 
     # Hot loop ------------------------------------------------------------------------------
 
@@ -193,7 +308,10 @@ class ModuleNode(LifecycleNode):
                 if self.takes_part():
                     self.step()
                 else:
+                    self.clock.idle()
                     self._active.wait(_IDLE_S)
+        except TimeStandsStill as error:  # only raised here when the process is to end
+            self.get_logger().warning(str(error))
         finally:
             self.leaves()
 
@@ -203,6 +321,8 @@ class ModuleNode(LifecycleNode):
         The loop's thread asks before each step; until it asks again, or calls `leaves`, nothing
         the step uses is taken away.
         """
+        if self.clock.simulated and self.periodic.is_due():
+            self.wake()  # who sleeps in the executor does not hear of simulated time
         if self._active.is_set():
             if not self._outside_step.is_set():
                 return True
@@ -234,5 +354,15 @@ class ModuleNode(LifecycleNode):
             values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
         )
         array = DiagnosticArray(status=[status])
-        array.header.stamp = self.get_clock().now().to_msg()
+        self.stamp(array.header)
         self._diagnostics.publish(array)
+
+
+def request_topic(node: str) -> str:
+    """Return what simulated time calls the requests to a node of this full name."""
+    return f"request {node}"
+
+
+def answer_topic(node: str) -> str:
+    """Return what simulated time calls the answers of a node of this full name."""
+    return f"answer {node}"

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from screw_module_ros.settings import Field, declared, problem
 
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_CLOCK_IS_CHOSEN = "use_sim_time is fixed once a node has started: start it anew with another value"
 _INT64 = 2**63 - 1
 
 
@@ -97,6 +98,9 @@ class Parameters:
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
+            if parameter.name == "use_sim_time" and self._declared:
+                if parameter.value != self._node.get_parameter("use_sim_time").value:
+                    return SetParametersResult(successful=False, reason=_CLOCK_IS_CHOSEN)
             known = self._fields.get(parameter.name)
             if known is None or not self._node.has_parameter(parameter.name):
                 continue

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 
-from rclpy.node import Node
 from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros.axes.gated_drives import GatedDrives
 
 from . import qos
+from .module_node import ModuleNode
 from .realtime import Inbox
 
 _TOPIC = "safety_state"
@@ -25,11 +25,11 @@ class Permission:
     publishes it, else empty; a node that was killed counts until DDS forgets it, 20 s later.
     """
 
-    def __init__(self, node: Node, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
+    def __init__(self, node: ModuleNode, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
         self.warning = ""
         self._node, self._permitted = node, permitted
         self._take = inbox.subscribe(SafetyState, _TOPIC, qos.PERMISSION)
-        self._timer = node.create_timer(_LOOK_S, self._count_senders)
+        self._timer = node.periodic.every(node.clock, _LOOK_S, self._count_senders)
 
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
         """Tell the gate what came since the last call; two senders are a refusal. now_ns [ns]."""
@@ -46,4 +46,4 @@ class Permission:
 
     def close(self) -> None:
         """Count no more; the subscription goes with the inbox."""
-        self._node.destroy_timer(self._timer)
+        self._node.periodic.cancel(self._timer)

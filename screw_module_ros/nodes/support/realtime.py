@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hot loop's tools: ticks on CLOCK_MONOTONIC, a wait set of our own, thread settings.
+"""The hot loop's tools: ticks, subscriptions and publishers of its own, thread settings.
 
 rclpy's executor spends about 60 us per callback. The hot subscriptions of a node are therefore
 kept out of its executor (`HotGroup`) and taken by hand from a wait set.
@@ -13,7 +13,6 @@ import gc
 import os
 import struct
 import sys
-import time
 from collections.abc import Collection
 from typing import Annotated, Any, NamedTuple
 
@@ -23,13 +22,18 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from screw_module_ros.clock import Clock
+from screw_module_ros.lockstep.wires import Hop, Source
 from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
-BREATH_NS = 100_000
-"""A hot loop that was woken for nothing sleeps so long before it waits again [ns]: a wait set that
-is always ready would else make it spin, at a priority at which nobody else on its core runs."""
+BETWEEN_TICKS_NS = 500_000
+"""How long after the tick the slow loops look: by then those that tick fast have said all [ns]."""
+_LOST_NS = 500_000_000  # wall clock: a message that was published and has not come by then is lost
+BREATH_S = 100e-6
+"""A hot loop that was woken for nothing sleeps so long before it waits again: a wait set that is
+always ready would else make it spin, at a priority at which nobody else on its core runs."""
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
@@ -124,7 +128,7 @@ def _in_the_way_of_samples(thread: int) -> bool:
 
 
 class Tick(NamedTuple):
-    """One multiple of the period on CLOCK_MONOTONIC."""
+    """One multiple of the period: its number, the time [ns], ROS time [ns], ticks left out before."""
 
     sequence: int
     monotonic_ns: int
@@ -133,30 +137,34 @@ class Tick(NamedTuple):
 
 
 class Ticker:
-    """Whole multiples of `period_ns` of CLOCK_MONOTONIC; an overrun skips ticks, never bursts."""
+    """Whole multiples of `period_ns`; an overrun skips ticks, never bursts.
 
-    def __init__(self, period_ns: int):
+    offset_ns: how long after the whole multiple the tick is, for loops that only look at what
+    others do on it.
+    """
+
+    def __init__(self, clock: Clock, period_ns: int, offset_ns: int = 0):
         self.period_ns = period_ns
-        self._last = time.monotonic_ns() // period_ns
+        self._clock = clock
+        self._offset_ns = offset_ns
+        self._last = (clock.now_ns() - offset_ns) // period_ns
 
     def due_ns(self) -> int:
-        """Return the time of the next tick, CLOCK_MONOTONIC in ns."""
-        return (self._last + 1) * self.period_ns
+        """Return the time of the next tick [ns]."""
+        return (self._last + 1) * self.period_ns + self._offset_ns
 
     def sleep(self) -> Tick:
         """Sleep until the next tick."""
-        wait = self.due_ns() - time.monotonic_ns()
-        if wait > 0:
-            time.sleep(wait * 1e-9)
+        self._clock.sleep_until(self.due_ns())
         return self.take()
 
     def take(self) -> Tick:
         """Return the tick of now; the caller has seen to it that it is due."""
-        now = time.monotonic_ns()
-        number = max(now // self.period_ns, self._last + 1)
+        now_ns = self._clock.now_ns()
+        number = max((now_ns - self._offset_ns) // self.period_ns, self._last + 1)
         skipped = number - self._last - 1
         self._last = number
-        return Tick(number & 0xFFFFFFFF, now, time.time_ns(), skipped)
+        return Tick(number & 0xFFFFFFFF, now_ns, self._clock.stamp_ns(), skipped)
 
 
 class HotGroup(CallbackGroup):
@@ -177,16 +185,19 @@ class HotGroup(CallbackGroup):
 class Inbox:
     """Subscriptions of the hot loop, waited for together and taken one by one.
 
-    direct: topics whose content another part of this process hands over by calls; they are not
-    subscribed to, and taking from them gives None.
+    clock: what is waited by. direct: topics whose content another part of this process hands over
+    by calls; they are not subscribed to, and taking from them gives None.
     """
 
-    def __init__(self, node: Node, direct: Collection[str] = ()):
+    def __init__(self, node: Node, clock: Clock, direct: Collection[str] = ()):
         self._node = node
+        self._clock = clock
         self._direct = direct
         self._group = HotGroup()
         self._subscriptions: list[Subscription] = []
+        self._hops: list[Hop] = []
         self._waking: list[Any] = []
+        self._wakers: list[Hop] = []
         self._wait_set: Any = None
 
     def subscribe(self, kind: type, topic: str, qos: QoSProfile, wakes: bool = False):
@@ -200,38 +211,105 @@ class Inbox:
             kind, topic, _never, qos, callback_group=self._group
         )
         self._subscriptions.append(subscription)
+        handle = subscription.handle
         if wakes:
-            self._waking.append(subscription.handle)
-        raw_take = subscription.handle.take_message
+            self._waking.append(handle)
+        if self._clock.simulated:
+            hop = self._clock.hop(subscription.topic_name)
+            self._hops.append(hop)
+            if wakes:
+                self._wakers.append(hop)
+            return lambda: self._take_counted(handle, kind, hop, qos.depth == 1)
+        take_message = handle.take_message
 
         def take():
-            taken = raw_take(kind, False)
+            taken = take_message(kind, False)
             return taken[0] if taken is not None else None
 
         return take
+
+    def _take_counted(self, handle: Any, kind: type, hop: Hop, only_newest: bool) -> Any:
+        """Take a message; one that was published and is still on its way is waited for."""
+        newest = None
+        while True:
+            taken = handle.take_message(kind, False)
+            if taken is None and hop.pending():
+                self._await(handle)
+                taken = handle.take_message(kind, False)
+                if taken is None:
+                    hop.let_go()  # lost: not waited for until the next one has come
+            if taken is None:
+                return newest
+            newest = taken[0]
+            hop.taken(taken[1]["publication_sequence_number"] or 0)
+            if not (only_newest and hop.pending()):
+                return newest
+
+    def _await(self, handle: Any) -> None:
+        """Wait for a message that was published: the middleware has it in a moment."""
+        wait_set = self._new_wait_set(1)
+        wait_set.clear_entities()
+        wait_set.add_subscription(handle)
+        wait_set.wait(_LOST_NS)
 
     def publishers(self, topic: str) -> int:
         """Return how many publishers there are on `topic` for the subscription made to it."""
         return self._node.count_publishers(topic)
 
-    def wait(self, timeout_ns: int) -> None:
-        """Wait at most `timeout_ns` for a message of a waking subscription."""
+    def wait(self, until_ns: int) -> None:
+        """Wait until `until_ns` at most for a message of a waking subscription."""
+        if self._clock.simulated:
+            self._clock.member.wait(until_ns, hops=self._wakers)
+            return
         if self._wait_set is None:
-            context = self._node.context
-            with context.handle:
-                self._wait_set = _rclpy.WaitSet(len(self._waking), 0, 0, 0, 0, 0, context.handle)
+            self._wait_set = self._new_wait_set(len(self._waking))
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle in self._waking:
             wait_set.add_subscription(handle)
-        wait_set.wait(max(0, timeout_ns))
+        wait_set.wait(max(0, until_ns - self._clock.now_ns()))
+
+    def _new_wait_set(self, subscriptions: int) -> Any:
+        context = self._node.context
+        with context.handle:
+            return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
 
     def close(self) -> None:
         """Destroy the subscriptions."""
         self._wait_set, self._waking = None, []
+        for hop in self._hops:
+            hop.close()
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        self._subscriptions = []
+        self._subscriptions, self._hops, self._wakers = [], [], []
+
+
+class Outlet:
+    """A publisher of the hot loop; in simulated time its messages are counted.
+
+    publish: takes a message.
+    """
+
+    def __init__(self, node: Node, clock: Clock, kind: type, topic: str, qos: QoSProfile):
+        self._node = node
+        self._publisher = node.create_publisher(kind, topic, qos)
+        self._send = self._publisher.handle.publish
+        self._source: Source | None = None
+        self.publish = self._send
+        if clock.simulated:
+            self._source = clock.source(self._publisher.topic_name)
+            self.publish = self._publish_counted
+
+    def _publish_counted(self, message: Any) -> None:
+        self._source.publishing()
+        self._send(message)
+        self._source.published()
+
+    def close(self) -> None:
+        """Destroy the publisher."""
+        if self._source is not None:
+            self._source.close()
+        self._node.destroy_publisher(self._publisher)
 
 
 def _nothing() -> None:
@@ -240,11 +318,6 @@ def _nothing() -> None:
 
 def _never(message) -> None:
     raise AssertionError("a hot subscription is never served by the executor")
-
-
-def breathe() -> None:
-    """Sleep for BREATH_NS."""
-    time.sleep(BREATH_NS * 1e-9)
 
 
 def fill_stamp(message: Any, stamp_ns: int) -> None:

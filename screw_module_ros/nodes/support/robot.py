@@ -29,6 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from . import qos
 from .graph_client import ANSWER_S, Client, RobotError
+from .realtime import Outlet, fill_stamp
 
 __all__ = ["Robot", "RobotError", "arm"]
 
@@ -71,7 +72,9 @@ class Robot(Client):
         super().__init__(*args, **kwargs)
         self._setpoint = EndpointSetpoint()
         self._setpoint.header.frame_id = "manus_base"
-        self._setpoints = self.node.create_publisher(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self._setpoints = Outlet(
+            self.node, self.clock, EndpointSetpoint, "setpoint", qos.COMMAND
+        )
 
     def home(self) -> None:
         """Home encoder and plane: nut and arm stand at their reference marks, at rest."""
@@ -187,7 +190,7 @@ class Robot(Client):
     ) -> None:
         """Publish where the spring pulls [m], as a game does; NaN leaves an axis alone."""
         message = self._setpoint
-        message.header.stamp = self.node.get_clock().now().to_msg()
+        fill_stamp(message.header, self.clock.stamp_ns())
         message.position.x, message.position.y, message.position.z = x, y, z
         message.velocity.x, message.velocity.y, message.velocity.z = velocity
         self._setpoints.publish(message)

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from .module_node import ModuleNode
 from .parameters import ParameterError
-from .realtime import RealtimeSettings, breathe, prepare, take_priority
+from .realtime import BREATH_S, RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals
 from .transport import choose_transport
@@ -78,6 +78,7 @@ def run_together(
     finally:
         for node in nodes:
             node.destroy_node()
+            node.clock.close()
         rclpy.try_shutdown()
         for lock in locks:
             lock.release()
@@ -121,6 +122,8 @@ def _end_if_locked_up() -> None:
 
 
 def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
+    if nodes[0].clock.simulated:  # time waits: nobody has to come first
+        return RealtimeSettings()
     asked = [node.parameters.read(RealtimeSettings, "realtime") for node in nodes]
     return asked[0]._replace(priority=max(settings.priority for settings in asked))
 
@@ -132,6 +135,7 @@ class _Served:
         self.node = node
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(node)
+        node.wake = self.executor.wake
         self._thread = threading.Thread(
             target=_serve, args=(self.executor, node, ended), daemon=True
         )
@@ -148,8 +152,9 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
     try:
         while not ended.is_set():
             try:
-                executor.spin_once()
+                executor.spin_once(timeout_sec=node.periodic.left_s())
+                node.periodic.run()
             except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
-                breathe()
+                ended.wait(BREATH_S)
     finally:
         node.stopping.set()  # without services and diagnostics the node is no use

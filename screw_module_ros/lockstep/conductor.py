@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Moves simulated time: for the one process that owns the physics.
+
+    while working:
+        serve the buses
+        due = conductor.quiet()
+        if due is not None: conductor.move(...); timers of the devices; conductor.release()
+        else: conductor.sleep()
+
+A member that makes no progress for `PATIENCE_S` of wall clock while the others wait for it, or whose
+process has ended, is no longer waited for until it follows again.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+from .page import BUSY, FOREVER, HOPS, LINES, SLOTS, Page, alive
+from .wires import Line
+
+PATIENCE_S = 1.0
+_LOOK_S = 0.05  # wall clock between looks for processes that have ended
+_MOST_AHEAD_S = 0.005  # a late tick is caught up by so much, no more
+
+
+class TimeTaken(RuntimeError):
+    """Another process moves this time already."""
+
+
+class Conductor:
+    """One page's time.
+
+    speed: simulated seconds per second at most, 0 = as fast as it goes. tell: hears sentences about
+    members that are given up.
+    """
+
+    def __init__(self, page: Page, speed: float, tell: Callable[[str], None]):
+        self._page = page
+        self._speed = speed
+        self._tell = tell
+        with page.locked():
+            if page.conductor and page.conductor != os.getpid() and alive(page.conductor):
+                raise TimeTaken(
+                    f"process {page.conductor} simulates this robot already: stop it first, or "
+                    "start this one in another namespace or ROS domain"
+                )
+            page.conductor = os.getpid()
+            page.changed()
+        self._roster = -1
+        self._top = 0
+        self._seen = 0
+        self._lines: list[Line] = []
+        self._hops: list[tuple[int, int]] = []
+        self.given_up = 0
+        self._progress = -1
+        self._progress_s = self._looked_s = time.monotonic()
+        self._due_s = self._progress_s
+        self._factor_s, self._factor_ns = self._progress_s, page.now_ns
+
+    @property
+    def now_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self._page.now_ns
+
+    def quiet(self) -> int | None:
+        """Return until when everybody is content [ns]; None while somebody has work to do."""
+        page = self._page
+        if self._roster != page.roster:
+            self._call_roll()
+        top = self._top
+        while True:
+            declared = sum(page.slot_declared[:top])
+            if self._under_way():
+                return None
+            earliest = min(page.slot_until[:top], default=FOREVER)
+            if earliest <= page.now_ns:
+                return None
+            if sum(page.slot_declared[:top]) == declared:
+                return earliest
+
+    def _under_way(self) -> bool:
+        page = self._page
+        for line in self._lines:
+            if self._is_awaited(line) and line.pending() > 0:
+                return True
+        published, taken = page.topic_published, page.hop_taken
+        for hop, topic in self._hops:
+            if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]:
+                if taken[hop] != published[topic]:
+                    return True
+        return False
+
+    def _is_awaited(self, line: Line) -> bool:
+        """Return whether somebody waits for the frames, or they are for us."""
+        page, row = self._page, line.row
+        return page.line_waiter[row] >= 0 or page.line_pid[row] == page.conductor
+
+    def _call_roll(self) -> None:
+        page = self._page
+        self._roster = page.roster
+        self._top = 1 + max((i for i in range(SLOTS) if page.slot_pid[i]), default=-1)
+        rows = [i for i in range(LINES) if page.line_pid[i]]
+        known = {line.row: line for line in self._lines}
+        self._lines = [known.get(row) or _watched(page, row) for row in rows]
+        self._hops = [(i, page.hop_topic[i]) for i in range(HOPS) if page.hop_pid[i]]
+        page.top = self._top
+
+    def too_early(self) -> float:
+        """Return how long wall clock has to catch up before time may move [s], 0 = it may."""
+        return max(0.0, self._due_s - time.monotonic()) if self._speed else 0.0
+
+    def move(self, to_ns: int) -> None:
+        """Set the time; nobody is woken yet."""
+        page = self._page
+        elapsed_s = (to_ns - page.now_ns) * 1e-9
+        now_s = self._progress_s = time.monotonic()
+        if self._speed:
+            self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self._speed
+        page.now_ns = to_ns
+        if now_s - self._factor_s > 1.0:
+            page.factor = (to_ns - self._factor_ns) * 1e-9 / (now_s - self._factor_s)
+            self._factor_s, self._factor_ns = now_s, to_ns
+        for line in self._lines:
+            if line.pending() < 0:  # an end has gone, with its count; or frames were not lost
+                line.forgive(line.pending())
+
+    def release(self) -> None:
+        """Wake everybody who wanted to hear of this time."""
+        page, now_ns = self._page, self._page.now_ns
+        until = page.slot_until
+        for slot in range(self._top):
+            if BUSY < until[slot] <= now_ns:
+                until[slot] = BUSY
+                page.wake_slot(slot)
+
+    def sleep(self, longest_s: float) -> None:
+        """Sleep until a member has told something since `look`, for `longest_s` at most."""
+        page = self._page
+        page.sleep_conductor(self._seen, min(longest_s, _LOOK_S))
+        self._look_after()
+
+    def look(self) -> None:
+        """Note what was told so far: call before `quiet`, so that `sleep` misses nothing."""
+        self._seen = self._page.header[4]
+
+    def _look_after(self) -> None:
+        """Give up who has ended, or who makes no progress while the others wait for him."""
+        now_s, page = time.monotonic(), self._page
+        if now_s - self._looked_s < _LOOK_S:
+            return
+        self._looked_s = now_s
+        self._dismiss_ended()
+        progress = sum(page.slot_declared[: self._top]) + page.now_ns
+        if progress != self._progress:
+            self._progress, self._progress_s = progress, now_s
+        elif now_s - self._progress_s > PATIENCE_S:
+            self._progress_s = now_s
+            self._give_up()
+
+    def _dismiss_ended(self) -> None:
+        page = self._page
+        pids = {*page.slot_pid[: self._top], *page.line_pid, *page.topic_pid, *page.hop_pid} - {0}
+        for pid in pids:
+            if not alive(pid):
+                with page.locked():
+                    page.dismiss(pid)
+
+    def _give_up(self) -> None:
+        page = self._page
+        names = []
+        for slot in range(self._top):
+            if page.slot_until[slot] <= page.now_ns:
+                page.slot_until[slot] = FOREVER
+                names.append(page.name(slot))
+        for line in self._lines:
+            if self._is_awaited(line) and line.pending() > 0:
+                waiter = page.line_waiter[line.row]
+                names.append(f"{page.name(waiter) if waiter >= 0 else 'the rig'} (frames lost)")
+                line.forgive(line.pending())
+        for hop, topic in self._hops:
+            waiter = page.hop_waiter[hop]
+            if waiter >= 0 and page.hop_follows[hop]:
+                if page.hop_taken[hop] != page.topic_published[topic]:
+                    names.append(f"{page.name(waiter)} (a message lost)")
+                    page.hop_follows[hop] = 0
+        if names:
+            self.given_up += len(names)
+            self._tell(
+                f"no longer waited for after {PATIENCE_S:g} s without progress: {', '.join(names)}"
+            )
+
+    def close(self) -> None:
+        """Let time stand."""
+        with self._page.locked():
+            if self._page.conductor == os.getpid():
+                self._page.conductor = 0
+
+
+def _watched(page: Page, row: int) -> Line:
+    """Return somebody else's line, to look at."""
+    line = Line.__new__(Line)
+    line._page, line.row, line._roster, line._peers = page, row, -1, []
+    return line

@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of shared memory that the processes of one simulated robot have in common.
+
+It is a file of 64-bit words in shared memory, found by ROS domain and namespace; rows are handed
+out under a file lock, everything else is plain reads and writes of single words. The last process
+to leave removes it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import mmap
+import os
+import platform
+import re
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+FOREVER = 2**62
+"""Content for ever: an idle thread, a thread that has left [ns]."""
+BUSY = 0
+NOBODY = -1
+START_NS = 1_000_000_000_000
+"""Simulated time begins here [ns]: far enough from 0, which stands for never."""
+
+SLOTS, LINES, TOPICS, HOPS = 96, 64, 192, 320
+_NAME_BYTES = 96
+_VERSION = 3
+_FOLDER = Path("/dev/shm")
+_FUTEX = {"x86_64": 202, "aarch64": 98}.get(platform.machine())
+_FUTEX_WAIT, _FUTEX_WAKE = 0, 1
+_WORD = 8
+
+_HEADER = ("version", "now", "conductor", "roster", "wake", "asleep", "factor", "top")
+_TABLES = (
+    ("slot_pid", SLOTS), ("slot_until", SLOTS), ("slot_wake", SLOTS), ("slot_asleep", SLOTS),
+    ("slot_declared", SLOTS),
+    ("line_pid", LINES), ("line_bus", LINES), ("line_sent", LINES), ("line_handled", LINES),
+    ("line_base", LINES), ("line_waiter", LINES),
+    ("topic_key", TOPICS), ("topic_pid", TOPICS), ("topic_published", TOPICS),
+    ("topic_base", TOPICS),
+    ("hop_pid", HOPS), ("hop_topic", HOPS), ("hop_taken", HOPS), ("hop_follows", HOPS),
+    ("hop_waiter", HOPS),
+)  # fmt: skip
+_WORDS = len(_HEADER) + sum(count for _, count in _TABLES)
+_SIZE = _WORDS * _WORD + SLOTS * _NAME_BYTES
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+class TableFull(RuntimeError):
+    """More threads, buses or topics than the page has rows for."""
+
+
+class Page:
+    """The words of one page; attributes named as in the tables are arrays of 64-bit integers.
+
+    now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
+    row that is taken or given back. factor: real-time factor in per mille.
+    slot_*: one row per thread: until when it is content [ns], what wakes it, how often it has
+    declared. line_*: one row per open bus: frames sent and handled. topic_*: messages published.
+    hop_*: one row per subscription: the newest message taken, whether it has kept up, who waits.
+    """
+
+    def __init__(self, name: str):
+        """Open the page called `name`, make it where there is none. Raises OSError."""
+        self.path = _FOLDER / f"screw_module_ros_{os.getuid()}_{name}"
+        self._file = _opened(self.path)
+        memory = mmap.mmap(self._file, _SIZE)
+        self._memory = memory
+        words = memoryview(memory)[: _WORDS * _WORD].cast("q")
+        self.header = words[: len(_HEADER)]
+        self._address = ctypes.addressof(ctypes.c_char.from_buffer(memory))
+        at = len(_HEADER)
+        self._at: dict[str, int] = {}
+        for table, count in _TABLES:
+            setattr(self, table, words[at : at + count])
+            self._at[table] = at
+            at += count
+        self._names = memoryview(memory)[_WORDS * _WORD :]
+        self._prepare()
+
+    def _prepare(self) -> None:
+        with self.locked():
+            if self.header[0] == _VERSION:
+                return
+            for index in range(SLOTS):
+                self.slot_until[index] = FOREVER
+            for table in (self.line_waiter, self.hop_waiter):
+                for index in range(len(table)):
+                    table[index] = NOBODY
+            self.header[1] = START_NS
+            self.header[0] = _VERSION
+
+    @contextmanager
+    def locked(self):
+        """Hold the page: rows are taken and given back by one process at a time."""
+        fcntl.flock(self._file, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            fcntl.flock(self._file, fcntl.LOCK_UN)
+
+    # Header --------------------------------------------------------------------------------
+
+    @property
+    def now_ns(self) -> int:
+        """Simulated time [ns]."""
+        return self.header[1]
+
+    @now_ns.setter
+    def now_ns(self, now_ns: int) -> None:
+        self.header[1] = now_ns
+
+    @property
+    def conductor(self) -> int:
+        """Process id of who moves the time, 0 = nobody."""
+        return self.header[2]
+
+    @conductor.setter
+    def conductor(self, pid: int) -> None:
+        self.header[2] = pid
+
+    @property
+    def roster(self) -> int:
+        """Changes whenever a row is taken or given back."""
+        return self.header[3]
+
+    @property
+    def top(self) -> int:
+        """No slot from here on is taken."""
+        return self.header[7] or SLOTS
+
+    @top.setter
+    def top(self, top: int) -> None:
+        self.header[7] = top
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds per second of wall clock, over the last second or so."""
+        return self.header[6] * 1e-3
+
+    @factor.setter
+    def factor(self, factor: float) -> None:
+        self.header[6] = round(factor * 1e3)
+
+    # Rows ----------------------------------------------------------------------------------
+
+    def take(self, table: memoryview, value: int, what: str) -> int:
+        """Take the first free row (0) of `table` for `value`; hold the lock. Raises TableFull."""
+        for index in range(len(table)):
+            if not table[index]:
+                table[index] = value
+                self.header[7] = 0
+                self.changed()
+                return index
+        raise TableFull(f"no room for one more {what} in simulated time: {len(table)} are there")
+
+    def changed(self) -> None:
+        """Tell the conductor that the roster has changed."""
+        self.header[3] += 1
+
+    def name(self, slot: int) -> str:
+        """Return the name of the thread in a slot."""
+        raw = bytes(self._names[slot * _NAME_BYTES : (slot + 1) * _NAME_BYTES])
+        return raw.rstrip(b"\0").decode(errors="replace")
+
+    def set_name(self, slot: int, name: str) -> None:
+        """Name the thread in a slot."""
+        raw = name.encode()[:_NAME_BYTES].ljust(_NAME_BYTES, b"\0")
+        self._names[slot * _NAME_BYTES : (slot + 1) * _NAME_BYTES] = raw
+
+    def dismiss(self, pid: int) -> None:
+        """Give back all rows of a process; hold the lock."""
+        for index in range(SLOTS):
+            if self.slot_pid[index] == pid:
+                self.slot_until[index] = FOREVER
+                self.slot_asleep[index] = 0
+                self.slot_pid[index] = 0
+        for index in range(LINES):
+            if self.line_pid[index] == pid:
+                self.line_waiter[index] = NOBODY
+                self.line_pid[index] = 0
+        for index in range(TOPICS):
+            if self.topic_pid[index] == pid:
+                self.topic_pid[index] = 0
+        for index in range(HOPS):
+            if self.hop_pid[index] == pid:
+                self.hop_follows[index] = 0
+                self.hop_waiter[index] = NOBODY
+                self.hop_pid[index] = 0
+        if self.conductor == pid:
+            self.conductor = 0
+        self.changed()
+
+    def close(self) -> None:
+        """Leave the page; remove it when nobody is left."""
+        with self.locked():
+            self.dismiss(os.getpid())
+            others = {pid for pid in self.slot_pid if pid} | {self.conductor}
+            if not any(alive(pid) for pid in others if pid):
+                with suppress(FileNotFoundError):
+                    self.path.unlink()
+        os.close(self._file)
+
+    # Waking --------------------------------------------------------------------------------
+
+    def wake_slot(self, slot: int) -> None:
+        """Wake the thread in a slot, if it sleeps."""
+        self.slot_wake[slot] += 1
+        if self.slot_asleep[slot]:
+            self._wake(self._at["slot_wake"] + slot)
+
+    def sleep_slot(self, slot: int, seen: int, timeout_s: float) -> None:
+        """Sleep until `slot_wake` of the slot is no longer `seen`, or for `timeout_s`."""
+        self.slot_asleep[slot] = 1
+        self._sleep(self._at["slot_wake"] + slot, seen, timeout_s)
+        self.slot_asleep[slot] = 0
+
+    def wake_conductor(self) -> None:
+        """Wake the conductor, if it sleeps."""
+        self.header[4] += 1
+        if self.header[5]:
+            self._wake(4)
+
+    def sleep_conductor(self, seen: int, timeout_s: float) -> None:
+        """Sleep until somebody wakes the conductor, or for `timeout_s`; seen: `header[4]`."""
+        self.header[5] = 1
+        self._sleep(4, seen, timeout_s)
+        self.header[5] = 0
+
+    def _wake(self, word: int) -> None:
+        _libc.syscall(_FUTEX, ctypes.c_void_p(self._address + word * _WORD), _FUTEX_WAKE, 1)
+
+    def _sleep(self, word: int, seen: int, timeout_s: float) -> None:
+        limit = _Timespec(int(timeout_s), int(timeout_s % 1.0 * 1e9))
+        expected = ctypes.c_int(seen & 0xFFFFFFFF)  # a futex is the low half of the word
+        address = ctypes.c_void_p(self._address + word * _WORD)
+        _libc.syscall(_FUTEX, address, _FUTEX_WAIT, expected, ctypes.byref(limit))
+
+
+def page_name(domain: str, namespace: str) -> str:
+    """Return the page's name for a ROS domain and a namespace."""
+    return re.sub(r"[^A-Za-z0-9]+", "_", f"{int(domain or 0)}_{namespace.strip('/')}").rstrip("_")
+
+
+def alive(pid: int) -> bool:
+    """Return whether the process is there and no zombie."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return False
+    return state not in "ZX"
+
+
+def _opened(path: Path) -> int:
+    """Open or make the file; not one that its last user is just removing."""
+    while True:
+        file = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            if os.fstat(file).st_ino == os.stat(path).st_ino:
+                if os.fstat(file).st_size < _SIZE:
+                    os.ftruncate(file, _SIZE)
+                return file
+        except FileNotFoundError:
+            pass
+        finally:
+            fcntl.flock(file, fcntl.LOCK_UN)
+        os.close(file)

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is under way between members: frames on a bus, messages on a topic, counted at both ends."""
+
+from __future__ import annotations
+
+import os
+import zlib
+
+from .page import HOPS, LINES, TOPICS, Page
+
+
+class Line:
+    """One open bus of this process: frames sent, and handled of those that others sent."""
+
+    def __init__(self, page: Page, bus: str):
+        self._page = page
+        with page.locked():
+            row = self.row = page.take(page.line_pid, os.getpid(), "bus")
+            page.line_bus[row] = _key(bus)
+            page.line_sent[row] = page.line_handled[row] = 0
+            page.line_base[row] = sum(page.line_sent[other] for other in self._others())
+        self._roster = -1
+        self._peers: list[int] = []
+
+    def _others(self) -> list[int]:
+        page, key = self._page, self._page.line_bus[self.row]
+        return [
+            row
+            for row in range(LINES)
+            if page.line_pid[row] and page.line_bus[row] == key and row != self.row
+        ]
+
+    @property
+    def peers(self) -> list[int]:
+        """Rows of the other ends of this bus."""
+        if self._roster != self._page.roster:
+            self._roster, self._peers = self._page.roster, self._others()
+        return self._peers
+
+    def pending(self) -> int:
+        """Return how many frames for this end are under way."""
+        page = self._page
+        sent = sum([page.line_sent[row] for row in self.peers])
+        return sent - page.line_base[self.row] - page.line_handled[self.row]
+
+    def sent(self) -> None:
+        """Count a frame that the bus has taken, and wake who waits for it."""
+        page = self._page
+        page.line_sent[self.row] += 1
+        for row in self.peers:
+            waiter = page.line_waiter[row]
+            if waiter >= 0:
+                page.wake_slot(waiter)
+            elif page.line_pid[row] == page.conductor:
+                page.wake_conductor()
+
+    def handled(self, count: int) -> None:
+        """Note that `count` frames of other members have been read since the bus was opened."""
+        self._page.line_handled[self.row] = count
+
+    def forgive(self, frames: int) -> None:
+        """Wait no longer for `frames` that were lost; for the conductor."""
+        self._page.line_base[self.row] += frames
+
+    def close(self) -> None:
+        """Give the row back."""
+        with self._page.locked():
+            self._page.line_pid[self.row] = 0
+            self._page.changed()
+
+
+class Source:
+    """The publishing end of a topic that one member publishes; `counts` is False beside another."""
+
+    def __init__(self, page: Page, topic: str):
+        self._page = page
+        with page.locked():
+            row = self.row = topic_row(page, topic)
+            self.counts = page.topic_pid[row] in (0, os.getpid())
+            if self.counts:
+                page.topic_pid[row] = os.getpid()
+                page.topic_base[row] = page.topic_published[row]
+        self._roster = -1
+        self._hops: list[int] = []
+
+    def publishing(self) -> None:
+        """Count a message that is just about to be published."""
+        if self.counts:
+            self._page.topic_published[self.row] += 1
+
+    def published(self) -> None:
+        """Wake who waits for the message."""
+        page = self._page
+        if self._roster != page.roster:
+            self._roster = page.roster
+            self._hops = [h for h in range(HOPS) if page.hop_pid[h] and
+                          page.hop_topic[h] == self.row]  # fmt: skip
+        for hop in self._hops:
+            waiter = page.hop_waiter[hop]
+            if waiter >= 0:
+                page.wake_slot(waiter)
+
+    def close(self) -> None:
+        """Let another publisher be counted."""
+        with self._page.locked():
+            if self.counts:
+                self._page.topic_pid[self.row] = 0
+
+
+class Hop:
+    """The receiving end of a topic: how far this subscription has come.
+
+    It is waited for only while it keeps up: from the first message that was the newest when it was
+    taken, until the conductor's patience ends.
+    """
+
+    def __init__(self, page: Page, topic: str):
+        self._page = page
+        with page.locked():
+            self._topic = topic_row(page, topic)
+            row = self.row = page.take(page.hop_pid, os.getpid(), "subscription")
+            page.hop_topic[row] = self._topic
+            page.hop_taken[row] = page.hop_follows[row] = 0
+
+    def pending(self) -> bool:
+        """Return whether a message that was published has not been taken."""
+        page, row = self._page, self.row
+        return bool(page.hop_follows[row]) and (
+            page.hop_taken[row] != page.topic_published[self._topic]
+        )
+
+    def taken(self, number: int) -> None:
+        """Note a message; number: the middleware's count since its publisher was made."""
+        page, row = self._page, self.row
+        published = page.topic_published[self._topic]
+        number += page.topic_base[self._topic]
+        if not page.hop_taken[row] < number <= published:
+            number = published  # of a publisher that is not counted: nothing can be said
+        page.hop_taken[row] = number
+        if number == published:
+            page.hop_follows[row] = 1
+
+    def catch_up(self) -> None:
+        """Note that everything published so far has been taken, and follow from here on."""
+        page, row = self._page, self.row
+        page.hop_taken[row] = page.topic_published[self._topic]
+        page.hop_follows[row] = 1
+
+    def let_go(self) -> None:
+        """Wait for this end no longer, until it has caught up."""
+        self._page.hop_follows[self.row] = 0
+
+    def close(self) -> None:
+        """Give the row back."""
+        with self._page.locked():
+            self._page.hop_follows[self.row] = 0
+            self._page.hop_pid[self.row] = 0
+            self._page.changed()
+
+
+def topic_row(page: Page, topic: str) -> int:
+    """Return the row of a topic, taken where it is new; hold the lock."""
+    key = _key(topic)
+    for row in range(TOPICS):
+        if page.topic_key[row] == key:
+            return row
+    return page.take(page.topic_key, key, "topic")
+
+
+def _key(name: str) -> int:
+    raw = name.encode()
+    return (zlib.crc32(raw) << 31 | zlib.adler32(raw) & 0x7FFFFFFF) or 1
