@@ -99,12 +99,11 @@ class _Plain:
     """A bus waited for with its own means."""
 
     def __init__(self, clock: Clock, bus: Any):
-        self._clock = clock
-        self._receive = bus.recv
+        self._clock, self._bus = clock, bus
 
     def receive(self, until_ns: int) -> Any:
         left_ns = until_ns - self._clock.now_ns() if until_ns else 0
-        return self._receive(left_ns * 1e-9 if left_ns > 0 else 0.0)
+        return self._bus.recv(left_ns * 1e-9 if left_ns > 0 else 0.0)
 
     def sent(self) -> None:
         pass
@@ -145,16 +144,16 @@ class ManualClock(Clock):
         self.time_ns = max(self.time_ns, due_ns)
 
     def arrivals(self, bus: Any) -> Arrivals:
-        """Return what is heard on a bus; nothing is waited for."""
-        return _Unawaited(bus)
+        """Return what is heard on a bus; what is not there now is not there until the end."""
+        return _Unawaited(self, bus)
 
 
 class _Unawaited(_Plain):
-    def __init__(self, bus: Any):
-        self._receive = bus.recv
-
     def receive(self, until_ns: int) -> Any:
-        return self._receive(0.0)
+        message = self._bus.recv(0.0)
+        if message is None and until_ns:
+            self._clock.sleep_until(until_ns)
+        return message
 
 
 class SimulatedClock(Clock):
