@@ -7,7 +7,7 @@ Every call either works or raises RobotError in a sentence that names the node a
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,7 +22,8 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.clock import Clock, WallClock, simulated_clock
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.lockstep.wires import Hop
 
 from . import qos
 from .freshness import Newest
@@ -99,8 +100,12 @@ class Client:
         self._thread.join(timeout=2.0)
         self._executor.shutdown(timeout_sec=2.0)
         self._inbox.close()
+        for request, answer in self._wires.values():
+            request.close()
+            answer.close()
         self.node.destroy_node()
         self._context.try_shutdown()
+        self.clock.leave()
         self.clock.close()
 
     def _serve(self) -> None:
@@ -116,7 +121,18 @@ class Client:
         end_ns = clock.now_ns() + round(seconds * 1e9)
         while (now_ns := clock.now_ns()) < end_ns:
             self.watch()
-            clock.sleep_until(min(end_ns, now_ns + _POLL_NS))
+            self._sleep(min(end_ns, now_ns + _POLL_NS))
+
+    def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
+        """Wait until `until_ns`, or for a message on `hops`. Raises RobotError when time stands."""
+        try:
+            if hops:
+                self.clock.member.wait(until_ns, hops=hops)
+            else:
+                self.clock.sleep_until(until_ns)
+        except TimeStandsStill as error:
+            self.watch()  # a process that has ended says more
+            raise RobotError(str(error)) from None
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
@@ -240,7 +256,7 @@ class Client:
             future.add_done_callback(lambda _: answered.set())
             answered.wait((until_ns - self.clock.now_ns()) * 1e-9)
             return
-        self.clock.member.wait(until_ns, hops=hops)
+        self._sleep(until_ns, hops)
         answered = threading.Event()
         if hops[0].pending():
             future.add_done_callback(lambda _: answered.set())
