@@ -173,7 +173,7 @@ def colcon(package: str, ros: Path | None, progress: Progress) -> None:
     env = dict(os.environ, PATH=f"{VENV / 'bin'}{os.pathsep}{os.environ.get('PATH', os.defpath)}")
     env |= {"VIRTUAL_ENV": str(VENV), "PYTHONUTF8": "1"}  # whatever letters the path has
     # All cores, also on a busy machine: by itself colcon would have make wait for a lower load.
-    env["MAKEFLAGS"] = f"-j{len(os.sched_getaffinity(0))}"
+    env["MAKEFLAGS"] = f"-j{os.cpu_count() or 1}"
     if ros is None:
         env["CMAKE_PREFIX_PATH"] = env["AMENT_PREFIX_PATH"] = str(VENV)
     command = [str(VENV / "bin/colcon"), "--log-base", str(LOGS / "colcon"), "build"]

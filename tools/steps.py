@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -145,6 +146,8 @@ def run_logged(
                     last.append(line.rstrip())
                 if not line.startswith(("make", "gmake")):  # entering and leaving folders
                     progress.tick(line.strip())
+    if process.returncode in (-signal.SIGINT, 128 + signal.SIGINT):
+        raise KeyboardInterrupt  # also beside the main thread: nobody shall try another way now
     if process.returncode != 0:
         progress.failed()
         tail = "\n".join("    " + line for line in last)

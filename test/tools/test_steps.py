@@ -57,6 +57,12 @@ def test_a_step_beside_another_that_fails_leaves_no_stamp(tmp_path: Path) -> Non
     assert [step.fits() for step in plan] == [True, False, False]
 
 
+def test_an_interrupted_command_is_no_failed_one(tmp_path: Path) -> None:
+    command = ["/bin/sh", "-c", "kill -INT $$"]
+    with pytest.raises(KeyboardInterrupt):
+        steps.run_logged("it", command, tmp_path / "log", steps.Silence(), {})
+
+
 def test_a_failed_command_shows_the_end_of_its_output(tmp_path: Path) -> None:
     log = tmp_path / "log/step.log"
     command = ["sh", "-c", "for i in $(seq 50); do echo line $i; done; echo why >&2; exit 3"]
