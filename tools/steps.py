@@ -7,15 +7,18 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 LINES_SHOWN_ON_FAILURE = 30
 SECONDS_BETWEEN_LINES = 10.0  # how often a long step says that it lives, when not on a terminal
+STOPPED = threading.Event()
 
 
 class StepFailed(Exception):
@@ -112,9 +115,20 @@ class Step:
         started.result()
 
 
+@contextmanager
+def no_more_commands_after_an_error():
+    """Let a step beside end with the command that it is at when this one fails or is stopped."""
+    STOPPED.clear()
+    try:
+        yield
+    except BaseException:
+        STOPPED.set()
+        raise
+
+
 def run_all(steps: list[Step], progress: Progress) -> None:
     """Do the steps that do not fit, in their order, one that may be beside the one before."""
-    with ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(1) as pool, no_more_commands_after_an_error():
         for number, step in enumerate(steps):
             progress.begin(step.what)
             for following in steps[number + 1 : number + 2]:
@@ -131,6 +145,8 @@ def run_logged(
     name: str, command: list[str], log: Path, progress: Progress, env: dict[str, str]
 ) -> None:
     """Run a command with its output appended to `log`; raise StepFailed with the output's end."""
+    if STOPPED.is_set():
+        raise KeyboardInterrupt
     log.parent.mkdir(parents=True, exist_ok=True)
     last: deque[str] = deque(maxlen=LINES_SHOWN_ON_FAILURE)
     with log.open("a", encoding="utf-8") as file:

@@ -57,6 +57,26 @@ def test_a_step_beside_another_that_fails_leaves_no_stamp(tmp_path: Path) -> Non
     assert [step.fits() for step in plan] == [True, False, False]
 
 
+def test_a_step_beside_another_that_fails_starts_no_further_command(tmp_path: Path) -> None:
+    ended = threading.Event()
+
+    def fail() -> None:
+        raise steps.StepFailed("no compiler")
+
+    def two_commands() -> None:
+        for number in "12":
+            command = ["/bin/sh", "-c", f"sleep 0.5; touch {tmp_path}/{number}"]
+            steps.run_logged("it", command, tmp_path / "log", steps.Silence(), {"PATH": "/bin"})
+        ended.set()
+
+    plan = [step(tmp_path, "one", fail), step(tmp_path, "two", two_commands, beside=True)]
+    with pytest.raises(steps.StepFailed, match="no compiler"):
+        steps.run_all(plan, steps.Progress(2))
+    assert not ended.is_set()
+    assert not (tmp_path / "2").exists()
+    steps.run_all([step(tmp_path, "three", lambda: None)], steps.Progress(1))
+
+
 def test_an_interrupted_command_is_no_failed_one(tmp_path: Path) -> None:
     command = ["/bin/sh", "-c", "kill -INT $$"]
     with pytest.raises(KeyboardInterrupt):
