@@ -118,6 +118,7 @@ class Conductor:
         now_s = self._progress_s = time.monotonic()
         if self._speed:
             self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self._speed
+        page.topic_settled[:] = page.topic_published
         page.now_ns = to_ns
         if now_s - self._factor_s > 1.0:
             page.factor = (to_ns - self._factor_ns) * 1e-9 / (now_s - self._factor_s)
