@@ -30,8 +30,8 @@ _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<BQQQQII")  # opcode, length, times, size, CRC, length of compression
 _LENGTH = struct.Struct("<Q")
-_COMPRESSIONS = {0: "", 4: "zstd"}
-_CANDIDATE = re.compile(rb"(?s)\x06.{4}\x00{4}.{28}(?:\x00{4}|\x04\x00{3}zstd)")
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_CANDIDATE = re.compile(rb"(?s)\x06.{4}\x00{4}.{28}[\x00\x04]\x00{3}")
 _LOOK_AHEAD = 64  # B, more than a chunk's header
 _BLOCK = 2**20  # B searched at a time
 _MOST = 2**30  # B; no chunk and no record outside of one is longer
@@ -210,42 +210,42 @@ def _next_chunk(source: Source, position: int) -> int:
         place = 0
         while (match := _CANDIDATE.search(block, place)) and match.start() < _BLOCK:
             place = match.start() + 1
-            # Both lengths must agree before more is read: a byte 6 is everywhere.
-            if _lengths_agree(block, match.start()) and chunk_at(source, position + match.start()):
+            if _promising(block, match.start()) and chunk_at(source, position + match.start()):
                 return position + match.start()
         position += _BLOCK
     return source.size
 
 
-def _lengths_agree(block: bytes, place: int) -> bool:
+def _promising(block: bytes, place: int) -> bool:
+    """Whether it is worth reading on: bytes that look like the head of a chunk are everywhere."""
     _, length, _, _, _, _, name = _CHUNK.unpack_from(block, place)
-    end = place + _CHUNK.size + name
-    return len(block) >= end + 8 and length == 40 + name + _LENGTH.unpack_from(block, end)[0]
+    start = place + _CHUNK.size + name
+    if name:
+        return block.startswith(_ZSTD_MAGIC, start + _LENGTH.size)
+    return len(block) >= start + 8 and length == 40 + _LENGTH.unpack_from(block, start)[0]
 
 
 def chunk_at(source: Source, position: int) -> ScannedChunk | None:
     """Return the chunk that begins at `position`, without its indexes; None when it is not whole.
 
-    Damage to its opcode, its times, its size or one of its two lengths is made good.
+    Damage to its opcode, times, compression, size or one of its two lengths is made good.
     """
     head = source.read(position, _LOOK_AHEAD)
     if len(head) < _CHUNK.size + 12:
         return None
-    _, length, _, _, _, crc, name = _CHUNK.unpack_from(head)
-    compression = _COMPRESSIONS.get(name)
-    start = _CHUNK.size + (name if compression is not None else 0)
-    if compression is None or head[_CHUNK.size : start] != compression.encode():
-        return None
-    (told,) = _LENGTH.unpack_from(head, start)
-    start += position + _LENGTH.size
-    for size in dict.fromkeys((told, length - 40 - name)):
-        if not 0 < size <= min(_MOST, source.size - start):
-            continue
-        data = source.read(start, size)
-        records = _uncompressed(data) if compression else data
-        if records is not None and zlib.crc32(records) == crc:
-            chunk = Chunk(compression, data, 0, 0, crc, len(records))
-            return _scanned(position, head, chunk, records)
+    _, length, _, _, _, crc, _ = _CHUNK.unpack_from(head)
+    for compression in ("zstd", ""):
+        start = _CHUNK.size + len(compression)
+        (told,) = _LENGTH.unpack_from(head, start)
+        start += position + _LENGTH.size
+        for size in dict.fromkeys((told, length - 40 - len(compression))):
+            if not 0 < size <= min(_MOST, source.size - start):
+                continue
+            data = source.read(start, size)
+            records = _uncompressed(data) if compression else data
+            if records is not None and zlib.crc32(records) == crc:
+                chunk = Chunk(compression, data, 0, 0, crc, len(records))
+                return _scanned(position, head, chunk, records)
     return None
 
 
