@@ -138,8 +138,13 @@ def parts(source: Source) -> Iterator[ScannedChunk | Damage]:
 
 
 def data_start(source: Source) -> int:
-    """Return where the first chunk should be: behind the header and what was declared there."""
+    """Return where the first chunk should be: behind the header and what was declared there.
+
+    It is 0 where the header is damaged and may have lost or won bytes: there is only searching.
+    """
     end = len(HEAD)
+    if source.read(0, end) != HEAD and chunk_at(source, end) is None:
+        return 0
     for found in outside(source, end):
         if found.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
             break
