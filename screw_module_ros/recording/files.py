@@ -148,7 +148,8 @@ def _open_for_writing(descriptor: int) -> bool:
 def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
     """Copy the bytes from `start` to `end` into a new file `name` beside `source`, onto the disk.
 
-    A name that is taken gets a number. Raises OSError when there is no room; nothing is left then.
+    A name that is taken gets a number, unless it holds the same. Raises OSError when there is no
+    room; nothing is left then.
     """
     for number in count(1):
         target = source.path.with_name(f"{name}_{number}" if number > 1 else name)
@@ -156,7 +157,8 @@ def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
             file = target.open("xb")
             break
         except FileExistsError:
-            continue
+            if _holds(target, source, start, end):  # a recovery that failed later left it
+                return target
     try:
         with file:
             for position in range(start, end, _BLOCK):
@@ -168,6 +170,26 @@ def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
         target.unlink()
         raise
     return target
+
+
+def _holds(target: Path, source: Source, start: int, end: int) -> bool:
+    try:
+        with Source(target) as kept:
+            return kept.size == end - start and all(
+                kept.read(at, _BLOCK) == source.read(start + at, min(_BLOCK, kept.size - at))
+                for at in range(0, kept.size, _BLOCK)
+            )
+    except BagReadError:
+        return False
+
+
+def write_all(descriptor: int, data: bytes, offset: int) -> None:
+    """Write `data` at `offset`. Raises OSError when the disk takes no more."""
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(descriptor, view, offset)
+        view = view[written:]
+        offset += written
 
 
 def sync_folder(folder: Path) -> None:

@@ -33,6 +33,7 @@ from mcap.records import (
 )
 
 from .errors import BagBusyError
+from .files import write_all
 from .mcap_records import MAGIC, chunk_length, encoded, message_indexes, summary_section
 from .storage import StorageSettings
 
@@ -245,7 +246,7 @@ class McapFile:
         end = self.data_end + len(self._pending)
         tail = self._tail_at(end)
         try:
-            _write_all(self.descriptor, bytes(self._pending) + tail, self.data_end)
+            write_all(self.descriptor, bytes(self._pending) + tail, self.data_end)
             os.ftruncate(self.descriptor, end + len(tail))
             os.fdatasync(self.descriptor)
         except OSError:
@@ -257,7 +258,7 @@ class McapFile:
 
     def _put_back(self) -> None:
         """Make the file what it was: its blocks are still allocated, so this needs no space."""
-        _write_all(self.descriptor, self._tail, self.data_end)
+        write_all(self.descriptor, self._tail, self.data_end)
         os.ftruncate(self.descriptor, self.data_end + len(self._tail))
 
     def _tail_at(self, base: int) -> bytes:
@@ -295,11 +296,3 @@ class McapFile:
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1
-
-
-def _write_all(descriptor: int, data: bytes, offset: int) -> None:
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(descriptor, view, offset)
-        view = view[written:]
-        offset += written

@@ -131,13 +131,13 @@ def _recover(folder: Path, quiet: float, stack: ExitStack) -> Recovered:
     ended = ended and all(found.whole for found in surveys) and _fits(noted, lines, surveys)
     if ended and readable:
         return Recovered(0, messages, 0)
-    kept = [*_kept(parts), *_kept_metadata(folder)]
     repairs = [
         None
         if part.survey.whole
         else stack.enter_context(Repair(part.source, part.survey, part.channels))
         for part in parts
     ]
+    kept = [*_kept(parts), *_kept_metadata(folder)]
     custom = dict(noted.custom)
     if not ended:
         counts = _counted(parts, repairs, noted)

@@ -38,11 +38,8 @@ _MOST = 2**30  # B; no chunk and no record outside of one is longer
 _MOST_RATIO = 2**15  # zstd: a block of 128 KiB takes at least 4 bytes
 _FEW = 4  # different bytes; the header of another recorder differs in more
 _MALFORMED = (McapError, struct.error, ValueError, OverflowError, MemoryError)
-_OUTSIDE = {
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.METADATA: Metadata.read,
-}
+_KINDS = (Opcode.SCHEMA, Schema), (Opcode.CHANNEL, Channel), (Opcode.METADATA, Metadata)
+_OUTSIDE = {opcode: kind.read for opcode, kind in _KINDS}
 
 
 class ScannedChunk(NamedTuple):

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
-import json
 import os
 import random
 import shutil
@@ -22,15 +21,15 @@ import sys
 import tempfile
 import time
 import traceback
-import zlib
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 
-import zstandard
 from mcap.reader import make_reader
-from mcap.records import Message as Record
-from mcap.stream_reader import StreamReader
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from bag_counts import by_library, by_scan
+from bag_damage import CRAFTED, NOTES, PLAIN, ROUGH
 
 from screw_module_ros.recording import BagWriter, Definition, Message, StorageSettings, Topic
 from screw_module_ros.recording.cli import main as session
@@ -42,7 +41,6 @@ TEXT = (
     + "\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 )  # fmt: skip
 TYPES = ("screw_module_msgs/msg/EncoderSample", "screw_module_msgs/msg/ForceSample")
-Damage = Callable[[random.Random, bytes], bytes]
 
 
 def make_bag(folder: Path, compression: str, files: int = 1) -> Path:
@@ -65,173 +63,6 @@ def make_bag(folder: Path, compression: str, files: int = 1) -> Path:
         writer.flush()
     writer.close()
     return folder
-
-
-# What the others find.
-
-
-def by_library(content: bytes) -> int:
-    """Count the messages the mcap library reads up to its first error."""
-    total = 0
-    with contextlib.suppress(Exception):
-        for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
-            total += isinstance(record, Record)
-    return total
-
-
-def by_scan(content: bytes) -> list[tuple[int, bytes]]:
-    """Return (channel, data) of the messages in every intact chunk, wherever it stands."""
-    found: list[tuple[int, bytes]] = []
-    place = content.find(b"\x06")
-    while 0 <= place < len(content) - 49:
-        end, messages = _intact(content, place)
-        found += messages
-        place = content.find(b"\x06", end or place + 1)
-    return found
-
-
-def _intact(content: bytes, place: int) -> tuple[int, list[tuple[int, bytes]]]:
-    _, length, _, _, size, crc, name = struct.unpack_from("<BQQQQII", content, place)
-    end = place + 9 + length
-    if end > len(content) or name not in (0, 4) or length < 40 + name or size > 10**6:
-        return 0, []
-    data = content[place + 49 + name : end]
-    if not name and content[place + 41 : place + 49] != struct.pack("<Q", len(data)):
-        return 0, []
-    if name:
-        try:
-            data = zstandard.decompress(data, size)
-        except (zstandard.ZstdError, MemoryError):
-            return 0, []
-    if zlib.crc32(data) != crc or not data:
-        return 0, []
-    found, at = [], 0
-    while at < len(data):
-        opcode, length = struct.unpack_from("<BQ", data, at)
-        if opcode == 5:
-            channel = struct.unpack_from("<H", data, at + 9)[0]
-            found.append((channel, data[at + 31 : at + 9 + length]))
-        at += 9 + length
-    return end, found
-
-
-# Ways to damage a file.
-
-
-def _somewhere(rng: random.Random, content: bytes) -> int:
-    """Return a place: anywhere, or near an end where there is most to break."""
-    if not content:
-        return 0
-    near = rng.choice((len(content), len(content), 200))
-    place = rng.randrange(min(near, len(content)))
-    return place if rng.random() < 0.7 else len(content) - 1 - place
-
-
-def truncated(rng: random.Random, content: bytes) -> bytes:
-    return content[: _somewhere(rng, content)]
-
-
-def flipped(rng: random.Random, content: bytes) -> bytes:
-    changed = bytearray(content)
-    if changed:
-        changed[_somewhere(rng, content)] ^= 1 << rng.randrange(8)
-    return bytes(changed)
-
-
-def flipped_and_truncated(rng: random.Random, content: bytes) -> bytes:
-    return flipped(rng, content)[: max(0, len(content) - rng.randrange(1, 300))]
-
-
-def scattered(rng: random.Random, content: bytes) -> bytes:
-    for _ in range(rng.randrange(2, 40)):
-        content = flipped(rng, content)
-    return content
-
-
-def blanked(rng: random.Random, content: bytes) -> bytes:
-    start, length = _somewhere(rng, content), rng.choice((8, 512, 4096))
-    filling = rng.choice((b"\0", b"\xff", b"\x06", rng.randbytes(1))) * length
-    return (content[:start] + filling + content[start + length :])[: len(content)]
-
-
-def removed(rng: random.Random, content: bytes) -> bytes:
-    start = _somewhere(rng, content)
-    return content[:start] + content[start + rng.choice((1, 7, 512, 4096)) :]
-
-
-def inserted(rng: random.Random, content: bytes) -> bytes:
-    start = _somewhere(rng, content)
-    return content[:start] + rng.randbytes(rng.choice((1, 7, 512))) + content[start:]
-
-
-def huge(rng: random.Random, content: bytes) -> bytes:
-    """Declare a length that nothing has."""
-    place = rng.choice([n for n, byte in enumerate(content) if byte in (1, 3, 4, 6, 7, 8, 12)])
-    value = rng.choice((2**64 - 1, 2**63, 2**40, len(content) - place - 9))
-    return content[: place + 1] + struct.pack("<Q", value) + content[place + 9 :]
-
-
-def resealed(rng: random.Random, content: bytes) -> bytes:
-    """Damage the records of a chunk, or the index, and make the checksum fit."""
-    chunks = [n for n in range(len(content) - 49) if content[n] == 6 and _intact(content, n)[0]]
-    if not chunks or rng.random() < 0.2:
-        return _resealed_index(rng, content)
-    place = rng.choice(chunks[:3] + chunks)
-    end, _ = _intact(content, place)
-    head = list(struct.unpack_from("<BQQQQII", content, place))
-    packed = content[place + 49 + head[6] : end]
-    data = zstandard.decompress(packed, head[4]) if head[6] else packed
-    data = rng.choice((flipped, scattered, removed, huge))(rng, data[:1500]) + data[1500:]
-    new = zstandard.compress(data, 1) if head[6] else data
-    head[1], head[4], head[5] = 40 + head[6] + len(new), len(data), zlib.crc32(data)
-    name = b"zstd"[: head[6]]
-    record = struct.pack("<BQQQQII", *head) + name + struct.pack("<Q", len(new)) + new
-    return content[:place] + record + content[end:]
-
-
-def _resealed_index(rng: random.Random, content: bytes) -> bytes:
-    summary = struct.unpack_from("<Q", content, len(content) - 28)[0]
-    if not 0 < summary < len(content) - 37:
-        return flipped(rng, content)
-    inner = flipped(rng, content[summary:-37])
-    foot = content[-37:-12]
-    crc = struct.pack("<I", zlib.crc32(inner + foot))
-    return content[:summary] + inner + foot + crc + content[-8:]
-
-
-_ODD = (
-    "null", "[]", "{}", "-1", "1e400", "9" * 5000, ".nan", "2001-99-99", "true", "!!python/name:os",
-    "*x", "&x [*x]", '"\\ud800"', '"{\\"a\\": 1}"', "[" * 3000, "'", "1" + "0" * 400,
-)  # fmt: skip
-
-
-def reworded(rng: random.Random, content: bytes) -> bytes:
-    """Put an odd value in a line of a text."""
-    lines = content.decode(errors="replace").split("\n")
-    for _ in range(rng.randrange(1, 4)):
-        number = rng.randrange(len(lines))
-        key = lines[number].partition(":")[0]
-        other = lines[rng.randrange(len(lines))]
-        lines[number] = rng.choice((f"{key}: {rng.choice(_ODD)}", "", other))
-    return "\n".join(lines).encode(errors="replace")
-
-
-def renoted(rng: random.Random, content: bytes) -> bytes:
-    """Put an odd value into the JSON of custom_data."""
-    text = content.decode(errors="replace")
-    odd = rng.choice(("null", "[]", "1e999", "9" * 400, '{"a": 1}', "true", '"\\ud800"', "-5"))
-    values = [place for place in range(len(text)) if text.startswith('\\": ', place)]
-    if not values:
-        return content
-    place = rng.choice(values) + 4
-    end = min(text.find(mark, place) % 10**9 for mark in (",", "}"))
-    return (text[:place] + json.dumps(odd)[1:-1] + text[end:]).encode(errors="replace")
-
-
-PLAIN: tuple[Damage, ...] = (truncated, flipped)  # what the acceptance speaks of
-ROUGH: tuple[Damage, ...] = (flipped_and_truncated, scattered, blanked, removed, inserted, huge)
-CRAFTED: tuple[Damage, ...] = (resealed,)
-NOTES: tuple[Damage, ...] = (truncated, flipped, blanked, reworded, renoted)
 
 
 class Fuzzer:

@@ -8,7 +8,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from fuzz_bags import Fuzzer, by_library, by_scan, make_bag
+from bag_counts import by_library, by_scan
+from fuzz_bags import Fuzzer, make_bag
 
 
 @pytest.mark.parametrize("plain", [True, False])
