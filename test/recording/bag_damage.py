@@ -66,6 +66,16 @@ def flipped(rng: random.Random, content: bytes) -> bytes:
     return bytes(changed)
 
 
+def torn(rng: random.Random, content: bytes) -> bytes:
+    """End a write half way: behind it stands the rest of the file's end that it was to replace."""
+    chunks = _chunks(content)
+    if not chunks:
+        return truncated(rng, content)
+    end = content[intact_chunk(content, chunks[-1])[0] :]
+    start, written = rng.choice(chunks), rng.randrange(3000)
+    return content[: start + written] + end[written:]
+
+
 def flipped_and_truncated(rng: random.Random, content: bytes) -> bytes:
     return flipped(rng, content)[: max(0, len(content) - rng.randrange(1, 300))]
 
@@ -119,6 +129,11 @@ def resealed(rng: random.Random, content: bytes) -> bytes:
     return content[:place] + record + content[end:]
 
 
+def _chunks(content: bytes) -> list[int]:
+    places = range(len(content) - 49)
+    return [n for n in places if content[n] == CHUNK and intact_chunk(content, n)[0]]
+
+
 def _resealed_index(rng: random.Random, content: bytes) -> bytes:
     summary = struct.unpack_from("<Q", content, len(content) - 28)[0]
     if not 0 < summary < len(content) - 37:
@@ -158,7 +173,7 @@ def renoted(rng: random.Random, content: bytes) -> bytes:
     return (text[:place] + json.dumps(odd)[1:-1] + text[end:]).encode(errors="replace")
 
 
-PLAIN: tuple[Damage, ...] = (truncated, flipped)  # what the acceptance speaks of
+PLAIN: tuple[Damage, ...] = (truncated, flipped, torn)  # what the acceptance speaks of
 ROUGH: tuple[Damage, ...] = (flipped_and_truncated, scattered, blanked, removed, inserted, huge)
 CRAFTED: tuple[Damage, ...] = (resealed,)
 NOTES: tuple[Damage, ...] = (truncated, flipped, blanked, reworded, renoted)

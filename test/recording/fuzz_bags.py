@@ -83,7 +83,7 @@ class Fuzzer:
         }
 
     def run(self, numbers: range, plain: bool = False) -> bool:
-        """Run cases by their numbers; return whether all went well. plain: truncate and flip."""
+        """Run cases by their numbers; return whether all went well. plain: truncate, tear, flip."""
         for number in numbers:
             rng = random.Random(f"{self.seed} {number}")
             case = self.folder / "case"
@@ -184,7 +184,9 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--only", type=int, help="number of the one case to run")
-    parser.add_argument("--plain", action="store_true", help="one cut or one flipped bit only")
+    parser.add_argument(
+        "--plain", action="store_true", help="one cut, one torn write or one flipped bit only"
+    )
     options = parser.parse_args()
     numbers = range(options.count)
     if options.only is not None:
