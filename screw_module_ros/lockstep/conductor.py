@@ -152,11 +152,12 @@ class Conductor:
         if now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s
-        self._dismiss_ended()
         progress = sum(page.slot_declared[: self._top]) + page.now_ns
         if progress != self._progress:
             self._progress, self._progress_s = progress, now_s
-        elif now_s - self._progress_s > PATIENCE_S:
+            return
+        self._dismiss_ended()
+        if now_s - self._progress_s > PATIENCE_S:
             self._progress_s = now_s
             self._give_up()
 

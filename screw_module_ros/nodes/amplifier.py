@@ -7,7 +7,7 @@ from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import AmplifierState, ForceCommand
+from screw_module_msgs.msg import AmplifierState
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
@@ -29,6 +29,7 @@ from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import COMMAND
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
 from .support.realtime import BREATH_S, Tick
@@ -96,7 +97,7 @@ class AmplifierNode(DriverNode):
         self._missed_limit = own.missed_limit
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
+            COMMAND, "screw/force_command", qos.COMMAND, wakes=True
         )
         self._permission = Permission(self, inbox, attrgetter("vertical_permitted"))
         self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)

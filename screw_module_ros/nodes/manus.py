@@ -8,7 +8,7 @@ from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState
+from screw_module_msgs.msg import EndpointSetpoint, PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import SetBool, Trigger
 
@@ -22,8 +22,9 @@ from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.settings import Setting
 
-from .support import qos
+from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import FORCE
 from .support.freshness import MOVING_SETPOINT_NS, Newest
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
@@ -113,7 +114,7 @@ class ManusNode(DriverNode):
         inbox = self.new_inbox()
         take = inbox.subscribe
         self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
-        self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
+        self._force = Newest(take(FORCE, topics.SLOW_FORCE, qos.SAMPLE), _FORCE_AGE_NS)
         self._permission = Permission(self, inbox, attrgetter("planar_permitted"))
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
 

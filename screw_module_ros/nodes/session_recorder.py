@@ -53,7 +53,9 @@ class RecorderSettings(NamedTuple):
     topics: Annotated[tuple, Setting("topics to record, patterns like /screw/* too", live=True)] = (
         "*",
     )
-    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = ("",)
+    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = (
+        "*/decimated",
+    )
     include_hidden: Annotated[
         bool, Setting("record topics with a part that begins with _ too", live=True)
     ] = False
