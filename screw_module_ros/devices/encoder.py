@@ -18,8 +18,8 @@ from .bus_load import Traffic
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
 from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
-from .ledger import FRESH, LATE, Ledger
 from .node import CanopenNode
+from .polled import Polled
 from .port import SYNC_ID, Port
 from .unwrap import Unwrapper
 
@@ -53,13 +53,11 @@ class Encoder:
         self._metres = settings.direction * settings.lead / settings.counts_per_turn
         self._lowpass = lowpass_coefficients(settings.velocity_cutoff, 1.0 / settings.rate)
         self._filter = lowpass_settled(0.0)
-        self._ledger = Ledger()
+        self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
         self._offset = 0.0
-        self._configured = self._running = self._waiting = False
-        self._asked = (0, 0, 0)
+        self._configured = self._running = False
         self._last: EncoderReading | None = None
-        self._fresh: EncoderReading | None = None
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
@@ -93,7 +91,8 @@ class Encoder:
         wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
         self._filter = lowpass_settled(0.0)
-        self._last = self._fresh = None
+        self._last = None
+        self._poll.restart()
         self._offset, self.homed = 0.0, False
         self._configured = True
 
@@ -104,8 +103,7 @@ class Encoder:
         """
         if not self._configured:
             raise NotConfigured("the encoder is not configured")
-        self._ledger.reset()
-        self._waiting = False
+        self._poll.restart()
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
         self._running = True
@@ -141,8 +139,7 @@ class Encoder:
         if self._port.counters.foreign_sync != self._foreign_sync:
             self._latch(f"somebody else sends SYNC on {self._port.name}")
         try:
-            self._drain()
-            if self._begin(sequence, monotonic_ns, stamp_ns):
+            if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send_sync(monotonic_ns)
         except BusError:
             self.counters.bus_errors += 1
@@ -150,62 +147,34 @@ class Encoder:
 
     def reading(self) -> EncoderReading | None:
         """Return the answer to the last request, once; None while there is none."""
-        reading, self._fresh = self._fresh, None
-        return reading
-
-    def _drain(self) -> None:
-        """Take in what came after its tick was over, so that it is not laid to the next one.
-
-        Also after an answer: one frame more would be taken for the next, and all one period old.
-        """
-        self._ledger.end_tick()
-        self._port.pump(0.0)
-
-    def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
-        counters = self.counters
-        counters.requests += 1
-        if self._waiting:
-            counters.missing += 1
-            counters.missing_in_a_row += 1
-        self._asked = (sequence, monotonic_ns, stamp_ns)
-        self._fresh = None
-        self._waiting = True
-        asked = self._ledger.ask()
-        if not asked:
-            counters.silent += 1
-        return asked
+        return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
         if self._running:
             sequence = arrival_ns // self._period_ns & SEQUENCE_MASK
-            self._begin(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
+            self._poll.begin_unasked(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
 
     def _on_position(self, data: bytes, _arrival_ns: int) -> None:
         counters = self.counters
-        verdict = self._ledger.answer()
+        verdict = self._poll.note()
         if len(data) != _POSITION.size:
             counters.wrong_length += 1
             return
-        if verdict != FRESH or not self._running:
-            if verdict == LATE:
-                counters.late += 1
-            else:
-                counters.unexpected += 1
+        if not self._running:
+            counters.unexpected += 1
+            return
+        if not self._poll.is_fresh(verdict):
             return
         raw = _POSITION.unpack(data)[0]
         if not self._unwrapper.holds(raw):
             counters.out_of_range += 1
             return
         sample = self._last = self._sample(self._unwrapper.step(raw))
-        if self.fault:
-            return
-        self._waiting = False
-        counters.received += 1
-        counters.missing_in_a_row = 0
-        self._fresh = sample
+        if not self.fault:
+            self._poll.deliver(sample)
 
     def _sample(self, count: int) -> EncoderReading:
-        sequence, monotonic_ns, stamp_ns = self._asked
+        sequence, monotonic_ns, stamp_ns = self._poll.asked
         last = self._last
         velocity = 0.0
         if last is not None and monotonic_ns > last.monotonic_ns:
