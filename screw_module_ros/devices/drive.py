@@ -41,7 +41,8 @@ class Drive:
 
     warnings: what the user must hear, such as missing guards. unguarded: the guards the drive
     refused. reports: what the drive says of itself. beat: our heartbeat, shared by the drives of
-    one bus, made here when none is given.
+    one bus, made here when none is given. per_turn: what one turn is of the position reported: the
+    screw's lead [m], or 2 pi for a joint [rad].
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Drive:
         settings: DriveSettings,
         label: str = "drive",
         beat: Heartbeat | None = None,
+        per_turn: float = 2.0 * math.pi,
     ):
         self.settings = cross_checked(validated(settings))
         self.label = label
@@ -61,7 +63,10 @@ class Drive:
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         brake = settings.stop_reaction == BRAKE
         self._logic = DriveLogic(label, brake, settings.enable_timeout, silence)
-        self.reports = DriveReports(port, settings, label, self._logic, self.counters)
+        position_of = settings.direction * per_turn / settings.counts_per_turn
+        self.reports = DriveReports(
+            port, settings, label, self._logic, self.counters, position_of
+        )
         self.node = CanopenNode(
             port, settings.node_id, label, settings.sdo_timeout, self._boot_up,
             self.reports.on_emergency,

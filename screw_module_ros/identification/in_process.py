@@ -22,7 +22,7 @@ from ..control.linearization import IDENTITY, default_linearization
 from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, lowpass_settled
-from ..geometry import SCREW
+from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
 from ..plant.arm import HandPath, HumanArm, arm_force, resting
 from ..plant.current_sensor import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
@@ -264,8 +264,7 @@ def _length(trial: Trial) -> float:
 
 def _counted(height: float) -> float:
     """Return a height [m] as the encoder shows it."""
-    counts = math.floor(height / SCREW.lead * SCREW.counts_per_turn)
-    return counts * SCREW.lead / SCREW.counts_per_turn
+    return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
 
 
 def _tared(params: LoopParams, force: float, torque: float) -> LoopParams:

@@ -22,7 +22,7 @@ from ..control.vertical import VerticalState as LawState
 from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import LowpassCoefficients, LowpassState, back_difference, lowpass_step
-from ..geometry import Screw, force_to_torque
+from ..geometry import COUNTS_PER_TURN, Screw, counts_to_height, force_to_torque
 from ..plant.amplifier import Amplifier, bridge_current
 from ..plant.arm import HandPath, hand_point
 from ..plant.current_sensor import CurrentSensorState, current_sensor_step
@@ -128,8 +128,8 @@ def run_ticks(packed_params: Any, state: LoopState, columns: np.ndarray) -> Loop
 def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     """Take a sample, answer it, let one period pass."""
     module = s.module
-    count = math.floor(module.nut / p.screw.lead * p.screw.counts_per_turn)
-    position = count * p.screw.lead / p.screw.counts_per_turn
+    count = math.floor(module.nut / p.screw.lead * COUNTS_PER_TURN)
+    position = counts_to_height(count, p.screw, COUNTS_PER_TURN)
     difference = back_difference(s.position, position, p.period)
     velocity, smoothed = lowpass_step(p.smooth, s.smoothed, difference)
     force, torque, first, second = _transduced(p, s)

@@ -25,7 +25,7 @@ from screw_module_ros.control.timing import (
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.geometry import SCREW, torque_to_force
+from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.settings import Setting
 
 from .support import qos
@@ -37,7 +37,6 @@ from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, latency_values, timing_values
 
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
-_ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
 
 class AmplifierSettings(NamedTuple):
@@ -69,6 +68,7 @@ class AmplifierNode(DriverNode):
         self.parameters.declare(GateSettings, "gate")
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(ForceLimits)
+        self.parameters.declare(Screw)
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
         self._inbox: Inbox | None = None
@@ -85,7 +85,8 @@ class AmplifierNode(DriverNode):
         settings = self.parameters.read(DriveSettings)._replace(rate=rate)
         self._load_linearization(own)
         port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
-        self._drive = Drive(port, settings, "vertical drive")
+        self._screw = self.parameters.read(Screw)
+        self._drive = Drive(port, settings, "vertical drive", per_turn=self._screw.lead)
         self._drive.configure()
         self.hardware_id = self._drive.identity
         for warning in self._drive.warnings:
@@ -124,6 +125,7 @@ class AmplifierNode(DriverNode):
             self.parameters.read(TorqueLimits, "torque"),
             self.parameters.read(ForceLimits),
             self._linearization,
+            self._screw,
         )
         self._meter = DeadlineMeter(self.period_ns)
         self._own = empty_histogram()
@@ -232,8 +234,7 @@ class AmplifierNode(DriverNode):
         message.commanded_force = self._force
         message.commanded_torque = written.torque
         message.measured_torque = reading.torque if reading else 0.0
-        counts = drive.settings.direction * reading.position if reading else 0
-        message.position = SCREW.lead * counts / _ONE_TURN
+        message.position = reading.position if reading else 0.0
         message.rate = meter.rate(now)
         message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
         message.commands, message.late, message.lost = meter.samples, meter.late, meter.lost
@@ -276,7 +277,7 @@ class AmplifierNode(DriverNode):
     def health(self) -> Health:
         """State of the drive, timing, counters."""
         told, meter, drives = self._state, self._meter, self._axis.drives
-        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak)
+        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak, self._screw)
         values = {
             **timing_values(told, meter),
             **latency_values("own", self._own),

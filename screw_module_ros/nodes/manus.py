@@ -13,7 +13,8 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.timing import DeadlineMeter
@@ -62,8 +63,9 @@ class ManusNode(DriverNode):
         shared = ("rate", "master_id", "allow_unguarded")
         for joint, node_id in zip(JOINTS, (3, 4), strict=True):
             self.parameters.declare(
-                DriveSettings, joint, shared, node_id=node_id, rated_torque=10.0, max_torque=25.0
-            )
+                DriveSettings, joint, shared, node_id=node_id, rated_torque=10.0, max_torque=25.0,
+                counts_per_turn=65536,
+            )  # fmt: skip
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(PlanarSettings)
         self.parameters.declare(GateSettings, "gate")

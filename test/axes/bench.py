@@ -16,7 +16,8 @@ from typing import NamedTuple
 import can
 
 from screw_module_ros.axes.controller import VerticalController
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.friction import load_friction_model
@@ -34,6 +35,7 @@ from screw_module_ros.devices.errors import BusError
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.devices.port import Port
+from screw_module_ros.geometry import SCREW
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.rig import Rig
@@ -58,7 +60,7 @@ class Row(NamedTuple):
 class Bench:
     """One robot. `tick` is one period; `rows` is what happened."""
 
-    def __init__(self, seed: int = 1):
+    def __init__(self, seed: int = 1, drive: DriveSettings | None = None):
         name = uuid.uuid4().hex
         self._buses = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
@@ -72,12 +74,13 @@ class Bench:
         self.home = self.world.settings.start.position
         self.encoder = Encoder(self.ports["encoder"], EncoderSettings(home_position=self.home))
         self.force_sensor = ForceSensor(self.ports["force_sensor"], ForceSensorSettings())
-        self.drive = Drive(self.ports["drive"], DriveSettings())
+        self.drive = Drive(self.ports["drive"], drive or DriveSettings(), per_turn=SCREW.lead)
         beat = Heartbeat(self.ports["planar"], 113, 0.025)
         self.planar_drives = tuple(
             Drive(
                 self.ports["planar"],
-                DriveSettings(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0),
+                DriveSettings(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0,
+                              counts_per_turn=65536),  # fmt: skip
                 f"{label} drive",
                 beat,
             )
@@ -215,7 +218,7 @@ class Bench:
             self._readings.append(force)
             controller.force(force, now)
         reading = self.drive.reading
-        metres = reading.position * 0.01905 / 20000 if reading else 0.0
+        metres = reading.position if reading else 0.0
         controller.amplifier(axis.drives.enabled, metres, now)
         sample = self.encoder.reading()
         output = controller.act(sample, self.setpoint, now) if sample else controller.idle(now)

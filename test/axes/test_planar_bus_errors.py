@@ -7,7 +7,8 @@ import math
 
 import pytest
 
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.control import gate
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
