@@ -14,9 +14,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..calibration.friction import load_friction_model
 from ..compiled import compiled, packed
 from ..control import modes
-from ..control.friction import FrictionModel, load_friction_model
+from ..control.friction import FrictionModel
 from ..control.limits import TorqueLimits
 from ..control.linearization import IDENTITY, default_linearization
 from ..control.vertical import initial_state

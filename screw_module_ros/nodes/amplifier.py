@@ -12,11 +12,12 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
-from screw_module_ros.control.calibration import calibration_identity
+from screw_module_ros.calibration.file import calibration_identity
+from screw_module_ros.calibration.linearization import load_linearization
+from screw_module_ros.calibration.module import CalibrationSettings, chosen_calibration
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
-from screw_module_ros.control.linearization import default_linearization, load_linearization
-from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
+from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.timing import (
     DeadlineMeter,
     empty_histogram,

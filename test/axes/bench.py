@@ -19,8 +19,8 @@ from screw_module_ros.axes.controller import VerticalController
 from screw_module_ros.axes.joint import JointSettings
 from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.gate import OPEN, GateSettings
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.linearization import default_linearization

@@ -10,8 +10,8 @@ import math
 import pytest
 
 from screw_module_ros import filters, geometry
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control import modes
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.vertical import (
     VerticalInput,

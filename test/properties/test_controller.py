@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.axes.controller import VerticalController
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings

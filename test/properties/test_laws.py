@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control import vertical as vertical_law
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical import VerticalInput, vertical_step

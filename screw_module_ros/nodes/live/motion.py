@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from screw_module_ros.control.friction import FrictionModel, load_friction_model
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.linearization import load_linearization
+from screw_module_ros.calibration.module import load_module_calibration
+from screw_module_ros.control.friction import FrictionModel
 from screw_module_ros.control.linearization import (
     Linearization,
     default_linearization,
-    load_linearization,
     torque_command,
 )
 from screw_module_ros.control.modes import COMBINED, FRICTION_COMPENSATION, MODE_NAMES, OFF
-from screw_module_ros.control.module_calibration import load_module_calibration
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import MotionTrial, NotPossible, Samples, Told
