@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from ..control.freeze import FreezeSettings, FreezeState, freeze_step
 from ..devices.motion import Motion
 from ..settings import Setting
 
@@ -39,9 +40,11 @@ class Joint:
     angle: absolute once homed [rad]; velocity [rad/s].
     """
 
-    def __init__(self, settings: JointSettings, period_ns: int):
+    def __init__(self, settings: JointSettings, freeze: FreezeSettings, period_ns: int):
         self._settings = settings
         self._period_ns = period_ns
+        self._freeze = freeze
+        self._still = FreezeState(0.0, 0.0)
         self._motion = Motion(settings.velocity_cutoff, period_ns)
 
     @property
@@ -82,3 +85,23 @@ class Joint:
         if abs(motion.velocity) > settings.speed:
             return f"turns at {motion.velocity:.1f} rad/s"
         return ""
+
+    def doubt(self, torque: float) -> str:
+        """Return what is wrong with a joint that stood still, a period after the last look.
+
+        torque: net, that must have moved it [Nm], NaN = not known. Of a frozen position nobody
+        knows how far it is off: the home is lost.
+        """
+        dt = self._period_ns * 1e-9
+        frozen, self._still = freeze_step(
+            self._freeze, self._still, self._motion.position, torque, dt
+        )
+        if not frozen:
+            return ""
+        self._motion.homed = False
+        self._still = self._still._replace(doubt=0.0)
+        return (
+            f"position (6064) has not changed by a count in {self._freeze.time:g} s of more than "
+            f"{self._freeze.torque:g} Nm on the joint: it is frozen, or something blocks the arm; "
+            "home the plane again"
+        )

@@ -10,6 +10,9 @@ The drives' counts have no home: `home` says that the handle stands at the refer
 
 from __future__ import annotations
 
+import math
+
+from ..control.freeze import FreezeSettings, clear_of_stops, hand_torques
 from ..control.gate import GateSettings
 from ..control.planar import (
     PlanarInput,
@@ -27,12 +30,14 @@ from .gated_drives import GatedDrives
 from .joint import Joint, JointSettings
 
 _FRESH_NS = 100_000_000
+_HAND_UNKNOWN = (math.nan, math.nan)
+_FREEZE = FreezeSettings()
 
 
 class PlanarAxes:
     """Both joints, their drives and the law; the loop's thread unless said otherwise.
 
-    settings, joints, gate: see there; `settings` may be replaced at any time.
+    settings, joints, gate, freeze: see there; `settings` may be replaced at any time.
     """
 
     def __init__(
@@ -42,10 +47,11 @@ class PlanarAxes:
         settings: PlanarSettings,
         joints: JointSettings,
         gate: GateSettings,
+        freeze: FreezeSettings = _FREEZE,
     ):
         self.settings = settings
         self.drives = GatedDrives(drives, gate, period_ns)
-        self.joints = (Joint(joints, period_ns), Joint(joints, period_ns))
+        self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
         self._joint_settings = joints
@@ -75,15 +81,22 @@ class PlanarAxes:
                 return False
         return True
 
-    def act(self, setpoint: tuple[float, float, float, float], now_ns: int) -> None:
+    def act(
+        self,
+        setpoint: tuple[float, float, float, float],
+        now_ns: int,
+        hand: tuple[float, float] = _HAND_UNKNOWN,
+    ) -> None:
         """Take both positions and write both torques, the second also when the first fails.
 
-        setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. Raises BusError.
+        setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. hand: force of the patient on
+        the robot along x and y [N], NaN = not known. Raises BusError.
         """
         elapsed_ns = now_ns - self._acted_ns if self._acted_ns else self._period_ns
         periods = max(1, round(elapsed_ns / self._period_ns))
         self._acted_ns = now_ns
         self._measure(periods)
+        self._doubt(hand)
         shoulder, elbow = self.joints
         inp = PlanarInput(
             shoulder.angle,
@@ -113,6 +126,18 @@ class PlanarAxes:
             wrong = joint.take(drive.reading.position, periods)
             if wrong:
                 self._fault(f"{drive.label} {wrong}")
+
+    def _doubt(self, hand: tuple[float, float]) -> None:
+        """Look for a frozen position while torque passes; `written` is what acted until now."""
+        angles = [joint.angle for joint in self.joints]
+        judged = self.drives.enabled and clear_of_stops(self.settings, *angles)
+        pushed = hand_torques(*angles, *hand) if judged else _HAND_UNKNOWN
+        for drive, joint, torque, push in zip(
+            self.drives.drives, self.joints, self.written, pushed, strict=True
+        ):
+            wrong = joint.doubt(torque + push)
+            if wrong:
+                self._fault(f"{drive.label}: {wrong}")
 
     def _fault(self, reason: str) -> None:
         self.drives.fault = self.drives.fault or reason

@@ -110,6 +110,7 @@ class Bench:
         self.commanding = True
         self.rows: list[Row] = []
         self._readings: list = []
+        self._hand = math.nan, math.nan
         self._sequence = 0
         self.devices = (self.encoder, self.force_sensor, self.drive, *self.planar_drives)
 
@@ -216,6 +217,7 @@ class Bench:
         force = self.force_sensor.reading()
         if force is not None:
             self._readings.append(force)
+            self._hand = force.fx, force.fy
             controller.force(force, now)
         reading = self.drive.reading
         metres = reading.position if reading else 0.0
@@ -240,7 +242,7 @@ class Bench:
 
     def _act_in_plane(self, now: int) -> None:
         if self.axes.answered(self._answered_since()):
-            self.axes.act(self.planar_setpoint, now)
+            self.axes.act(self.planar_setpoint, now, self._hand)
         else:
             self.axes.idle(now)
 
