@@ -3,32 +3,24 @@
 
 ::
 
-    force command -> plausible? -> 65 N up, 45 N down (2.1.1) -> gate -> T = F L / 2 pi (5.2)
+    force command -> plausible? -> 95 N up, 75 N down -> gate -> T = F L / 2 pi (5.2)
                   -> I2t limit (3.1.6) -> linearization (4.1.1) -> drive
 """
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
-from ..control.limits import TorqueLimits, clamp, limit_torque
+from ..control.limits import CommandLimits, TorqueLimits, clamp, limit_torque
 from ..control.linearization import Linearization, torque_command
 from ..devices.drive import Drive
 from ..geometry import SCREW, Screw, force_to_torque
-from ..settings import Setting
 from .gated_drives import GatedDrives
 
 LARGEST_FORCE = 150.0
 """No controller of this robot may ask for more [N]."""
-
-
-class ForceLimits(NamedTuple):
-    """Largest forces at the handle (thesis 2.1.1), whatever a controller asks for."""
-
-    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
-    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
 
 
 class Written(NamedTuple):
@@ -51,7 +43,7 @@ class VerticalAxis:
         period_ns: int,
         gate: GateSettings,
         limits: TorqueLimits,
-        forces: ForceLimits,
+        forces: CommandLimits,
         linearization: Linearization | None = None,
         screw: Screw = SCREW,
     ):
@@ -97,7 +89,7 @@ class VerticalAxis:
         scale = self.drives.step(self._watch.newest_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
-        allowed = clamp(force, -self._forces.force_down, self._forces.force_up)
+        allowed = clamp(force, -self._forces.command_down, self._forces.command_up)
         wanted = scale * force_to_torque(allowed, self._screw)
         torque, self._heat = limit_torque(self._limits, self._heat, wanted, max(elapsed, 1e-6))
         command = torque

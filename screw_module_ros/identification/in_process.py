@@ -62,8 +62,8 @@ class LoopSettings(NamedTuple):
     torque_constant: Annotated[
         float, Setting("of the motor, as its data sheet says", "Nm/A", 0.01, 10.0)
     ] = 0.16
-    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
-    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
+    command_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 95.0
+    command_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 75.0
     cutoff: Annotated[float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)] = 30.0
     force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
     torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
@@ -134,7 +134,7 @@ class InProcessBench:
             sensor=current_sensor_params(substep),
             transducer=self._transducer(),
             drive=Drive(
-                loop.rated_torque, 1.0 / loop.torque_constant, loop.force_up, loop.force_down
+                loop.rated_torque, 1.0 / loop.torque_constant, loop.command_up, loop.command_down
             ),
             screw=SCREW,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),

@@ -52,12 +52,12 @@ class Transducer(NamedTuple):
 
 class Drive(NamedTuple):
     """Scaling on the way to the amplifier: rated torque [Nm], 6071 is per mille of it; amperes per
-    newton metre; force limits [N]."""
+    newton metre; command limits [N]."""
 
     rated_torque: float
     amperes: float
-    force_up: float
-    force_down: float
+    command_up: float
+    command_down: float
 
 
 class LoopParams(NamedTuple):
@@ -178,7 +178,7 @@ def _answer(
         return 0.0, s.law
     inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True)
     output, law = law_step(p.law, p.friction, s.law, inp, p.period)
-    asked = clamp(output.force, -p.drive.force_down, p.drive.force_up)
+    asked = clamp(output.force, -p.drive.command_down, p.drive.command_up)
     return force_to_torque(asked, p.screw), law
 
 

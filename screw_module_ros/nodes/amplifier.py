@@ -11,12 +11,12 @@ from typing import Annotated, NamedTuple
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.axes.vertical import VerticalAxis
 from screw_module_ros.calibration.file import calibration_identity
 from screw_module_ros.calibration.linearization import load_linearization
 from screw_module_ros.calibration.module import CalibrationSettings, chosen_calibration
 from screw_module_ros.control.gate import GateSettings
-from screw_module_ros.control.limits import TorqueLimits
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.timing import (
     DeadlineMeter,
@@ -68,7 +68,7 @@ class AmplifierNode(DriverNode):
         self.parameters.declare(DriveSettings, without=("rate",))
         self.parameters.declare(GateSettings, "gate")
         self.parameters.declare(TorqueLimits, "torque")
-        self.parameters.declare(ForceLimits)
+        self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
@@ -124,7 +124,7 @@ class AmplifierNode(DriverNode):
             self.period_ns,
             self.parameters.read(GateSettings, "gate"),
             self.parameters.read(TorqueLimits, "torque"),
-            self.parameters.read(ForceLimits),
+            self.parameters.read(CommandLimits),
             self._linearization,
             self._screw,
         )

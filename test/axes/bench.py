@@ -18,11 +18,11 @@ import can
 from screw_module_ros.axes.controller import VerticalController
 from screw_module_ros.axes.joint import JointSettings
 from screw_module_ros.axes.planar import PlanarAxes
-from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.axes.vertical import VerticalAxis
 from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.gate import OPEN, GateSettings
-from screw_module_ros.control.limits import TorqueLimits
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -98,7 +98,7 @@ class Bench:
             PERIOD_NS,
             GateSettings(),
             TorqueLimits(),
-            ForceLimits(),
+            CommandLimits(),
             default_linearization(),
         )
         self.axes = PlanarAxes(

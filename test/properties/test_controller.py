@@ -54,7 +54,7 @@ class Controller(RuleBasedStateMachine):
         if output is None:
             return
         assert math.isfinite(output.force)
-        assert -settings.force_down <= output.force <= settings.force_up
+        assert -settings.command_down <= output.force <= settings.command_up
         step = abs(output.force - self.sent)
         assert output.force == 0.0 or step <= settings.force_rate * self.elapsed() + ROUNDING
         if controller.reason or enabled is False:

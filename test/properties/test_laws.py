@@ -73,7 +73,7 @@ class VerticalLaw(RuleBasedStateMachine):
     def judge(self, inp, dt, output):
         settings = self.settings
         assert all_finite(output) and all_finite(self.state)
-        assert -settings.force_down <= output.force <= settings.force_up
+        assert -settings.command_down <= output.force <= settings.command_up
         believable = all_finite(inp[1:4]) and dt > 0.0
         if not (inp.active and believable):
             assert output.force == 0.0

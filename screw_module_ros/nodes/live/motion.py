@@ -184,9 +184,9 @@ class Motion:
         if mode == OFF:
             return np.zeros(len(force))
         given = parameters(
-            self._session.robot, AMPLIFIER, ("force_up", "force_down", "rated_torque")
+            self._session.robot, AMPLIFIER, ("command_up", "command_down", "rated_torque")
         )
-        torque = force_to_torque(np.clip(force, -given["force_down"], given["force_up"]))
+        torque = force_to_torque(np.clip(force, -given["command_down"], given["command_up"]))
         if linearization is not None:
             undone = (torque_command(linearization, float(t)) if t else 0.0 for t in torque)
             torque = np.fromiter(undone, float, len(torque))
