@@ -27,8 +27,9 @@ FORBIDDEN_LAYERS = {
     "calibration": ("devices", "plant", "rig"),
     "geometry": ("control", "devices", "plant", "rig"),
     "filters": ("control", "devices", "plant", "rig"),
+    "units": ("control", "devices", "plant", "rig"),
 }
-PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples", "settings")
+PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples", "settings", "units")
 READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
 FILES = ("io", "os", "pathlib", "shutil", "tempfile", "yaml")
 INPUT_OUTPUT = (

@@ -3,8 +3,7 @@
 
 ::
 
-    force command -> plausible? -> 95 N up, 75 N down -> gate -> T = F L / 2 pi (5.2)
-                  -> I2t limit (3.1.6) -> linearization (4.1.1) -> drive
+    force command -> plausible? -> gate -> torque chain (`control.torque_chain`) -> drive
 """
 
 from __future__ import annotations
@@ -13,10 +12,8 @@ from typing import NamedTuple
 
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
-from ..control.limits import CommandLimits, TorqueLimits, clamp, limit_torque
-from ..control.linearization import Linearization, torque_command
+from ..control.torque_chain import COLD, TorqueChain, commanded
 from ..devices.drive import Drive
-from ..geometry import SCREW, Screw, force_to_torque
 from .gated_drives import GatedDrives
 
 LARGEST_FORCE = 150.0
@@ -34,7 +31,7 @@ class Written(NamedTuple):
 class VerticalAxis:
     """Turns force commands into drive writes; every method of the loop's thread.
 
-    period_ns: between commands. linearization: of the amplifier behind the drive.
+    period_ns: between commands. chain: from force to torque.
     """
 
     def __init__(
@@ -42,21 +39,15 @@ class VerticalAxis:
         drive: Drive,
         period_ns: int,
         gate: GateSettings,
-        limits: TorqueLimits,
-        forces: CommandLimits,
-        linearization: Linearization | None = None,
-        screw: Screw = SCREW,
+        chain: TorqueChain,
     ):
         self.drive = drive
         self.drives = GatedDrives([drive], gate, period_ns)
         self.last = Written(0.0, 0.0, False)
         self._watch = CommandWatch(period_ns, LARGEST_FORCE)
-        self._limits = limits
-        self._forces = forces
+        self._chain = chain
         self._force = 0.0
-        self._linearization = linearization
-        self._screw = screw
-        self._heat = 0.0
+        self._heat = COLD
         self._written_ns = 0
         self._period_ns = period_ns
 
@@ -89,12 +80,6 @@ class VerticalAxis:
         scale = self.drives.step(self._watch.newest_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
-        allowed = clamp(force, -self._forces.command_down, self._forces.command_up)
-        wanted = scale * force_to_torque(allowed, self._screw)
-        torque, self._heat = limit_torque(self._limits, self._heat, wanted, max(elapsed, 1e-6))
-        command = torque
-        if self._linearization is not None and torque != 0.0:
-            command = torque_command(self._linearization, torque)
-        sent = self.drive.write(command, now_ns)
-        limited = allowed != force or torque != wanted
-        self.last = Written(torque if sent else 0.0, sent, limited)
+        made, self._heat = commanded(self._chain, self._heat, force, scale, max(elapsed, 1e-6))
+        sent = self.drive.write(made.command, now_ns)
+        self.last = Written(made.torque if sent else 0.0, sent, made.limited)

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from ..samples import DriveReading
 from ..settings import validated
+from ..units import from_per_mille, to_per_mille
 from . import cia402, drive_exit
 from . import drive_setup as setup
 from .bus_load import Traffic
@@ -32,8 +33,6 @@ from .node import CanopenNode
 from .port import Port
 
 _HEARTBEATS_MISSED = 3
-_PER_MILLE = 1000.0
-_LARGEST = 32767
 
 
 class Drive:
@@ -73,7 +72,7 @@ class Drive:
         )  # fmt: skip
         self._command_id = 0x200 + settings.node_id
         self._setup = setup.DriveSetup(0, settings.rated_torque)
-        self._per_mille_of = self._torque_of = self._asked = 0.0
+        self._torque_of = self._asked = 0.0
         self._excess = ExcessTorque(
             settings.excess_torque * settings.rated_torque, round(1e9 / settings.rate)
         )
@@ -128,8 +127,7 @@ class Drive:
                 f"master {settings.master_id}): is a second copy of this node running?"
             )
         self._setup = found = setup.configure(self.node, settings)
-        self._per_mille_of = settings.direction * _PER_MILLE / found.rated_torque
-        self._torque_of = settings.direction * found.rated_torque / _PER_MILLE
+        self._torque_of = settings.direction * from_per_mille(1, found.rated_torque)
         self.reports.configured(found.mode, self._torque_of)
         self.unguarded = found.unguarded
         self.warnings = [
@@ -235,7 +233,7 @@ class Drive:
         if not -limit <= torque_nm <= limit:
             self.counters.saturated += 1
             torque_nm = max(-limit, min(limit, torque_nm))
-        return max(-_LARGEST, min(_LARGEST, round(torque_nm * self._per_mille_of)))
+        return to_per_mille(self.settings.direction * torque_nm, self._setup.rated_torque)
 
     def _send(self, controlword: int, per_mille: int) -> None:
         try:

@@ -23,6 +23,7 @@ from screw_module_ros.control.timing import (
     empty_histogram,
     note_latency,
 )
+from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
@@ -123,10 +124,13 @@ class AmplifierNode(DriverNode):
             self._drive,
             self.period_ns,
             self.parameters.read(GateSettings, "gate"),
-            self.parameters.read(TorqueLimits, "torque"),
-            self.parameters.read(CommandLimits),
-            self._linearization,
-            self._screw,
+            torque_chain(
+                self.parameters.read(CommandLimits),
+                self.parameters.read(TorqueLimits, "torque"),
+                self._linearization,
+                self._screw,
+                self._drive.settings.rated_torque,
+            ),
         )
         self._meter = DeadlineMeter(self.period_ns)
         self._own = empty_histogram()

@@ -25,6 +25,7 @@ from screw_module_ros.control.gate import OPEN, GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.devices.drive import Drive
@@ -97,9 +98,7 @@ class Bench:
             self.drive,
             PERIOD_NS,
             GateSettings(),
-            TorqueLimits(),
-            CommandLimits(),
-            default_linearization(),
+            torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
         )
         self.axes = PlanarAxes(
             self.planar_drives, PERIOD_NS, PlanarSettings(), JointSettings(), GateSettings()
