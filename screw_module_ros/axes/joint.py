@@ -86,6 +86,10 @@ class Joint:
             return f"turns at {motion.velocity:.1f} rad/s"
         return ""
 
+    def trust(self) -> None:
+        """Forget what was held against the position: nothing passes that would have to move it."""
+        self._still = self._still._replace(doubt=0.0)
+
     def doubt(self, torque: float) -> str:
         """Return what is wrong with a joint that stood still, a period after the last look.
 
@@ -99,7 +103,7 @@ class Joint:
         if not frozen:
             return ""
         self._motion.homed = False
-        self._still = self._still._replace(doubt=0.0)
+        self.trust()
         return (
             f"position (6064) has not changed by a count in {self._freeze.time:g} s of more than "
             f"{self._freeze.torque:g} Nm on the joint: it is frozen, or something blocks the arm; "

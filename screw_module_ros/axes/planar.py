@@ -129,8 +129,12 @@ class PlanarAxes:
 
     def _doubt(self, hand: tuple[float, float]) -> None:
         """Look for a frozen position while torque passes; `written` is what acted until now."""
+        if not self.drives.enabled:
+            for joint in self.joints:
+                joint.trust()
+            return
         angles = [joint.angle for joint in self.joints]
-        judged = self.drives.enabled and clear_of_stops(self.settings, *angles)
+        judged = clear_of_stops(self.settings, *angles)
         pushed = hand_torques(*angles, *hand) if judged else _HAND_UNKNOWN
         for drive, joint, torque, push in zip(
             self.drives.drives, self.joints, self.written, pushed, strict=True
