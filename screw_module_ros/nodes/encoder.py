@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.geometry import Screw
 from screw_module_ros.samples import EncoderReading
 
 from .support import qos, topics
@@ -26,6 +27,7 @@ class EncoderNode(DriverNode):
     def __init__(self):
         super().__init__("encoder", port=43113)
         self.parameters.declare(EncoderSettings, without=("rate",))
+        self.parameters.declare(Screw)
         self._rate = RateMeter()
         self.device: Encoder | None = None
         self.serve(Trigger, "~/home", self._home)
@@ -35,7 +37,7 @@ class EncoderNode(DriverNode):
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(EncoderSettings)._replace(rate=rate)
         port = self.open_port(f"encoder node {settings.node_id}")
-        self.device = Encoder(port, settings)
+        self.device = Encoder(port, settings, screw=self.parameters.read(Screw))
         self.device.configure()
         self.hardware_id = self.device.identity
         self.check_bus_load(self.device.traffic)

@@ -19,15 +19,15 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.axes.controller import NO_FORCE, VerticalController
-from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.calibration import calibration_identity
-from screw_module_ros.control.friction import load_friction_model
-from screw_module_ros.control.modes import MODE_NAMES, OFF
-from screw_module_ros.control.module_calibration import (
+from screw_module_ros.calibration.file import calibration_identity
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.module import (
     CalibrationSettings,
     ModuleCalibration,
     chosen_calibration,
 )
+from screw_module_ros.control.agreement import AgreementSettings
+from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings

@@ -13,9 +13,9 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.module import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.module_calibration import ModuleCalibration, write_calibration
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata

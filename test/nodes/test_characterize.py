@@ -28,7 +28,7 @@ from screw_module_ros.nodes.support.robot import Robot
 pytestmark = pytest.mark.graph
 
 TICKS = 200.0
-AMPLIFIER = ("linearize", "force_up", "force_down")
+AMPLIFIER = ("linearize", "command_up", "command_down")
 TRIES = 4
 BUSY = ("samples were lost", "no sample for", "took the torque off")  # of a guard that has struck
 CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")

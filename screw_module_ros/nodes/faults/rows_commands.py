@@ -233,7 +233,7 @@ _RIG = (
 _FIXED = {
     "impedance_controller": {"force_up": 100.0, "fade_time": 0.1, "watch.stale_periods": 100.0,
                              "rate": 1000.0, "friction_fraction": 0.5},
-    "amplifier": {"force_up": 100.0, "torque.peak": 5.0, "gate.safety_timeout": 1.0,
+    "amplifier": {"command_up": 100.0, "torque.peak": 5.0, "gate.safety_timeout": 1.0,
                   "command_timeout": 5.0, "rated_torque": 1.0, "linearize": False,
                   "max_torque": 100.0, "direction": -1, "missed_limit": 1000},
     "manus": {"handle_force_limit": 500.0, "shoulder.direction": -1, "gate.ramp_time": 0.05,

@@ -126,7 +126,7 @@ def _topics() -> Iterator[Row]:
                "stop the sender; amplifier/clear_fault, reset, enable")  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
-               "amplifier limits it to 65 N; the next true one follows", None, "none is needed",
+               "amplifier limits it to 95 N; the next true one follows", None, "none is needed",
                safe=EITHER)  # fmt: skip
     x, y, z, *_ = SPRING
     yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
