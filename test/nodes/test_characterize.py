@@ -98,9 +98,16 @@ class Bench:
             **parameters(self.robot, "impedance_controller", CONTROLLER),
         }
 
+    def goals_in_time(self) -> list[str]:
+        """Return the threads of experiments that simulated time may still wait for."""
+        page = self.robot.clock.page
+        names = [page.name(slot) for slot in range(len(page.slot_pid)) if page.slot_pid[slot]]
+        return [name for name in names if name.endswith("/goal")]
+
     def check_put_back(self) -> None:
         """Everything as found: nodes, parameters, who commands; torque off, nothing latched."""
         robot = self.robot
+        robot.wait_until(lambda: not self.goals_in_time(), 10.0, "an experiment holds time")
         assert self.settings() == self.found
         for node in ("amplifier", "impedance_controller"):
             assert lifecycle_state(robot, node) == ACTIVE
@@ -239,6 +246,7 @@ def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
     bench.fix("locked_rotor")
     goal = bench.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
     goal.wait_for("sine of")
+    assert bench.goals_in_time() == ["characterize/goal"]
     robot.wait_until(
         lambda: (state := robot.state(AmplifierState)) and state.commanded_torque > 0.1,
         10.0,

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from screw_module_msgs.action import RunExperiment
 
-from screw_module_ros.clock import ManualClock
+from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import Cancelled, NotPossible, TorqueTrial
+from screw_module_ros.nodes.live import session as live_session
 from screw_module_ros.nodes.live import trials as live_trials
 from screw_module_ros.nodes.live.feedback import Feedback
 from screw_module_ros.nodes.live.samples import (
@@ -210,6 +211,13 @@ class TestRefusals:
     def test_a_sine_that_cannot_be_played(self, trial, said):
         with pytest.raises(NotPossible, match=said):
             live_trials._sine(self.session, trial)
+
+
+    def test_sensors_with_another_clock(self, monkeypatch):
+        given = {"rate": 1000.0, "use_sim_time": True}
+        monkeypatch.setattr(live_session, "parameters", lambda *asked: given)
+        with pytest.raises(NotPossible, match="encoder runs with use_sim_time true"):
+            live_session.common_rate(SimpleNamespace(clock=WallClock()))
 
 
 class TestFeedback:
