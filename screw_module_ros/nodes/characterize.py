@@ -152,7 +152,7 @@ class CharacterizeNode(ModuleNode):
             left = _left(error)
             message = " ".join(str(error).split())
             cancelled = goal.is_cancel_requested
-        message = "; ".join([message, *left])
+        message = "; ".join(dict.fromkeys([message, *left]))
         done = bool(text)
         if done and not left:
             self.get_logger().info(message)

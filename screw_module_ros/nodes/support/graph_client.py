@@ -37,6 +37,7 @@ ANSWER_S = 10.0
 _LOST_S = 1.0
 _CREEP_NS = 5_000_000
 _READY_S = 90.0
+_STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
@@ -125,15 +126,22 @@ class Client:
             self._sleep(min(end_ns, now_ns + _POLL_NS))
 
     def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
-        """Wait until `until_ns`, or for a message on `hops`. Raises RobotError when time stands."""
-        try:
-            if hops:
-                self.clock.member.wait(until_ns, hops=hops)
-            else:
-                self.clock.sleep_until(until_ns)
-        except TimeStandsStill as error:
-            self.watch()  # a process that has ended says more
-            raise RobotError(str(error)) from None
+        """Wait until `until_ns`, or for a message on `hops`.
+
+        Raises RobotError when simulated time stands because its rig has ended, or for long.
+        """
+        end_ns = _WALL.now_ns() + _STANDS_NS
+        while True:
+            try:
+                if hops:
+                    self.clock.member.wait(until_ns, hops=hops)
+                else:
+                    self.clock.sleep_until(until_ns)
+                return
+            except TimeStandsStill as error:
+                self.watch()  # a process that has ended says more
+                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
+                    raise RobotError(str(error)) from None
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
