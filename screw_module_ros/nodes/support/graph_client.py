@@ -16,6 +16,7 @@ from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +29,7 @@ from screw_module_ros.lockstep.wires import Hop
 from . import qos
 from .freshness import Newest
 from .module_node import answer_topic, request_topic
-from .realtime import Inbox
+from .realtime import BREATH_S, Inbox
 from .transport import choose_transport
 
 _POLL_NS = 20_000_000
@@ -113,7 +114,10 @@ class Client:
     def _serve(self) -> None:
         # Not `spin`: shutting it down from another thread destroys what it is about to use.
         while not self._closing.is_set():
-            self._executor.spin_once(timeout_sec=_SERVE_S)
+            try:
+                self._executor.spin_once(timeout_sec=_SERVE_S)
+            except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
+                self._closing.wait(BREATH_S)
 
     # Waiting -------------------------------------------------------------------------------
 
