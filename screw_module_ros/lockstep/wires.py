@@ -146,6 +146,11 @@ class Hop:
         page.hop_taken[row] = page.topic_published[self._topic]
         page.hop_follows[row] = 1
 
+    def hold(self, slot: int) -> None:
+        """Follow from here on for good: time waits for what is published, whether or not `slot` waits."""
+        self._page.hop_waiter[self.row] = slot
+        self.catch_up()
+
     def let_go(self) -> None:
         """Wait for this end no longer, until it has caught up."""
         self._page.hop_follows[self.row] = 0

@@ -83,6 +83,15 @@ class ModuleNode(LifecycleNode):
         self._start_timer: Timer | None = None
         self._inbox: Inbox | None = None
         self._requests = self._answers = None
+        if self.clock.simulated:
+            self._count_requests()
+
+    def _count_requests(self) -> None:
+        """Let each request hold simulated time until a service of this node works on it."""
+        self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
+        self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
+        self._requests.hold(self.clock.member.slot)
+        self.clock.idle()
 
     def _chosen_clock(self) -> Clock:
         if not self.get_parameter("use_sim_time").value:
@@ -160,13 +169,11 @@ class ModuleNode(LifecycleNode):
         if not self.clock.simulated:
             yield
             return
-        if self._requests is None:
-            self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
-            self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
         with self.clock.working():
-            self._requests.catch_up()
+            self._requests.let_go()  # a second request must not hold time while the first needs it
             yield
             self._answers.publishing()
+            self._requests.catch_up()
         self._answers.published()
 
     # What subclasses fill in ---------------------------------------------------------------
@@ -269,6 +276,8 @@ class ModuleNode(LifecycleNode):
             except TimeStandsStill as error:
                 self.get_logger().warning(f"not left in order: {error}")
         ended()
+        if self._requests is not None:
+            self._requests.let_go()  # nobody answers from here on
         if self._phase != "finalized":
             self.disconnect()
             self.close_topics()
