@@ -16,7 +16,6 @@ from . import (
 )
 from .measures import LARGEST_STEP
 from .row import EITHER, GOES_ON, OFF, SAFE_STATES, VERTICAL_OFF, Row
-from .ticks import HEARTBEAT_S, RATE, SAFETY_S, SUPERVISOR_S
 
 _MODULES = (
     rows_nodes,
@@ -102,10 +101,6 @@ _NO_ALARM = {
 }
 _FIGURES = {
     "step": LARGEST_STEP,
-    "rate": f"{RATE:g}",
-    "safety": f"{SAFETY_S:g}",
-    "supervisor": f"{SUPERVISOR_S:g}",
-    "heartbeat": f"{HEARTBEAT_S:g}",
     "states": "\n".join(f"- *{name}*: {text}" for name, text in SAFE_STATES.items()),
 }
 _HEAD = """<!-- made by `faults --table`; do not edit -->

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`faults`: carry out the fault catalogue against separate processes and the simulated rig."""
+"""`faults`: carry out the fault catalogue against the simulated rig."""
 
 from __future__ import annotations
 
@@ -68,11 +68,9 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     finally:
         _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
-    repeated = sum(bool(verdict.set_aside) for verdict in verdicts)
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
         f"{time.monotonic() - begun:.0f} s"
-        + (f"; {repeated} again, as the machine had stood still" if repeated else "")
         + (f"; failed: {', '.join(failed)}" if failed else "")
     )
     return 1 if failed else 0
@@ -82,18 +80,15 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
     mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
     if row.safe == GOES_ON:
         figures = "goes on"
-    elif row.blind:
-        figures = "disabled"
     else:
         figures = f"{verdict.vertical:.0f} of {row.within}"
         if row.plane_within:
             figures += f", plane {verdict.plane:.0f} of {row.plane_within} samples"
     line = (
         f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
-        f"[dim]{verdict.seconds:.1f} s[/]"
+        f"[dim]{verdict.simulated:.1f} s "
+        f"in {verdict.seconds:.1f} s[/]"
     )
-    for told in verdict.set_aside:
-        line += "\n      carried out again, as the machine stood still: " + escape(told)
     if verdict.problem:
         line += "\n      [red]" + escape(verdict.problem) + "[/]"
         if verdict.stuck:

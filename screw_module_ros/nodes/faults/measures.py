@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener, Moment
 from .row import Alarm
-from .ticks import PERIOD
+from .limits import PERIOD
 
 STEP_S = 0.025
 """Time within which a change of the force on the hand is a step [s]."""
