@@ -35,7 +35,7 @@ class Part(NamedTuple):
 _LOST = r"no message for more than"
 _SENSOR = (STALE + 2 + DYING, STALE + 2 + TOLD + DYING)
 _DRIVE = COMMAND + 4 + DYING  # the drive drops the torque by itself
-_MISSING = LOST + 30 + DYING  # the supervisor decides at 50 Hz
+_MISSING = LOST + 2 * 20 + 6 + DYING  # taken and decided upon at 50 Hz each
 _SILENT = SAFETY + 6 + DYING
 _AMPLIFIER_BACK = "start it; clear_fault, reset, enable"
 PARTS = (
