@@ -10,8 +10,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from .row import Act, Failed
 from .limits import PERIOD_NS
+from .row import Act, Failed
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:

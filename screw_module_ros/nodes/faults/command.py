@@ -25,7 +25,6 @@ from .row import GOES_ON, Row, Verdict
 @click.command(context_settings={"show_default": True})
 @click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
 @click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
-@click.option("--representative", is_flag=True, help="Every fifth row: some of each kind.")
 @click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
 @click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
 @click.option(
@@ -36,11 +35,11 @@ from .row import GOES_ON, Row, Verdict
     "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
     help="Graphs at once, by default one per core; one where ROS_DOMAIN_ID is set.",
 )  # fmt: skip
-def command(group, row, representative, listed, table, json_file, jobs) -> None:
+def command(group, row, listed, table, json_file, jobs) -> None:
     """Carry out the fault catalogue; exit with 1 when a row fails."""
     console = Console()
     try:
-        rows = chosen(group, row, representative)
+        rows = chosen(group, row)
         if table:
             click.echo(page(), nl=False)
         elif listed:

@@ -79,7 +79,7 @@ class Crew:
                 raise Interrupted
 
     def _send_next(self, pipe: Connection) -> bool:
-        """Send the next row that fits the member's graph, else one that makes it change the graph."""
+        """Send the next row that fits the member's graph, else one for the other kind of graph."""
         if not self._waiting:
             return False
         fitting = (row for row in self._waiting if row.apart == self._apart[pipe])

@@ -64,8 +64,8 @@ class Row(NamedTuple):
     name: stable id; fault: what is injected; within, plane_within: samples of the vertical chain
     after which the vertical axis and the plane may have no torque left, 0 where the robot goes on;
     watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
-    it happen (and tell since when, in simulated time), take its cause away; apart: each node must be a
-    process of its own, else `module` is one; limp: the drive works on without torque;
+    it happen (and tell since when, in simulated time), take its cause away; apart: each node must
+    be a process of its own, else `module` is one; limp: the drive works on without torque;
     way_back: what an operator does then, with each service he calls.
     """
 

@@ -60,23 +60,27 @@ KINDS = {kind.name: kind for kind in (
     Kind("foreign_ids", "a foreign frame follows each of its own", GOES_ON, watch=0.3),
     Kind("flood", "a babbling device floods the bus, 1000 frames/s", EITHER, 1.0, 1.0),
 )}  # fmt: skip
-_ALL = tuple(KINDS)
-# A sensor that says nothing is the same to its node whatever the reason; so are both joints, whose
-# drives are read by the code that reads the vertical one.
-_SENSOR = tuple(name for name in _ALL if name not in ("bus_off", "mute"))
+# What all devices have in common is done to one of them: wrong lengths and identifiers, foreign
+# frames and floods meet the same code. To its node a sensor that says nothing is the same whatever
+# the reason. Both joints are read by the code that reads the vertical drive.
 DEVICES = (
     Device("encoder", "impedance_controller", STALE + 2 + DYING, Alarm("impedance_controller",
            "encoder:", "encoder"),
-           f"mend it; encoder/home after a boot-up, {MISSED}, reset, enable", _SENSOR),
+           f"mend it; encoder/home after a boot-up, {MISSED}, reset, enable",
+           ("cable_out", "truncate", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
+            "reorder", "delay-3ms", "flood")),
     Device("force_sensor", "impedance_controller", STALE + 2 + DYING, Alarm("impedance_controller",
            "force sensor", "force"), "mend it; force_sensor/tare after a bad status, "
-           f"{MISSED}, reset, enable", _SENSOR),
+           f"{MISSED}, reset, enable", ("cable_out", "truncate", "garbage", "drop", "duplicate",
+                                        "reorder", "delay-3ms", "foreign_ids")),
     Device("drive", "amplifier; the drive itself", COMMAND + 2 + DYING, Alarm("amplifier", "drive",
-           "amplifier"), "mend it; amplifier/clear_fault, reset, enable", _ALL),
+           "amplifier"), "mend it; amplifier/clear_fault, reset, enable",
+           ("cable_out", "bus_off", "mute", "lengthen", "wrong_id", "garbage", "delay-500ms",
+            "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
     Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, Alarm("manus",
            "drive|position", "manus"),
            "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
-           ("cable_out", "bus_off", "garbage", "drop", "delay-3ms", "flood")),
+           ("cable_out", "bus_off", "garbage", "drop")),
     Device("elbow", "manus; the drive itself", COMMAND + 4 + DYING, Alarm("manus", "drive|position",
            "manus"), "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
            ("cable_out",)),

@@ -43,6 +43,7 @@ _SAMPLES = (
     ("screw/force_command", ForceCommand, "force", _NAN, "amplifier", _COMMAND),
     ("screw/force_command", ForceCommand, "force", 1e300, "amplifier", _COMMAND),
 )  # fmt: skip
+_TOLD_AS = {"nan": "NaN", "inf": "infinity", "1e+300": "1e300"}
 _STAMPED = (
     ("screw/encoder", EncoderSample, "impedance_controller", _ENCODER),
     ("handle/force", ForceSample, "impedance_controller", _FORCE),
@@ -59,8 +60,9 @@ def rows() -> Iterator[Row]:
     for topic, kind, name, value, who, alarm in _SAMPLES:
         true = {"position": _height, "homed": True} if kind is EncoderSample else {}
         fields = true | {name: value}
+        told = _TOLD_AS.get(str(value), str(value))
         yield _stops(
-            f"{topic}-{name}-{value:g}", f"{value:g} as {name} on {topic}, from a foreign sender",
+            f"{topic}-{name}-{told}", f"{told} as {name} on {topic}, from a foreign sender",
             published(kind, topic, _COUNT, _EVERY_S, **fields), who, alarm, apart=True,
         )  # fmt: skip
     for topic, kind, who, alarm in _STAMPED:
@@ -173,7 +175,8 @@ def _setpoints() -> Iterator[Row]:
                    game(-0.2, -0.2, -0.1, 0.0, 0.0, 0.0), limited)  # fmt: skip
     yield _goes_on("setpoint-gone-moving", "the game dies while its point moves",
                    both(game(x, y, z, 0.1, 0.1, 0.1), _wait, _no_game),
-                   "controller and manus: after 0.2 s its velocity counts as zero", watch=0.8)  # fmt: skip
+                   "controller and manus: after 0.2 s its velocity counts as zero",
+                   watch=0.8)  # fmt: skip
 
 
 def _no_game(stand) -> None:

@@ -25,7 +25,6 @@ _APART = 900
 _FAULTS = (
     ("over_current", "over-current, 2310", AT_ONCE, "2310"),
     ("over_temperature", "device too hot, 4210", AT_ONCE, "4210"),
-    ("heartbeat_fault", "it believes our heartbeat lost, 8130", AT_ONCE, "8130"),
     ("fault", "a fault with an unknown code", AT_ONCE, "5000|fault"),
     ("disable", "it drops to switch on disabled by itself", AT_ONCE, "left operation enabled"),
     ("torque_off", "safe torque off", AT_ONCE, "left operation enabled"),
@@ -46,8 +45,8 @@ _FAULTS = (
     ("inputs", "its limit switch inputs are set", 0, ""),
 )  # fmt: skip
 # The planar drives are driven by the same code; what differs is what follows for two of them.
-_SHOULDER_TOO = ("over_current", "disable", "heartbeat_lost", "pdos_lost", "deaf", "reset",
-                 "power_off", "stuck_torque", "motor_open", "sdo_silent")  # fmt: skip
+_SHOULDER_TOO = ("over_current", "disable", "pdos_lost", "deaf", "reset", "power_off",
+                 "stuck_torque")  # fmt: skip
 _ELBOW_TOO = ("over_current", "reset")
 _BACK = {
     "amplifier": "mend it; amplifier/clear_fault, reset, enable",

@@ -127,7 +127,8 @@ def _topics() -> Iterator[Row]:
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
                "amplifier limits it to 65 N; the next true one follows", None,
-               "amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER, apart=True)  # fmt: skip
+               "amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
+               apart=True)  # fmt: skip
     x, y, z, *_ = SPRING
     yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
                published(EndpointSetpoint, "setpoint", 0, 0.005, position__x=math.nan,

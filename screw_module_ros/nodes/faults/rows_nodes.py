@@ -79,8 +79,8 @@ def rows() -> Iterator[Row]:
         for act in part.acts:
             yield _row(part, act)
     yield Row(
-        name="sim_rig-killed", group=GROUP, fault="sim_rig killed (SIGKILL): simulated time stands, "
-        "then all devices are switched on anew", inject=_power_cycle,
+        name="sim_rig-killed", group=GROUP, fault="sim_rig killed (SIGKILL): simulated time "
+        "stands, then all devices are switched on anew", inject=_power_cycle,
         alarm=Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
         way_back="encoder/home, force_sensor/tare, manus/home, clear_fault, reset, enable",
         noticed_by="amplifier, manus, encoder: boot-ups", within=AT_ONCE, plane_within=AT_ONCE,

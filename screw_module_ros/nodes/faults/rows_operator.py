@@ -17,7 +17,7 @@ from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK
 from ..support.robot import arm
 from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
 from .limits import BY_SERVICE, DYING, STALE, TOLD
-from .patient import HOME, SPRING
+from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
 
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
@@ -85,7 +85,8 @@ def _operator() -> Iterator[Row]:
                    "amplifier, manus: nothing changes")  # fmt: skip
     yield _goes_on("home-while-moving", "encoder/home in motion", _home_in_motion,
                    "encoder refuses, or the origin moves in small steps")._replace(
-        safe=EITHER, within=_BY_CHANCE, plane_within=_BY_CHANCE, way_back="encoder/home at the mark, reset, enable",
+        safe=EITHER, within=_BY_CHANCE, plane_within=_BY_CHANCE,
+        way_back="encoder/home at the mark, reset, enable",
         back=_home_again)  # fmt: skip
     yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
@@ -144,16 +145,16 @@ def _patient() -> Iterator[Row]:
         fault="the patient throws the handle against the upper end stop",
         inject=both(_throw(0.5), _hits(lambda height: height > _TOP)),
         alarm=None, way_back="reset, enable",
-        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE, plane_within=_BY_CHANCE,
-        safe=EITHER, watch=0.8,
+        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
     yield Row(
         name="end-stop-bottom", group="operator",
         fault="the patient throws the handle against the lower end stop",
         inject=both(_throw(-0.3), _hits(lambda height: height < _BOTTOM)),
         alarm=None, way_back="reset, enable",
-        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE, plane_within=_BY_CHANCE,
-        safe=EITHER, watch=0.8, mode=3,
+        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8, mode=3,
     )  # fmt: skip
     yield _goes_on("patient-lets-go", "the patient lets go of the handle", _fixture("free"),
                    "nobody: forces stay within their limits",
@@ -161,8 +162,8 @@ def _patient() -> Iterator[Row]:
     yield Row(
         name="pin-in-while-enabled", group="operator", fault="the lock pin goes in in motion",
         inject=_pin(True), back=_pin(False), alarm=None, way_back="pin out, reset, enable",
-        noticed_by="nobody, or impedance_controller by the jolt", within=_BY_CHANCE, plane_within=_BY_CHANCE,
-        safe=EITHER, watch=0.8,
+        noticed_by="nobody, or impedance_controller by the jolt", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
 
 

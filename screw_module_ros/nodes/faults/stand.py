@@ -24,7 +24,8 @@ from .way_back import WayBack
 
 STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
-_ENDED_S = 12.0  # wall clock
+_ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
+_CREEP_S = 0.0005
 _POLL_NS = 5_000_000
 _WALL = WallClock()  # processes end and start by it
 _FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
@@ -157,6 +158,8 @@ class Stand:
         if not self._restarted:
             return
         processes, self._restarted = self._restarted, set()
+        for process in processes:
+            self._let_start(process)
         nodes = {node for process in processes for node in nodes_of(process)}
         self.robot.wait_until_ready(nodes)
         if nodes & {"impedance_controller", "manus"}:
@@ -164,6 +167,17 @@ class Stand:
         if "sim_rig" in nodes:
             self.robot.wait_until(lambda: self.heard.fresh("sim_rig"), 5.0, "no sim/truth")
             self.patient.set_up()
+
+    def _let_start(self, process: str) -> None:
+        """Wait until a process takes part in the time, which hardly moves meanwhile."""
+        clock, end_ns = self.robot.clock, _WALL.now_ns() + round(_STARTED_S * 1e9)
+        while self.graph.pid(process) not in clock.page.slot_pid:
+            if _WALL.now_ns() > end_ns:
+                raise RobotError(f"{process} does not start")
+            self.graph.watch()
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+            if clock.page.conductor:
+                clock.sleep(_CREEP_S)
 
     def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Wait for a condition; return whether it came true in time."""
