@@ -21,11 +21,12 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from .acts import both, game, parameter_refused, published, refused
 from .limits import BY_SERVICE, TOLD
 from .patient import SPRING
-from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
+from .row import EITHER, GOES_ON, OFF, Act, Alarm, Row, nothing
 
 _NAN, _INF = math.nan, math.inf
 _BAD = {"NaN": _NAN, "infinity": _INF}
-_COUNT, _EVERY_S = 25, 0.007  # messages; the true ones come between and often hide them
+_COUNT, _EVERY_S = 25, 0.007
+_MANY, _TICK_S = 60, 0.001
 
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _FORCE = Alarm("impedance_controller", "force sensor", "force")
@@ -50,7 +51,7 @@ _STAMPED = (
     ("screw/force_command", ForceCommand, "amplifier", _COMMAND),
 )
 _WITHIN = BY_SERVICE + TOLD
-"""Samples: some of the messages are hidden by the true ones; a state is heard by the supervisor."""
+"""Samples: the first comes after 7 of them; a state is heard by the supervisor."""
 _TRUE_GAME = game(*SPRING)
 _LATE_NS = 3_600_000_000_000
 
@@ -61,14 +62,14 @@ def rows() -> Iterator[Row]:
         true = {"position": _height, "homed": True} if kind is EncoderSample else {}
         fields = true | {name: value}
         told = _TOLD_AS.get(str(value), str(value))
-        yield _stops(
+        yield _foreign(
             f"{topic}-{name}-{told}", f"{told} as {name} on {topic}, from a foreign sender",
-            published(kind, topic, _COUNT, _EVERY_S, **fields), who, alarm, apart=True,
+            kind, topic, who, alarm, **fields,
         )  # fmt: skip
     for topic, kind, who, alarm in _STAMPED:
-        yield _stops(
+        yield _foreign(
             f"{topic}-future", f"{topic} stamped an hour ahead: its clock has jumped",
-            published(kind, topic, _COUNT, _EVERY_S, late=_LATE_NS), who, alarm, apart=True,
+            kind, topic, who, alarm, late=_LATE_NS,
         )  # fmt: skip
     yield from _states()
     yield from _setpoints()
@@ -80,8 +81,20 @@ def _height(stand) -> float:
     return stand.heard.now.height
 
 
+def _foreign(
+    name: str, text: str, kind: type, topic: str, who: str, alarm: Alarm, **fields: object
+) -> Row:  # fmt: skip
+    """Samples or commands of a foreign sender; the true force samples hide some, or all of it."""
+    if kind is not ForceSample:
+        act = published(kind, topic, _COUNT, _EVERY_S, **fields)
+        return _stops(name, text, act, who, alarm, apart=True)
+    act = published(kind, topic, _MANY, _TICK_S, **fields)
+    who += ": the newest sample counts, which may be the true one"
+    return _stops(name, text, act, who, None, apart=True)._replace(safe=EITHER, watch=0.1)
+
+
 def _stops(
-    name: str, text: str, act: Act, who: str, alarm: Alarm, apart: bool = False
+    name: str, text: str, act: Act, who: str, alarm: Alarm | None, apart: bool = False
 ) -> Row:
     return Row(
         name=name.replace("/", "-").replace(" ", "-").lower(),
