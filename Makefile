@@ -35,9 +35,10 @@ reproduce: build  ## every experiment of the thesis in process: report.html and 
 test: build  ## all tests; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
 
-lint: build  ## style, docstrings and the import rule
+lint: build  ## style, docstrings, the import rule and the clock rule
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) tools/import_rule.py
+	@$(VENV_PYTHON) tools/clock_rule.py
 
 shell: build  ## a shell in which the nodes can be started by name
 	@tools/run $${SHELL:-sh}

@@ -99,12 +99,11 @@ class _Plain:
     """A bus waited for with its own means."""
 
     def __init__(self, clock: Clock, bus: Any):
-        self._clock = clock
-        self._receive = bus.recv
+        self._clock, self._bus = clock, bus
 
     def receive(self, until_ns: int) -> Any:
         left_ns = until_ns - self._clock.now_ns() if until_ns else 0
-        return self._receive(left_ns * 1e-9 if left_ns > 0 else 0.0)
+        return self._bus.recv(left_ns * 1e-9 if left_ns > 0 else 0.0)
 
     def sent(self) -> None:
         pass
@@ -145,31 +144,34 @@ class ManualClock(Clock):
         self.time_ns = max(self.time_ns, due_ns)
 
     def arrivals(self, bus: Any) -> Arrivals:
-        """Return what is heard on a bus; nothing is waited for."""
-        return _Unawaited(bus)
+        """Return what is heard on a bus; what is not there now is not there until the end."""
+        return _Unawaited(self, bus)
 
 
 class _Unawaited(_Plain):
-    def __init__(self, bus: Any):
-        self._receive = bus.recv
-
     def receive(self, until_ns: int) -> Any:
-        return self._receive(0.0)
+        message = self._bus.recv(0.0)
+        if message is None and until_ns:
+            self._clock.sleep_until(until_ns)
+        return message
 
 
 class SimulatedClock(Clock):
     """The rig's time. Each thread that waits is a member of its own, from its first wait on.
 
-    name: how the conductor calls this process; stopping: whether it is to end.
+    name: how the conductor calls this process. stopping: whether it is to end, for a process whose
+    main thread waits for time to move on however long that takes; None: no thread waits for ever.
     """
 
     simulated = True
 
-    def __init__(self, page: Page, name: str, stopping: Callable[[], bool] = lambda: False):
+    def __init__(self, page: Page, name: str, stopping: Callable[[], bool] | None = None):
         self.page = page
         self.name = name
-        self.stopping = stopping
+        self._has_loop = stopping is not None
+        self.stopping = stopping or (lambda: False)
         self._own = threading.local()
+        self._users = 0
 
     def now_ns(self) -> int:
         """Return simulated time [ns]."""
@@ -184,7 +186,7 @@ class SimulatedClock(Clock):
             return self._own.member
         except AttributeError:
             thread = threading.current_thread()
-            is_loop = thread is threading.main_thread()
+            is_loop = self._has_loop and thread is threading.main_thread()
             self._own.member = Member(
                 self.page, f"{self.name}/{thread.name}", self.stopping,
                 None if is_loop else _STANDS_STILL_S,
@@ -228,8 +230,11 @@ class SimulatedClock(Clock):
             member.idle()
 
     def close(self) -> None:
-        """Leave the page, all threads of this process together."""
+        """Leave the page, all threads of this process together, with the last user's call."""
         with _opening:
+            self._users -= 1
+            if self._users > 0:
+                return
             for name in [name for name, clock in _opened.items() if clock is self]:
                 del _opened[name]
                 self.page.close()
@@ -266,11 +271,16 @@ _opening = threading.Lock()
 
 
 def simulated_clock(
-    name: str, namespace: str, stopping: Callable[[], bool] = lambda: False
+    name: str, namespace: str, stopping: Callable[[], bool] | None = None
 ) -> SimulatedClock:
-    """Return this process's clock of the robot in `namespace` and the ROS domain it is in."""
+    """Return this process's clock of the robot in `namespace` and the ROS domain it is in.
+
+    Each who asks for it calls its `close`.
+    """
     found = page_name(os.environ.get("ROS_DOMAIN_ID", "0"), namespace)
     with _opening:
         if found not in _opened:
             _opened[found] = SimulatedClock(Page(found), name, stopping)
-        return _opened[found]
+        clock = _opened[found]
+        clock._users += 1
+        return clock

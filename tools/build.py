@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`make build`: from a fresh clone to installed packages; what is done already is skipped.
 
-Virtual environment, pinned packages, screw_module_msgs, screw_module_ros: each step leaves a stamp,
-a hash of what went in, and is done again when that changed. With ROS 2 Jazzy sourced the step that
-installs the ROS wheels falls away. Standard library only.
+Virtual environment, tools and ROS, screw_module_msgs, beside it the packages that nodes import, and
+screw_module_ros: each step leaves a stamp, a hash of what went in, and is done again when that
+changed. With ROS 2 Jazzy sourced the ROS wheels fall away. Standard library only.
 """
 
 from __future__ import annotations
@@ -19,19 +19,22 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import packages
 import prerequisites
 import ros_wheels
-from steps import Progress, StepFailed, run_logged
+import shebangs
+from steps import Progress, Step, StepFailed, run_all, run_logged
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin/python"
 BUILD, INSTALL = ROOT / "build", ROOT / "install"
 LOGS = BUILD / "log"
+UNFINISHED = ".unfinished-"  # begins the names of marks that are there while packages come
 REQUIREMENTS = ROOT / "requirements"
 MESSAGES, PACKAGE = "screw_module_msgs", "screw_module_ros"
 HOOK = "_screw_module_ros_env"  # must sort before ros_wheels_bootstrapper
-STEPS = 4
+STEPS = 5
 
 
 def main() -> int:
@@ -41,6 +44,7 @@ def main() -> int:
     try:
         prerequisites.check_python()
         ros = prerequisites.ros_prefix()
+        prerequisites.check_path(ROOT, ros)
         prerequisites.check_compiler()
         if ros is None:
             prerequisites.check_wheels_fit()
@@ -60,32 +64,52 @@ def main() -> int:
 
 def build(ros: Path | None, progress: Progress) -> bool:
     """Do the steps whose stamp does not fit; return whether there was any."""
-    environment = digest([str(ROOT), sys.version, str(ros)])
-    files = requirement_files(ros)
-    packages = digest([environment], files + [ROOT / "tools/venv_hook.py"])
-    builders = [file for file in files if file.stem in ("build", "ros")]
-    definitions = sorted(file for file in (ROOT / "msg_defs").rglob("*") if file.is_file())
-    messages = digest([environment], builders + definitions)
-    described = [ROOT / name for name in ("setup.py", "setup.cfg", "package.xml")]
-    installed = digest([environment, *data_files()], builders + described)
-    steps = (
-        ("virtual environment", VENV, environment, lambda: make_venv(ros)),
-        ("pinned packages", VENV / "bin", packages, lambda: install(files, ros, progress)),
-        (MESSAGES, INSTALL / MESSAGES, messages, lambda: colcon(MESSAGES, ros, progress)),
-        (PACKAGE, INSTALL / PACKAGE, installed, lambda: colcon(PACKAGE, ros, progress)),
-    )
-    if all(fits(folder, stamp) for _, folder, stamp, _ in steps):
+    steps = plan(ros)
+    if all(step.fits() for step in steps):
         return False
     prerequisites.check_disk(ROOT)
-    for what, folder, stamp, work in steps:
-        progress.begin(what)
-        if fits(folder, stamp):
-            progress.done("is up to date")
-            continue
-        work()
-        (folder / ".stamp").write_text(stamp)
-        progress.done()
+    if any(VENV.glob(f"{UNFINISHED}*")):  # a package may lack files that its metadata promises
+        shutil.rmtree(VENV)
+    run_all(steps, progress)
     return True
+
+
+def plan(ros: Path | None) -> list[Step]:
+    """Return the steps from a fresh clone to installed packages, with the stamps of today."""
+    environment = digest([str(ROOT), sys.version, str(ros)])
+    tools, imports = tool_lists(ros), requirements("runtime", "dev")
+    builders = tools[2:]
+    definitions = sorted(file for file in (ROOT / "msg_defs").rglob("*") if file.is_file())
+    described = [ROOT / name for name in ("setup.py", "setup.cfg", "package.xml")]
+    hook = ROOT / "tools/venv_hook.py"
+    return [
+        Step("virtual environment", VENV, environment, lambda _: make_venv(ros)),
+        Step(
+            "build tools" if ros else "build tools and ROS",
+            VENV / "bin",
+            digest([environment], [*tools, hook]),
+            lambda progress: install_tools(tools, ros, progress),
+        ),
+        Step(
+            MESSAGES,
+            INSTALL / MESSAGES,
+            digest([environment], builders + definitions),
+            lambda progress: colcon(MESSAGES, ros, progress),
+        ),
+        Step(
+            "packages to import",
+            VENV / "lib",
+            digest([environment], imports),
+            lambda progress: install_imports(imports, progress),
+            beside=True,  # the messages need no more than the tools
+        ),
+        Step(
+            PACKAGE,
+            INSTALL / PACKAGE,
+            digest([environment, *data_files()], builders + described),
+            lambda progress: install_nodes(ros, progress),
+        ),
+    ]
 
 
 def make_venv(ros: Path | None) -> None:
@@ -99,48 +123,85 @@ def make_venv(ros: Path | None) -> None:
         raise StepFailed(f"python -m venv failed: {(made.stderr or made.stdout).strip()}")
 
 
-def install(files: list[Path], ros: Path | None, progress: Progress) -> None:
-    """Install the pinned packages, then the hook that makes Python find what is built."""
-    pip = [str(PYTHON), "-m", "pip", "install", "--no-deps", "--disable-pip-version-check"]
-    pip += ["--progress-bar", "off", "--no-input"]
-    bootstrap, rest = files[0], files[1:]
-    # pip would take what lies on PYTHONPATH, a sourced ROS, for part of the environment.
-    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    log = LOGS / "pip.log"
-    log.unlink(missing_ok=True)
+def install_tools(lists: list[Path], ros: Path | None, progress: Progress) -> None:
+    """Install what builds, and ROS; then the hook that makes Python find what is built."""
+    log = LOGS / "tools.log"
+    with unfinished("tools"):
+        log.unlink(missing_ok=True)
+        packages.get_uv(PYTHON, lists[0], log, progress)
+        packages.install(PYTHON, lists[1:2], log, progress)  # the source package is built with it
+        packages.install(PYTHON, lists[2:], log, progress)
+        if ros is None:
+            ros_wheels.rewrite_cmake_files(VENV)
+        packages.compile_bytecode(PYTHON, site_packages(), log, progress)
+        shutil.copy(ROOT / "tools/venv_hook.py", site_packages() / f"{HOOK}.py")
+        (site_packages() / f"{HOOK}.pth").write_text(f"import {HOOK}\n")
+
+
+def install_imports(lists: list[Path], progress: Progress) -> None:
+    """Install what the nodes, the tests and the lint need."""
+    log = LOGS / "imports.log"
+    with unfinished("imports"):
+        log.unlink(missing_ok=True)
+        packages.install(PYTHON, lists, log, progress)
+        packages.compile_bytecode(PYTHON, site_packages(), log, progress)
+
+
+@contextmanager
+def unfinished(what: str):
+    """Keep a mark in the environment which tells the next run that this was interrupted.
+
+    Where an installer gave up by itself, as without a network, it is as good as before.
+    """
+    mark = VENV / f"{UNFINISHED}{what}"
+    mark.touch()
     try:
-        run_logged("pip", [*pip, "-r", str(bootstrap)], log, progress, env)
-        listed = [argument for file in rest for argument in ("-r", str(file))]
-        run_logged("pip", [*pip, "--no-build-isolation", *listed], log, progress, env)
-    except StepFailed as error:
-        raise StepFailed(f"{error}\nIs the package index reachable? Then run it again.") from None
-    if ros is None:
-        ros_wheels.rewrite_cmake_files(VENV)
-    site_packages = VENV / f"lib/python{sysconfig.get_python_version()}/site-packages"
-    shutil.copy(ROOT / "tools/venv_hook.py", site_packages / f"{HOOK}.py")
-    (site_packages / f"{HOOK}.pth").write_text(f"import {HOOK}\n")
+        yield
+    except StepFailed:
+        mark.unlink()
+        raise
+    mark.unlink()
+
+
+def site_packages() -> Path:
+    """Return the folder of the environment's modules."""
+    return VENV / f"lib/python{sysconfig.get_python_version()}/site-packages"
 
 
 def colcon(package: str, ros: Path | None, progress: Progress) -> None:
     """Build and install one package with colcon."""
     env = dict(os.environ, PATH=f"{VENV / 'bin'}{os.pathsep}{os.environ.get('PATH', os.defpath)}")
-    env["VIRTUAL_ENV"] = str(VENV)
+    env |= {"VIRTUAL_ENV": str(VENV), "PYTHONUTF8": "1"}  # whatever letters the path has
+    # All cores, also on a busy machine: by itself colcon would have make wait for a lower load.
+    env["MAKEFLAGS"] = f"-j{os.cpu_count() or 1}"
     if ros is None:
         env["CMAKE_PREFIX_PATH"] = env["AMENT_PREFIX_PATH"] = str(VENV)
     command = [str(VENV / "bin/colcon"), "--log-base", str(LOGS / "colcon"), "build"]
     command += ["--packages-select", package, "--event-handlers", "console_direct+"]
     if package == MESSAGES:
-        options = ("BUILD_TYPE=Release", f"Python3_EXECUTABLE={PYTHON}")
-        command += ["--cmake-args", "-DBUILD_TESTING=OFF", f"-DCMAKE_{options[0]}"]
-        command += [f"-D{options[1]}"]
+        settings = ["BUILD_TESTING=OFF", "CMAKE_BUILD_TYPE=Release"]
+        settings += [f"Python3_EXECUTABLE={PYTHON}", f"ONLY_FOR_PYTHON={'OFF' if ros else 'ON'}"]
+        command += ["--cmake-args", *(f"-D{setting}" for setting in settings)]
     log = LOGS / f"{package}.log"
     log.unlink(missing_ok=True)
     run_logged("colcon", command, log, progress, env)
+    if not (INSTALL / package).is_dir():  # colcon ends well also where it found no such package
+        raise StepFailed(f"colcon did not find {package}; see {os.path.relpath(log)}")
 
 
-def requirement_files(ros: Path | None) -> list[Path]:
-    """Return the lists of pinned packages, the one that pip itself builds with first."""
-    names = ["bootstrap", "runtime", "dev", "build"] + ([] if ros else ["ros"])
+def install_nodes(ros: Path | None, progress: Progress) -> None:
+    """Install the package itself, its executables so that they start in any folder."""
+    colcon(PACKAGE, ros, progress)
+    shebangs.repair(INSTALL / PACKAGE / "lib" / PACKAGE, PYTHON)
+
+
+def tool_lists(ros: Path | None) -> list[Path]:
+    """Return the lists of what builds, in the order in which they are installed."""
+    return requirements("installer", "bootstrap", "build", *([] if ros else ["ros"]))
+
+
+def requirements(*names: str) -> list[Path]:
+    """Return the lists of pinned packages of these names."""
     return [REQUIREMENTS / f"{name}.txt" for name in names]
 
 
@@ -156,14 +217,6 @@ def digest(words: list[str], files: list[Path] | None = None) -> str:
     for file in files or []:
         result.update(f"\0{file.relative_to(ROOT)}\0".encode() + file.read_bytes())
     return result.hexdigest()
-
-
-def fits(folder: Path, stamp: str) -> bool:
-    """Return whether the folder was made from what the stamp stands for."""
-    try:
-        return (folder / ".stamp").read_text() == stamp
-    except OSError:
-        return False
 
 
 @contextmanager

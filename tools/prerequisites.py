@@ -17,6 +17,8 @@ OTHER_PYTHONS = ("python3.12", "python3.11", "python3.13", "python3.10")
 OLDEST_GLIBC = (2, 28)  # of the ROS wheels
 DISK_NEEDED = 2.5e9  # bytes, for the virtual environment, its downloads and the build
 COMPILERS = ("c++", "g++", "clang++")
+# Beside letters and digits; others mean something to the loader, CMake, make or a shell.
+FINE_IN_PATHS = " /._-+@"
 
 
 class Missing(Exception):
@@ -109,6 +111,18 @@ def check_wheels_fit() -> None:
         raise Missing(f"the ROS wheels need glibc 2.28 or newer, this is {version}: {way_out}")
 
 
+def check_path(folder: Path, ros: Path | None) -> None:
+    """Refuse a checkout in a folder that the tools cannot be told of, before anything is built."""
+    bad = {c for c in str(folder) if not _is_fine(c)}
+    if ros is not None:  # its CMake files read paths as ASCII; those of the wheels are mended
+        bad |= {c for c in str(folder) if not c.isascii()}
+    if bad:
+        raise Missing(
+            f"the path {ascii(str(folder))} has letters that CMake or the loader do not take "
+            f"({ascii(' '.join(sorted(bad)))}): move the checkout to a path without them"
+        )
+
+
 def check_disk(folder: Path) -> None:
     """Refuse a disk that would fill up half-way, or a folder that cannot be written."""
     if not os.access(folder, os.W_OK):
@@ -119,6 +133,12 @@ def check_disk(folder: Path) -> None:
             f"{free / 1e9:.1f} GB free in {folder}, {DISK_NEEDED / 1e9:.1f} GB needed: "
             "make room, or clone to another disk"
         )
+
+
+def _is_fine(letter: str) -> bool:
+    if letter.isascii():
+        return letter.isalnum() or letter in FINE_IN_PATHS
+    return letter.isprintable()
 
 
 def _works(python: str, code: str) -> bool:

@@ -3,7 +3,8 @@
 
 The exported targets of the message packages carry the include folders of the Python and the numpy
 they were compiled with (`/opt/python/cp3XX-cp3XX/...`); CMake refuses a target whose include folder
-does not exist. They are rewritten to the folders of the virtual environment in use.
+does not exist. They are rewritten to the folders of the virtual environment in use. And CMake reads
+the list of interface files as ASCII, which ends a path at its first other letter: it is told UTF-8.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from pathlib import Path
 _BUILDER = r"/opt/python/cp3\d+-cp3\d+"
 _NUMPY_INCLUDE = re.compile(_BUILDER + r"/lib/python3\.\d+/site-packages/numpy/_?core/include")
 _PYTHON_INCLUDE = re.compile(_BUILDER + r"/include/python3\.\d+")
+_LIST_OF_FILES = 'file(STRINGS "${idl_output}" idl_tuples'  # of rosidl_adapter
 
 
 def with_local_paths(text: str, python_include: str, numpy_include: str) -> str:
-    """Return the text of a CMake file with the builder's include folders replaced."""
+    """Return the text of a CMake file with the builder's folders replaced, fit for any path."""
     text = _NUMPY_INCLUDE.sub(lambda _: numpy_include, text)
-    return _PYTHON_INCLUDE.sub(lambda _: python_include, text)
+    text = _PYTHON_INCLUDE.sub(lambda _: python_include, text)
+    return text.replace(f"{_LIST_OF_FILES})", f"{_LIST_OF_FILES} ENCODING UTF-8)")
 
 
 def rewrite_cmake_files(venv: Path) -> int:
@@ -33,6 +36,9 @@ def rewrite_cmake_files(venv: Path) -> int:
         old = file.read_text(encoding="utf-8", errors="surrogateescape")
         new = with_local_paths(old, python_include, numpy_include)
         if new != old:
-            file.write_text(new, encoding="utf-8", errors="surrogateescape")
+            # A new file in its place: the old one may be a link to the installer's cache.
+            draft = file.with_suffix(".new")
+            draft.write_text(new, encoding="utf-8", errors="surrogateescape")
+            draft.replace(file)
             changed += 1
     return changed

@@ -4,14 +4,21 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 LINES_SHOWN_ON_FAILURE = 30
 SECONDS_BETWEEN_LINES = 10.0  # how often a long step says that it lives, when not on a terminal
+STOPPED = threading.Event()
 
 
 class StepFailed(Exception):
@@ -57,10 +64,89 @@ class Progress:
             print(flush=True)
 
 
+class Silence(Progress):
+    """The progress of a step that works beside the one which is shown."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+
+    def tick(self, detail: str) -> None:
+        """Say nothing."""
+
+    def failed(self) -> None:
+        """Say nothing."""
+
+
+@dataclass
+class Step:
+    """A piece of work and its stamp, a hash of what went in, which says whether it is done."""
+
+    what: str
+    folder: Path  # which the step makes, and where its stamp lies
+    stamp: str
+    work: Callable[[Progress], None]
+    beside: bool = False  # may be done beside the step before
+    _started: Future | None = None
+
+    def fits(self) -> bool:
+        """Return whether the folder was made from what the stamp stands for."""
+        try:
+            return (self.folder / ".stamp").read_text() == self.stamp
+        except OSError:
+            return False
+
+    def start(self, pool: Executor) -> None:
+        """Begin the work before its turn."""
+        self._started = pool.submit(self.work, Silence())
+
+    def finish(self, progress: Progress) -> None:
+        """Do the work, or wait for it where it was started; leave the stamp."""
+        if self._started is None:
+            self.work(progress)
+        else:
+            self._wait(self._started, progress)
+        (self.folder / ".stamp").write_text(self.stamp)
+
+    def _wait(self, started: Future, progress: Progress) -> None:
+        while wait([started], timeout=1.0).not_done:
+            progress.tick("")
+        if started.exception():
+            progress.failed()
+        started.result()
+
+
+@contextmanager
+def no_more_commands_after_an_error():
+    """Let a step beside end with the command that it is at when this one fails or is stopped."""
+    STOPPED.clear()
+    try:
+        yield
+    except BaseException:
+        STOPPED.set()
+        raise
+
+
+def run_all(steps: list[Step], progress: Progress) -> None:
+    """Do the steps that do not fit, in their order, one that may be beside the one before."""
+    with ThreadPoolExecutor(1) as pool, no_more_commands_after_an_error():
+        for number, step in enumerate(steps):
+            progress.begin(step.what)
+            for following in steps[number + 1 : number + 2]:
+                if following.beside and not following.fits():
+                    following.start(pool)
+            if step.fits():
+                progress.done("is up to date")
+                continue
+            step.finish(progress)
+            progress.done()
+
+
 def run_logged(
     name: str, command: list[str], log: Path, progress: Progress, env: dict[str, str]
 ) -> None:
     """Run a command with its output appended to `log`; raise StepFailed with the output's end."""
+    if STOPPED.is_set():
+        raise KeyboardInterrupt
     log.parent.mkdir(parents=True, exist_ok=True)
     last: deque[str] = deque(maxlen=LINES_SHOWN_ON_FAILURE)
     with log.open("a", encoding="utf-8") as file:
@@ -76,6 +162,8 @@ def run_logged(
                     last.append(line.rstrip())
                 if not line.startswith(("make", "gmake")):  # entering and leaving folders
                     progress.tick(line.strip())
+    if process.returncode in (-signal.SIGINT, 128 + signal.SIGINT):
+        raise KeyboardInterrupt  # also beside the main thread: nobody shall try another way now
     if process.returncode != 0:
         progress.failed()
         tail = "\n".join("    " + line for line in last)

@@ -17,7 +17,7 @@ import os
 import time
 from collections.abc import Callable
 
-from .page import BUSY, FOREVER, HOPS, LINES, SLOTS, Page, alive
+from .page import BUSY, FOREVER, HOPS, LINES, NOBODY, SLOTS, Page, alive
 from .wires import Line
 
 PATIENCE_S = 1.0
@@ -188,9 +188,7 @@ class Conductor:
                 names.append(page.name(slot))
         for line in self._lines:
             if self._is_awaited(line) and line.pending() > 0:
-                waiter = page.line_waiter[line.row]
-                names.append(f"{page.name(waiter) if waiter >= 0 else 'the rig'} (frames lost)")
-                line.forgive(line.pending())
+                names.append(self._give_up_line(line))
         for hop, topic in self._hops:
             waiter = page.hop_waiter[hop]
             if waiter >= 0 and page.hop_follows[hop]:
@@ -202,6 +200,15 @@ class Conductor:
             self._tell(
                 f"no longer waited for after {PATIENCE_S:g} s without progress: {', '.join(names)}"
             )
+
+    def _give_up_line(self, line: Line) -> str:
+        """Wait for the frames of one line no longer; return whose it is."""
+        page, waiter = self._page, self._page.line_waiter[line.row]
+        if waiter >= 0:
+            page.line_waiter[line.row] = NOBODY  # until it waits again
+            return f"{page.name(waiter)} (frames not read)"
+        line.forgive(line.pending())
+        return "the rig (frames lost)"
 
     def close(self) -> None:
         """Let time stand."""

@@ -66,18 +66,19 @@ class Member:
         if page.now_ns >= until_ns:
             return
         stood_at, stood_since = page.now_ns, None
-        if line is not None:
-            page.line_waiter[line.row] = slot
-        for hop in hops:
-            page.hop_waiter[hop.row] = slot
         try:
             while True:
+                if line is not None:  # each time: the conductor may have given us up meanwhile
+                    page.line_waiter[line.row] = slot
+                for hop in hops:
+                    page.hop_waiter[hop.row] = slot
                 seen = page.slot_wake[slot]
                 if page.now_ns >= until_ns or (line is not None and line.pending() > 0):
                     return
                 if any(hop.pending() for hop in hops):
                     return
-                self._declare(until_ns)
+                if page.slot_until[slot] != until_ns:  # not at each look: that is no progress
+                    self._declare(until_ns)
                 page.sleep_slot(slot, seen, _SLICE_S)
                 if page.slot_wake[slot] == seen:
                     if page.now_ns != stood_at:

@@ -36,6 +36,7 @@ from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, latency_values, timing_values
 
 _CLEARED = "cleared; call ~/enable to enable"
+_ANSWER = 0.1  # periods that the drive has to answer SYNC before the command is waited for
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
 _ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
@@ -155,7 +156,18 @@ class AmplifierNode(DriverNode):
         if self.clock.now_ns() >= due_ns:
             tick = self.ticker.take()
             self.begin_tick(tick)
+            self._await_drive(tick.monotonic_ns)
             self.end_tick(tick)
+
+    def _await_drive(self, since_ns: int) -> None:
+        """Give the drive a moment to answer SYNC: the command is then judged by its state of now."""
+        until_ns = since_ns + round(_ANSWER * self.period_ns)
+        with suppress(DeviceError):
+            while self.clock.now_ns() < until_ns:
+                reading = self._drive.reading
+                if reading is not None and reading.monotonic_ns >= since_ns:
+                    return
+                self._pump(since_ns, until_ns)
 
     def listen(self, until_ns: int) -> None:
         """Wait for a command on the topic until `until_ns` and act upon it."""
@@ -180,9 +192,9 @@ class AmplifierNode(DriverNode):
                 note_latency(self._own, done - now)
             self._pump(now)
 
-    def _pump(self, now: int) -> None:
+    def _pump(self, now: int, until_ns: int = 0) -> None:
         self._pumped_ns = now
-        self.port.pump()
+        self.port.pump(until_ns)
 
     def begin_tick(self, tick: Tick) -> None:
         """Send what goes out on the tick: SYNC and, when due, the heartbeat."""
@@ -203,7 +215,7 @@ class AmplifierNode(DriverNode):
             self._axis.idle(now)
         if now < self._state_due_ns:
             return None
-        self._state_due_ns = now + self._state_period_ns
+        self._state_due_ns = (now // self._state_period_ns + 1) * self._state_period_ns
         self._publish_state(now)
         return self._state
 

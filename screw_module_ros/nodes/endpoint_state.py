@@ -94,7 +94,7 @@ class EndpointStateNode(ModuleNode):
         message.vertical_locked = bool(safety and safety.vertical_locked)
         self._publish(message)
         self._ticks += 1
-        if self._ticks % _JOINTS_EVERY == 0:
+        if tick.sequence % _JOINTS_EVERY == 0:
             self._publish_joints(message.header.stamp, encoder, plane, amplifier)
 
     def _publish_joints(self, stamp, encoder, plane, amplifier) -> None:

@@ -152,7 +152,7 @@ class ForceSensorNode(DriverNode):
         self._taring = []
         self.clock.wait_for(self._tared.is_set, _TARE_PATIENCE_S)
         readings, self._taring = self._taring, None
-        return readings
+        return readings[: self.device.settings.tare_samples]
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""

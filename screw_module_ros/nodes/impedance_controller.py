@@ -273,7 +273,7 @@ class ImpedanceControllerNode(ModuleNode):
         if self._amplifier.stale(now):
             self._controller.amplifier(None, math.nan, now)
         if now >= self._state_due_ns:
-            self._state_due_ns = now + self._state_period_ns
+            self._state_due_ns = (now // self._state_period_ns + 1) * self._state_period_ns
             self._follow_supervisor(now)
             self._show_state(now)
 

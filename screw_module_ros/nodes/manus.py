@@ -120,7 +120,6 @@ class ManusNode(DriverNode):
     def begin(self) -> None:
         """Start the drives, disabled."""
         self._meter = DeadlineMeter(self.period_ns)
-        self._ticks = 0
         for drive in self._drives:
             drive.start()
         self.start_clock()
@@ -164,8 +163,7 @@ class ManusNode(DriverNode):
                 self._meter.tick(tick.sequence, now, self.clock.now_ns())
             else:
                 self._axes.idle(now)
-        self._ticks += 1
-        if self._ticks % self._own.state_every == 0:
+        if tick.sequence % self._own.state_every == 0:
             self._publish_state(tick.sequence, now)
 
     def _await_drives(self, since: int) -> bool:

@@ -51,6 +51,7 @@ class SimRigNode(ModuleNode):
     """Owns the plant and the far ends of all buses."""
 
     hardware_id = "simulated"
+    moves_time = True
 
     def __init__(self):
         super().__init__("sim_rig")

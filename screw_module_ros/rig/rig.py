@@ -10,7 +10,6 @@ at it or acts on it.
 from __future__ import annotations
 
 import select
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
@@ -85,7 +84,7 @@ class Rig:
             raise ValueError(f"buses: {unknown or 'none'}; some of {', '.join(BUSES)} are wanted")
         settings = validated(settings or RigSettings())
         self.world = world
-        clock = clock or WallClock()
+        clock = self._clock = clock or WallClock()
         latency_ns = round(settings.command_latency * 1e9)
         self.physics = Physics(world, clock.simulated, period_ns, latency_ns)
         self._period_ns = period_ns
@@ -118,7 +117,7 @@ class Rig:
         return handled
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Serve the buses on CLOCK_MONOTONIC until `should_stop` says so.
+        """Serve the buses in real time until `should_stop` says so.
 
         Raises OSError or ValueError when a bus is closed meanwhile.
         """
@@ -129,7 +128,7 @@ class Rig:
         if None in ports:
             self._run_without_waiting(should_stop)
             return
-        descriptors, clock, wait = list(ports), time.monotonic_ns, select.select
+        descriptors, clock, wait = list(ports), self._clock.now_ns, select.select
         backlog, wake_ns = 0, 0
         while not should_stop():
             pause_s = max(0, wake_ns - clock()) * 1e-9
@@ -145,29 +144,29 @@ class Rig:
                 backlog, wake_ns = 0, self._next_wake(now_ns)
 
     def run_in_steps(
-        self, time: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None]
+        self, conductor: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None]
     ) -> None:
         """Serve the buses and move simulated time until `should_stop` says so.
 
         stepped: called with each new time [ns], after the devices' timers.
         """
         while not should_stop():
-            time.look()
-            now_ns = time.now_ns
+            conductor.look()
+            now_ns = conductor.now_ns
             self._serve_requests()
             while any([port.receive(now_ns) for port in self._distinct]):
                 pass
-            content_ns = time.quiet()
+            content_ns = conductor.quiet()
             if content_ns is None:
-                time.sleep(_LOOK_S)
-            elif (early_s := time.too_early()) > 0.0:
-                time.sleep(early_s)
+                conductor.sleep(_LOOK_S)
+            elif (early_s := conductor.too_early()) > 0.0:
+                conductor.sleep(early_s)
             else:
                 now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
-                time.move(now_ns)
+                conductor.move(now_ns)
                 self._housekeep(now_ns)
                 stepped(now_ns)
-                time.release()
+                conductor.release()
 
     def call(self, function: Callable[[], object]) -> None:
         """Have `function` called between two frames, by the thread that runs the rig.
@@ -248,8 +247,8 @@ class Rig:
 
     def _run_without_waiting(self, should_stop: Callable[[], bool]) -> None:
         while not should_stop():
-            if not self.process(time.monotonic_ns()):
-                time.sleep(_PAUSE_S)
+            if not self.process(self._clock.now_ns()):
+                self._clock.sleep(_PAUSE_S)
 
     def _buses(self) -> dict[str, Port]:
         named = {name + _BUS: port for name, port in self._ports.items()}

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole vertical axis in one thread: real drivers and laws, virtual buses, the simulated rig.
 
-Time is a number that `tick` raises by one period; the rig moves one period per SYNC. Only the SDO
-conversations of the configuration run on the wall clock, with the rig served by a thread.
+Time is a clock that `tick` moves by one period. While somebody blocks in a conversation with a
+device, a thread serves the rig, and the waits move the time.
 """
 
 from __future__ import annotations
 
 import math
 import threading
-import time
 import uuid
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ import can
 from screw_module_ros.axes.controller import VerticalController
 from screw_module_ros.axes.planar import JointSettings, PlanarAxes
 from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.gate import OPEN, GateSettings
@@ -36,11 +36,30 @@ from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.devices.port import Port
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.resources import resource_path
-from screw_module_ros.rig.rig import Rig
+from screw_module_ros.rig.rig import Rig, RigSettings
 
 PERIOD_NS = 1_000_000
 BUSES = ("encoder", "drive", "force_sensor", "planar")
 _COMMAND_DELAY_NS = 250_000
+_START_NS = 1_000_000_000_000
+
+
+class BenchClock(ManualClock):
+    """A wait of the loop's thread serves the rig and moves the time; others wait for that thread."""
+
+    def __init__(self):
+        super().__init__(_START_NS)
+        self.serve = lambda: None
+        self._loop = threading.current_thread()
+        self._pause = threading.Event()
+
+    def sleep_until(self, due_ns: int) -> None:
+        if threading.current_thread() is self._loop:
+            self.time_ns = max(self.time_ns, due_ns)
+            self.serve()
+        else:
+            while self.time_ns < due_ns:
+                self._pause.wait(1e-4)
 
 
 class Row(NamedTuple):
@@ -63,12 +82,11 @@ class Bench:
         self._buses = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
         self.world = World(load_world(), seed)
-        self.rig = Rig(far, self.world, clock="sync", period_ns=PERIOD_NS)
-        self.now_ns = time.monotonic_ns()
-        self._configuring = True
-        self.ports = {
-            bus: Port(self._bus(f"{name}-{bus}"), clock=self._clock) for bus in BUSES
-        }
+        self.clock = BenchClock()
+        settings = RigSettings(command_latency=_COMMAND_DELAY_NS * 1e-9)
+        self.rig = Rig(far, self.world, self.clock, PERIOD_NS, settings)
+        self.clock.serve = lambda: self.rig.process(self.now_ns)
+        self.ports = {bus: Port(self._bus(f"{name}-{bus}"), clock=self.clock) for bus in BUSES}
         self.home = self.world.settings.start.position
         self.encoder = Encoder(self.ports["encoder"], EncoderSettings(home_position=self.home))
         self.force_sensor = ForceSensor(self.ports["force_sensor"], ForceSensorSettings())
@@ -115,23 +133,19 @@ class Bench:
         self._buses.append(bus)
         return bus
 
-    def _clock(self) -> int:
-        return time.monotonic_ns() if self._configuring else self.now_ns
+    @property
+    def now_ns(self) -> int:
+        """The time [ns]."""
+        return self.clock.time_ns
 
     # Bring-up ------------------------------------------------------------------------------
 
     def connect(self) -> None:
         """Configure and start every device against the rig."""
-        with self.serving():
-            for device in self.devices:
-                device.configure()
-            for device in self.devices:
-                device.start()
-        self.now_ns = time.monotonic_ns()
-
-    def serving(self):
-        """Return a context in which a thread serves the rig, for blocking conversations."""
-        return _Served(self)
+        for device in self.devices:
+            device.configure()
+        for device in self.devices:
+            device.start()
 
     def ready(self) -> None:
         """Connect, home, tare, and let the gate have fresh commands."""
@@ -150,21 +164,20 @@ class Bench:
 
     def enable(self) -> str:
         """Enable the vertical axis; return why not."""
-        return self._asking(lambda wait: self.axis.drives.enable(wait))
+        return self._asking(self.axis.drives.enable)
 
     def enable_plane(self) -> str:
         """Enable the planar axes; return why not."""
-        return self._asking(lambda wait: self.axes.enable(wait))
+        return self._asking(self.axes.enable)
 
     def clear_fault(self) -> str:
         """Clear the vertical axis's faults; return what is left."""
-        return self._asking(lambda wait: self.axis.drives.clear_fault(wait))
+        return self._asking(self.axis.drives.clear_fault)
 
     def _asking(self, ask) -> str:
         """Run a service in a thread while the loop ticks, as in the node."""
         answer: list[str] = []
-        pause = threading.Event()
-        thread = threading.Thread(target=lambda: answer.append(ask(lambda _s: pause.wait(1e-4))))
+        thread = threading.Thread(target=lambda: answer.append(ask(self.clock)))
         thread.start()
         while thread.is_alive():
             self.tick()
@@ -185,7 +198,7 @@ class Bench:
 
     def tick(self) -> None:
         """One period: SYNC and polls out, answers in, laws, commands out."""
-        self.now_ns += PERIOD_NS
+        self.clock.time_ns += PERIOD_NS
         self._sequence += 1
         now, sequence = self.now_ns, self._sequence
         try:
@@ -194,7 +207,7 @@ class Bench:
             pass
         self.rig.process(now)
         for port in self.ports.values():
-            port.pump(0.0)
+            port.pump()
         self._act(now + _COMMAND_DELAY_NS)
         self.rig.process(now + _COMMAND_DELAY_NS)
 
@@ -255,28 +268,3 @@ class Bench:
         self.rig.close()
         for bus in self._buses:
             bus.shutdown()
-
-
-class _Served:
-    """Serves the rig on the wall clock while somebody blocks."""
-
-    def __init__(self, bench: Bench):
-        self._bench = bench
-        self._ended = threading.Event()
-
-    def __enter__(self):
-        self._bench._configuring = True
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_):
-        self._ended.set()
-        self._thread.join()
-        self._bench._configuring = False
-
-    def _serve(self) -> None:
-        pause = threading.Event()
-        while not self._ended.is_set():
-            self._bench.rig.process(time.monotonic_ns())
-            pause.wait(2e-4)

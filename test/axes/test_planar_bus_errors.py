@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.control import gate
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -92,12 +94,8 @@ def test_the_heartbeat_goes_out_without_a_sync(axes):
 def test_after_the_end_the_gate_is_closed_and_the_next_start_finds_no_fault(axes):
     """Deactivated while enabled, activated again later: nothing is latched."""
 
-    class Port:
-        def clock(self):
-            return 102 * MS
-
     assert axes.drives.enabled
-    assert axes.shutdown(Port()) == ""
+    assert axes.shutdown(SimpleNamespace(clock=ManualClock(102 * MS))) == ""
     assert not axes.drives.enabled and axes.drives.reason == "not enabled"
     axes.idle(9000 * MS)
     assert not axes.drives.faulted

@@ -8,6 +8,7 @@ import threading
 import can
 from can.interfaces.virtual import VirtualBus
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.port import Port
 
 MILLISECOND = 1_000_000
@@ -29,13 +30,13 @@ class Wire:
     """One virtual bus: our port on one end, scripted devices on the other, a clock by hand."""
 
     def __init__(self, channel: str, sync_producer: bool = True):
-        self.now_ns = 1_000_000_000_000
+        self.clock = ManualClock(1_000_000_000_000)
         self.frames: list[tuple[int, bytes]] = []
         self._devices: list[FarEnd] = []
         self._turn = threading.RLock()
         self._far = VirtualBus(channel=channel)
         self.bus = TiedBus(channel, self)
-        self.port = Port(self.bus, sync_producer, clock=lambda: self.now_ns)
+        self.port = Port(self.bus, sync_producer, clock=self.clock)
 
     def attach(self, device: FarEnd) -> FarEnd:
         self._devices.append(device)
@@ -56,6 +57,14 @@ class Wire:
 
     def emit_message(self, message: can.Message) -> None:
         self._far.send(message)
+
+    @property
+    def now_ns(self) -> int:
+        return self.clock.time_ns
+
+    @now_ns.setter
+    def now_ns(self, now_ns: int) -> None:
+        self.clock.time_ns = now_ns
 
     def advance(self, milliseconds: float = 1.0) -> int:
         self.now_ns += round(milliseconds * MILLISECOND)

@@ -260,17 +260,11 @@ def test_exit_from_a_dead_drive_ends_and_says_so(wire, drive_end):
     assert not drive.running
 
 
-def clock_that_runs(wire):
-    """Let each look at the clock take a tenth of a millisecond."""
-    wire.port.clock = lambda: wire.advance(0.1)
-
-
 def test_a_drive_that_does_not_go_off_keeps_its_guards(wire, drive_end):
     drive = enabled(wire)
     drive_end.command = lambda word: None
     drive_end.writes.clear()
     wire.frames.clear()
-    clock_that_runs(wire)
     told = drive.shutdown()
     assert "not disarmed" in told and "operation enabled" in told
     assert drive_end.writes == []
@@ -289,7 +283,6 @@ def test_a_silent_drive_is_asked_whether_it_is_off(wire, drive_end, word, disarm
     if word is not None:
         drive_end.objects[0x6041, 0] = word.to_bytes(2, "little")
     drive_end.writes.clear()
-    clock_that_runs(wire)
     wire.advance(50.0)
     told = drive.shutdown()
     assert ("not disarmed" in told) is not disarmed

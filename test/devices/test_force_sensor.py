@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import TiedBus
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import BusError, NotAnswering, NotTared, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
@@ -375,12 +376,12 @@ class SimulatedEnd:
     """The rig's sensor in a world that stands still, answering inside each send."""
 
     def __init__(self, channel, settings):
-        self.now_ns = 1_000_000_000_000
+        self.clock = ManualClock(1_000_000_000_000)
         self.far = VirtualBus(channel=channel)
         world = SimpleNamespace(wrench=lambda: (0.0,) * 6, advance=lambda _dt: None)
         self.rig = Rig({"force_sensor": self.far}, world)
         self.bus = TiedBus(channel, self)
-        self.sensor = ForceSensor(Port(self.bus, clock=lambda: self.now_ns), settings)
+        self.sensor = ForceSensor(Port(self.bus, clock=self.clock), settings)
         self.sensor.configure()
         self.sensor.start()
         self.period_ns = round(1e9 / settings.rate)
@@ -392,8 +393,12 @@ class SimulatedEnd:
         return [tick(self, self.sensor, number) for number in range(count)]
 
     def advance(self):
-        self.now_ns += self.period_ns
+        self.clock.time_ns += self.period_ns
         return self.now_ns
+
+    @property
+    def now_ns(self):
+        return self.clock.time_ns
 
     @property
     def port(self):
@@ -414,7 +419,7 @@ def simulated(request):
 def test_the_simulated_sensor_at_rest_is_never_frozen_until_it_is(simulated):
     assert None not in simulated.samples(3000)
     assert simulated.sensor.fault == ""
-    simulated.rig.inject("force_sensor", "freeze", 0.0, 0.0, simulated.now_ns)
+    simulated.rig.inject("force_sensor", "freeze", 0.0, 0.0, simulated.advance())
     simulated.step()
     in_time = unchanged_samples(simulated.sensor.settings)
     assert None not in simulated.samples(in_time)

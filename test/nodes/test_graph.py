@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole graph against the rig, as separate processes and with `module` in place of four.
 
-Topics, services, enabling, stopping: nobody outside may see a difference between the two. The ticks
-are slower than on a real bench: how fast this machine is today is not the question here.
+Topics, services, enabling, stopping: nobody outside may see a difference between the two.
 """
 
 from __future__ import annotations
@@ -76,23 +75,11 @@ SERVICES = {
 }
 
 
-def slow_ticks() -> list[str]:
-    """Return --ros-args with ticks that a busy machine keeps up with."""
-    vertical = ("encoder", "force_sensor", "impedance_controller", "amplifier")
-    words = []
-    for node in vertical:
-        words += ["-p", f"{node}:rate:=200.0"]
-    words += ["-p", "manus:rate:=100.0", "-p", "amplifier:command_timeout:=0.2"]
-    for joint in ("shoulder", "elbow"):
-        words += ["-p", f"manus:{joint}.command_timeout:=0.2"]
-    return words
-
-
 @pytest.fixture(scope="module", params=[False, True], ids=["separate", "composed"])
 def run(request, tmp_path_factory):
     """Return the running graph; it must end in order."""
     folder = tmp_path_factory.mktemp("bags")
-    extra = [*slow_ticks(), "-p", f"session_recorder:folder:={folder}"]
+    extra = ["-p", f"session_recorder:folder:={folder}"]
     with GraphRun(extra=extra, composed=request.param) as graph:
         yield graph
         codes = graph.stop()
@@ -103,7 +90,7 @@ def run(request, tmp_path_factory):
 @pytest.fixture(scope="module")
 def robot(run):
     """Return an operator of the graph whose nodes are all active."""
-    with Robot("tester", watch=run.watch) as operator:
+    with Robot("tester", watch=run.watch, simulated=True) as operator:
         run.wait_until_ready(operator, told=lambda waiting: None)
         operator.clear_faults()
         operator.home()

@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import pytest
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.realtime import Ticker
 from screw_module_ros.nodes.support.robot import Robot
 
 pytestmark = pytest.mark.graph
@@ -27,6 +27,7 @@ class Sender(threading.Thread):
 
     def __init__(self, robot: Robot):
         super().__init__(daemon=True)
+        self._clock = robot.clock
         self.late = 0
         self._ended = threading.Event()
         node = robot.node
@@ -35,19 +36,21 @@ class Sender(threading.Thread):
 
     def run(self) -> None:
         """Send until `end`."""
-        while not self._ended.wait(1e-9 * (PERIOD_NS - time.monotonic_ns() % PERIOD_NS)):
-            tick = time.monotonic_ns() // PERIOD_NS - self.late
+        ticker = Ticker(self._clock, PERIOD_NS)
+        while not self._ended.is_set():
+            tick = ticker.sleep().monotonic_ns // PERIOD_NS - self.late
             self._safety.publish(
                 SafetyState(level=SafetyState.OK, motion_permitted=True, vertical_permitted=True)
             )
             self._commands.publish(
                 ForceCommand(sequence=tick & 0xFFFFFFFF, monotonic_ns=tick * PERIOD_NS, force=5.0)
             )
+        self._clock.leave()
 
     def end(self) -> None:
         """Send nothing more."""
         self._ended.set()
-        self.join()
+        self._clock.wait_for(lambda: not self.is_alive(), 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +67,7 @@ def robot():
     extra = [w for name, value in given.items() for w in ("-p", f"amplifier:{name}:={value}")]
     with (
         GraphRun(extra=extra, only=["sim_rig", "amplifier"]) as graph,
-        Robot("tester", watch=graph.watch) as client,
+        Robot("tester", watch=graph.watch, simulated=True) as client,
     ):
         graph.wait_until_ready(client, told=lambda waiting: None)
         yield client

@@ -10,6 +10,7 @@ import pytest
 from rclpy.exceptions import InvalidHandle
 
 from screw_module_ros.nodes.support.runtime import _serve
+from screw_module_ros.nodes.support.timers import Timers
 
 
 class Executor:
@@ -18,7 +19,7 @@ class Executor:
     def __init__(self, ended, *errors):
         self.left, self.ended = list(errors), ended
 
-    def spin_once(self):
+    def spin_once(self, timeout_sec=None):
         if not self.left:
             self.ended.set()
             return
@@ -28,12 +29,12 @@ class Executor:
 def test_a_publisher_destroyed_by_another_thread_does_not_end_the_node():
     ended = threading.Event()
     executor = Executor(ended, InvalidHandle("destruction was requested"))
-    _serve(executor, SimpleNamespace(stopping=threading.Event()), ended)
+    _serve(executor, SimpleNamespace(stopping=threading.Event(), periodic=Timers()), ended)
     assert not executor.left and ended.is_set()
 
 
 def test_any_other_error_ends_the_node():
-    node = SimpleNamespace(stopping=threading.Event())
+    node = SimpleNamespace(stopping=threading.Event(), periodic=Timers())
     with pytest.raises(RuntimeError):
         _serve(Executor(threading.Event(), RuntimeError()), node, threading.Event())
     assert node.stopping.is_set()

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.module import ModuleLoop, Parts
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -49,11 +50,12 @@ def axis(make_node):
     made.node.close()
 
 
-def step(axis, monkeypatch, sample) -> None:
+def step(axis, sample) -> None:
     """One step of the node's loop with that sample on the topic."""
     node = axis.node
-    monkeypatch.setattr("time.monotonic_ns", lambda: axis.now)
-    node._inbox = SimpleNamespace(wait=lambda timeout: None, close=node._inbox.close)
+    node.clock = ManualClock(axis.now)
+    node._inbox = SimpleNamespace(wait=lambda until: None, close=node._inbox.close)
+    node._forces = SimpleNamespace(wait=lambda until: None, close=node._forces.close)
     node._take_force = lambda: None
     # A message of the topic: the field `stamp` is there, whatever it holds.
     node._take_encoder = lambda: sample
@@ -61,16 +63,16 @@ def step(axis, monkeypatch, sample) -> None:
     node.step()
 
 
-def test_the_node_sends_zero_for_a_sample_that_is_no_number(axis, monkeypatch):
-    step(axis, monkeypatch, axis.sample(math.nan))
+def test_the_node_sends_zero_for_a_sample_that_is_no_number(axis):
+    step(axis, axis.sample(math.nan))
     assert axis.told == [(axis.tick - 1, 0.0)], "with the sample it last answered"
     assert "not a finite number" in axis.node._controller.reason
-    step(axis, monkeypatch, axis.sample(math.nan))
+    step(axis, axis.sample(math.nan))
     assert len(axis.told) == 1
 
 
-def test_the_node_goes_on_after_a_repeated_sample(axis, monkeypatch):
-    step(axis, monkeypatch, axis.node.answered)
+def test_the_node_goes_on_after_a_repeated_sample(axis):
+    step(axis, axis.node.answered)
     assert axis.told == [] and axis.node._controller.reason == ""
 
 

@@ -18,6 +18,7 @@ from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.planar import LONGEST_STEP
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -48,6 +49,19 @@ places, speeds = near(-0.3, 0.3), near(-1.0, 1.0)
 setpoints = st.one_of(st.tuples(places, places, speeds, speeds), st.tuples(*[absurd] * 4))
 
 
+class Waits(ManualClock):
+    """The clock of a service: while it waits, the loop ticks."""
+
+    def __init__(self, machine: PlanarAxesMachine):
+        self.machine = machine
+
+    def now_ns(self) -> int:
+        return self.machine.wire.now_ns
+
+    def sleep_until(self, due_ns: int) -> None:
+        self.machine.work(1)
+
+
 class PlanarAxesMachine(RuleBasedStateMachine):
     """Two drives on a wire, the axes, and an operator whose wishes are kept count of."""
 
@@ -66,6 +80,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             drive.start()
         self.axes = PlanarAxes(self.drives, PERIOD_NS, LAW, JOINTS, GATE)
         self.axes.drives._ask = self.ask
+        self.waits = Waits(self)
         self.shown, self.shown_ns = [0, 0], [0, 0]
         for index, node in enumerate(NODES):
             self.wire.port.subscribe(0x180 + node, lambda data, at, i=index: self.see(i, data, at))
@@ -242,7 +257,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     @rule()
     def enable(self):
         if self.axes.homed:
-            self.axes.drives._ask(self.axes.drives._open)
+            self.ask(self.axes.drives._open)
         self.work(5)
 
     @rule(slow=which)
@@ -250,7 +265,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         """One never shows operation enabled: the other must not turn either."""
         self.disable()
         if self.axes.homed and not self.axes.drives.faulted:
-            self.axes.drives._ask(self.axes.drives._open)
+            self.ask(self.axes.drives._open)
         for _ in range(60):
             if self.ends[slow].state == "operation enabled":
                 self.ends[slow].state = "switched on"
@@ -258,14 +273,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def disable(self):
-        self.axes.drives.disable()
+        self.axes.drives.disable(self.waits)
         self.asked = False
         self.work(2)
 
     @rule()
     def clear(self):
         with suppress(DeviceError):
-            self.axes.clear_fault(lambda _seconds: self.work(1))
+            self.axes.clear_fault(self.waits)
 
     @rule()
     def bring_up(self):
@@ -288,7 +303,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             self.setpoint = (0.15, 0.15, 0.0, 0.0)
             self.bring_up()
 
-    def ask(self, action) -> str:
+    def ask(self, action, _clock=None) -> str:
         """Ask as a service does and tick, so that it is answered."""
         answer: Future = Future()
         self.asked = self.asked or action == self.axes.drives._open

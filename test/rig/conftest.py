@@ -33,12 +33,14 @@ class FakeWorld:
         self.load = (0.0,) * 6
         self.steps: list[float] = []
         self.counts_per_second = 0.0
+        self.watch = lambda: None
 
     @property
     def time(self) -> float:
         return sum(self.steps)
 
     def advance(self, dt: float) -> None:
+        self.watch()
         self.steps.append(dt)
         self.encoder_count += round(dt * self.counts_per_second)
 

@@ -6,6 +6,7 @@ import threading
 import can
 import pytest
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.rig import port as port_module
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
@@ -32,7 +33,7 @@ def test_a_stall_is_given_up_and_counted(make_bench, world):
 
 
 def test_a_rig_that_was_not_run_has_not_slipped(world):
-    physics = Physics(world, "wall", MS, 0)
+    physics = Physics(world, False, MS, 0)
     physics.advance(1)
     physics.resume()
     physics.advance(90_000 * MS)
@@ -58,45 +59,47 @@ def test_position_is_latched_at_the_sync(make_bench, world):
     assert bench.ask(0x080)[0] == (0x282, "D0 07 00 00")
 
 
-def test_clock_sync_makes_one_period_per_sync(make_bench, world):
-    bench = make_bench("encoder", clock="sync", period_ns=2 * MS)
-    bench.run(50)
-    assert world.time == 0.0
-    for _ in range(3):
-        bench.ask(0x080)
-    # the third period has only begun: up to the moment at which its command will act
-    assert world.steps == pytest.approx([0.00025, 0.00175, 0.00025, 0.00175, 0.00025])
+def test_in_steps_the_world_goes_exactly_as_far_as_the_time(make_bench, world):
+    bench = make_bench("encoder", clock=ManualClock())
+    bench.run(7)
+    assert world.steps == pytest.approx([0.001] * 7)
+    bench.now_ns += 50 * MS
+    bench.run(0)
+    assert world.time == pytest.approx(0.057)
+    assert bench.rig.counters.slipped == 0
 
 
-def test_clock_sync_lets_a_command_act_after_its_latency(make_bench, world):
-    bench = make_bench("drive", clock="sync")
+@pytest.mark.parametrize("latency", [0.0, 0.6e-3, 1.7e-3])
+def test_in_steps_a_command_acts_its_latency_after_the_sync(make_bench, world, latency):
+    settings = RigSettings(command_latency=latency)
+    bench = make_bench("drive", clock=ManualClock(), settings=settings)
     bench.write(1, "6060:00", "0A")
     bench.start(1)
+    bench.run(1)
+    begun = world.time
     bench.ask(0x080)
-    powered_before = world.vertical_powered
+    commands = []
+    world.watch = lambda: commands.append((world.time - begun, world.vertical_command))
     for controlword in ("0600", "0700", "0F00"):
         bench.write(1, "6040:00", controlword)
     bench.write(1, "6071:00", "E803")
-    assert not powered_before
-    assert world.vertical_command == pytest.approx(2.625)
-    bench.ask(0x080)
-    assert world.steps[1] == pytest.approx(0.00075)
+    bench.run(3)
+    acted = [time for time, command in commands if command == pytest.approx(2.625)]
+    assert acted[0] == pytest.approx(latency)
 
 
-def test_with_clock_sync_one_bus_keeps_time(world, request):
-    names = [f"{request.node.nodeid}/{i}" for i in range(2)]
-    near = [can.Bus(interface="virtual", channel=name) for name in names]
-    far = [can.Bus(interface="virtual", channel=name) for name in names]
-    rig = Rig({"encoder": far[0], "drive": far[1]}, world, clock="sync")
-    sync = can.Message(arbitration_id=0x080, is_extended_id=False)
-    near[1].send(sync)
-    rig.process(0)
-    assert world.steps == []
-    near[0].send(sync)
-    rig.process(0)
-    assert len(world.steps) == 1
-    for bus in near + far:
-        bus.shutdown()
+def test_commands_do_not_overtake_each_other(world):
+    physics = Physics(world, True, MS, 600_000)
+    said = []
+    physics.advance(MS)
+    physics.sync(b"", MS)
+    physics.act(lambda: said.append("on"))
+    physics.advance(1_300_000)
+    physics._latency_ns = 0
+    physics.act(lambda: said.append("off"))
+    assert said == []
+    physics.advance(2 * MS)
+    assert said == ["on", "off"]
 
 
 def test_frames_of_several_buses_are_taken_in_turn(world, request):
@@ -272,7 +275,6 @@ def test_ids_are_settings(make_bench):
     [
         (("spindle",), {}, "spindle"),
         ((), {}, "none"),
-        (("encoder",), {"clock": "sundial"}, "sundial"),
         (("encoder",), {"settings": RigSettings(encoder_node=128)}, "encoder_node = 128"),
     ],
 )
@@ -282,7 +284,7 @@ def test_nonsense_is_refused(make_bench, keys, options, said):
 
 
 def test_short_steps_are_saved_up(world):
-    physics = Physics(world, "wall", MS, 0)
+    physics = Physics(world, False, MS, 0)
     for now_ns in range(0, 200_000, 10_000):
         physics.advance(now_ns)
     assert world.steps == pytest.approx([50e-6] * 3)

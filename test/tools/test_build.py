@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import pytest
@@ -29,17 +28,10 @@ def test_a_changed_added_or_renamed_file_asks_for_the_step_again(root: Path) -> 
     assert build.digest(["3.12"], [file]) != before
 
 
-def test_a_step_is_done_only_with_its_stamp(root: Path) -> None:
-    assert not build.fits(root, "x")
-    (root / ".stamp").write_text("x")
-    assert build.fits(root, "x")
-    assert not build.fits(root, "y")
-
-
 def test_the_pins_are_exact_and_each_package_is_listed_once() -> None:
     lines = [
         line.split(";")[0].strip()
-        for file in build.requirement_files(ros=None)
+        for file in build.REQUIREMENTS.glob("*.txt")
         for line in file.read_text().splitlines()
         if line and not line.startswith("#")
     ]
@@ -48,13 +40,26 @@ def test_the_pins_are_exact_and_each_package_is_listed_once() -> None:
     assert sorted(set(names)) == sorted(names)
 
 
-def test_a_failed_command_shows_the_end_of_its_output(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_with_a_sourced_ros_its_wheels_are_not_installed() -> None:
+    with_wheels = build.tool_lists(ros=None)
+    assert build.tool_lists(ros=Path("/opt/ros/jazzy")) == with_wheels[:-1]
+    assert with_wheels[-1] == build.REQUIREMENTS / "ros.txt"
+
+
+@pytest.mark.parametrize("ros", [None, Path("/opt/ros/jazzy")])
+def test_only_the_packages_to_import_are_installed_beside_another_step(ros: Path | None) -> None:
+    plan = build.plan(ros)
+    assert len(plan) == build.STEPS
+    assert [step.what for step in plan if step.beside] == ["packages to import"]
+
+
+def test_packages_that_were_interrupted_are_marked_those_that_failed_are_not(
+    root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sys.stdout", io.StringIO())
-    log = tmp_path / "log/step.log"
-    command = ["sh", "-c", "for i in $(seq 50); do echo line $i; done; echo why >&2; exit 3"]
-    with pytest.raises(steps.StepFailed, match=r"(?s)^it failed.*line 50\n +why$") as failure:
-        steps.run_logged("it", command, log, steps.Progress(1), {"PATH": "/usr/bin:/bin"})
-    assert "line 1\n" not in str(failure.value)
-    assert "line 1\n" in log.read_text()
+    monkeypatch.setattr(build, "VENV", root)
+    with pytest.raises(KeyboardInterrupt), build.unfinished("tools"):
+        raise KeyboardInterrupt
+    assert (root / f"{build.UNFINISHED}tools").exists()
+    with pytest.raises(steps.StepFailed), build.unfinished("tools"):
+        raise steps.StepFailed("no network")
+    assert not list(root.iterdir())

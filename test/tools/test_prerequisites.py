@@ -61,3 +61,22 @@ def test_a_full_disk_is_said_before_it_is_full(
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     with pytest.raises(prerequisites.Missing, match=r"0\.1 GB free"):
         prerequisites.check_disk(tmp_path)
+
+
+@pytest.mark.parametrize("path", ["/home/a b/x", "/home/Zoë/ü", "/a/c++_d-e.f@1"])
+def test_a_path_with_spaces_or_letters_of_any_language_is_fine(path: str) -> None:
+    prerequisites.check_path(Path(path), ros=None)
+
+
+@pytest.mark.parametrize("letter", [*":;,$(%='\"#\n", "\udcff", "\u00a0"])
+def test_a_path_that_the_tools_do_not_take_is_refused_at_once(letter: str) -> None:
+    with pytest.raises(prerequisites.Missing, match="move the checkout to a path without") as told:
+        prerequisites.check_path(Path(f"/a{letter}b/c"), ros=None)
+    assert str(told.value).isascii()
+    assert "\n" not in str(told.value)
+
+
+def test_a_sourced_ros_takes_only_ascii(prefix: Path) -> None:
+    prerequisites.check_path(Path("/a b"), ros=prefix)
+    with pytest.raises(prerequisites.Missing, match=r"\\xfc"):
+        prerequisites.check_path(Path("/ü"), ros=prefix)

@@ -43,9 +43,9 @@ def test_ros_and_messages_are_found_whatever_was_inherited(done: str | None) -> 
 
 @with_wheels
 def test_what_was_set_is_kept_behind() -> None:
-    code = f"import os; print(os.environ['{LIBRARIES}'], os.environ['{PREFIXES}'])"
+    code = f"import os; print(os.environ['{LIBRARIES}'], os.environ['{PREFIXES}'], sep='|')"
     printed = python("-c", code, LD_LIBRARY_PATH="/mine", AMENT_PREFIX_PATH="/theirs")
-    libraries, prefixes = printed.split()
+    libraries, prefixes = printed.rstrip().split("|")
     assert libraries.split(":")[-1] == "/mine"
     assert f"{sys.prefix}/lib" in libraries.split(":")
     assert prefixes.split(":")[-2:] == [sys.prefix, "/theirs"]

@@ -7,7 +7,7 @@ Every call either works or raises RobotError in a sentence that names the node a
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -22,7 +22,8 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.clock import Clock, WallClock, simulated_clock
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.lockstep.wires import Hop
 
 from . import qos
 from .freshness import Newest
@@ -34,6 +35,7 @@ _POLL_NS = 20_000_000
 _SERVE_S = 0.5
 ANSWER_S = 10.0
 _LOST_S = 1.0
+_CREEP_NS = 5_000_000
 _READY_S = 90.0
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
@@ -102,8 +104,12 @@ class Client:
         self._thread.join(timeout=2.0)
         self._executor.shutdown(timeout_sec=2.0)
         self._inbox.close()
+        for request, answer in self._wires.values():
+            request.close()
+            answer.close()
         self.node.destroy_node()
         self._context.try_shutdown()
+        self.clock.leave()
         self.clock.close()
 
     def _never_stops(self) -> bool:
@@ -125,7 +131,18 @@ class Client:
         end_ns = clock.now_ns() + round(seconds * 1e9)
         while (now_ns := clock.now_ns()) < end_ns:
             self.watch()
-            clock.sleep_until(min(end_ns, now_ns + _POLL_NS))
+            self._sleep(min(end_ns, now_ns + _POLL_NS))
+
+    def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
+        """Wait until `until_ns`, or for a message on `hops`. Raises RobotError when time stands."""
+        try:
+            if hops:
+                self.clock.member.wait(until_ns, hops=hops)
+            else:
+                self.clock.sleep_until(until_ns)
+        except TimeStandsStill as error:
+            self.watch()  # a process that has ended says more
+            raise RobotError(str(error)) from None
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
@@ -146,8 +163,13 @@ class Client:
         nodes: Iterable[str],
         deadline_s: float = _READY_S,
         told: Callable[[list[str]], None] = lambda waiting: None,
+        slowly: bool = False,
     ) -> None:
-        """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet."""
+        """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet.
+
+        deadline_s: of wall clock. slowly: simulated time hardly moves meanwhile, so that what comes
+        afterwards can be bound to times known before.
+        """
         waiting = list(nodes)
         asked: dict[str, tuple[Any, int]] = {}
 
@@ -156,18 +178,23 @@ class Client:
             told(waiting)
             return not waiting
 
-        if not self._met_by_wall(ready, deadline_s):
+        if not self._met_by_wall(ready, deadline_s, slowly and self.clock.simulated):
             said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
-    def _met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        self.clock.idle()
+    def _met_by_wall(
+        self, condition: Callable[[], Any], deadline_s: float, slowly: bool
+    ) -> bool:
+        if not slowly:
+            self.clock.idle()
         end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
         while not condition():
             if _WALL.now_ns() > end_ns:
                 return False
             self.watch()
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+            if slowly and self.clock.page.conductor:
+                self._sleep(self.clock.now_ns() + _CREEP_NS)
         return True
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
@@ -250,7 +277,7 @@ class Client:
             if not answered.wait(_POLL_NS * 1e-9) and self.clock.simulated:
                 self.clock.sleep_until(until_ns)  # its node may need time for the answer
             return
-        self.clock.member.wait(until_ns, hops=hops)
+        self._sleep(until_ns, hops)
         answered = threading.Event()
         if hops[0].pending():
             future.add_done_callback(lambda _: answered.set())

@@ -26,6 +26,7 @@ from .timers import Timer, Timers
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
 _IDLE_S = 0.05
+_NO_TIME = "waiting for sim_rig: nobody moves simulated time yet (or set use_sim_time to false)"
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -180,6 +181,9 @@ class ModuleNode(LifecycleNode):
 
     hardware_id = ""
 
+    moves_time = False
+    """Whether simulated time begins with this node."""
+
     direct: Collection[str] = ()
     """Topics that other parts of this process hand over by calls (see `Inbox`)."""
 
@@ -301,12 +305,23 @@ class ModuleNode(LifecycleNode):
             self._try_start()
 
     def _try_start(self) -> None:
+        if self._phase == "unconfigured" and not self._time_moves():
+            return
         if self._phase == "unconfigured":
             self.trigger_configure()
         if self._phase == "inactive":
             self.trigger_activate()
         if self._phase in ("active", "finalized"):
             self.periodic.cancel(self._start_timer)
+
+    def _time_moves(self) -> bool:
+        """Return whether there is a clock to start by; say so where there is none."""
+        if self.moves_time or not self.clock.simulated or self.clock.page.conductor:
+            return True
+        if self._failure != _NO_TIME:
+            self._failure = _NO_TIME
+            self.get_logger().info(_NO_TIME)
+        return False
 
     # Hot loop ------------------------------------------------------------------------------
 

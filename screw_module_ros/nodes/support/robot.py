@@ -76,6 +76,11 @@ class Robot(Client):
             self.node, self.clock, EndpointSetpoint, "setpoint", qos.COMMAND
         )
 
+    def close(self) -> None:
+        """Leave the graph."""
+        self._setpoints.close()
+        super().close()
+
     def home(self) -> None:
         """Home encoder and plane: nut and arm stand at their reference marks, at rest."""
         self.trigger("encoder/home")

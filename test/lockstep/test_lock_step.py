@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time moves when nobody is busy and nothing is under way to somebody who waits; never before."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+
+import pytest
+
+from screw_module_ros.lockstep.conductor import Conductor, TimeTaken
+from screw_module_ros.lockstep.member import Member, TimeStandsStill
+from screw_module_ros.lockstep.page import FOREVER, START_NS, Page, TableFull, page_name
+from screw_module_ros.lockstep.wires import Hop, Line, Source
+
+MS = 1_000_000
+
+
+def never() -> bool:
+    return False
+
+
+@pytest.fixture
+def member(page):
+    return Member(page, "member", never)
+
+
+class Waiting:
+    """A member of its own thread that waits once."""
+
+    def __init__(self, page, until_ns, line=None, hops=()):
+        self.reached_ns = 0
+        self.member = Member(page, "waiting", never)
+        self._page = page
+        self._given = (until_ns, line, hops)
+        self._thread = threading.Thread(target=self._wait)
+        self._thread.start()
+
+    def _wait(self):
+        self.member.wait(*self._given)
+        self.reached_ns = self._page.now_ns
+
+    @property
+    def ended(self) -> bool:
+        return not self._thread.is_alive()
+
+    def join(self) -> None:
+        self._thread.join(10.0)
+        assert self.ended
+
+
+def quiet(conductor, wait_until) -> int:
+    wait_until(lambda: conductor.quiet() is not None)
+    return conductor.quiet()
+
+
+def move(conductor, to_ns) -> None:
+    conductor.move(to_ns)
+    conductor.release()
+
+
+def test_a_busy_member_holds_time(conductor, member):
+    assert conductor.quiet() is None
+    member.idle()
+    assert conductor.quiet() == FOREVER
+    member.busy()
+    assert conductor.quiet() is None
+
+
+def test_time_may_move_to_the_earliest_wish(conductor, page, wait_until):
+    waiting = [Waiting(page, START_NS + n * MS) for n in (5, 2, 9)]
+    assert quiet(conductor, wait_until) == START_NS + 2 * MS
+    move(conductor, START_NS + 2 * MS)
+    assert conductor.quiet() is None, "who was woken is busy, though he may not run yet"
+    waiting[1].join()
+    waiting[1].member.idle()
+    assert quiet(conductor, wait_until) == START_NS + 5 * MS
+    move(conductor, START_NS + 9 * MS)
+    for each in waiting:
+        each.join()
+    assert waiting[0].reached_ns == waiting[2].reached_ns == START_NS + 9 * MS
+
+
+def test_a_time_that_has_come_is_not_waited_for(page, member):
+    member.wait(page.now_ns)
+    member.wait(page.now_ns - MS)
+
+
+# Frames and messages --------------------------------------------------------------------------
+
+
+def test_a_frame_holds_time_for_who_waits_for_it(conductor, page, member, wait_until):
+    near, far = Line(page, "bus"), Line(page, "bus")
+    Line(page, "another bus").sent()
+    member.idle()
+    far.sent()
+    page.line_pid[near.row] = page.line_pid[far.row] = 1  # ours are the conductor's own here
+    assert conductor.quiet() == FOREVER, "nobody waits for it now"
+    waiting = Waiting(page, START_NS + 10 * MS, near)
+    waiting.join()
+    assert waiting.reached_ns == START_NS and near.pending() == 1
+    near.handled(1)
+    again = Waiting(page, START_NS + 10 * MS, near)
+    waiting.member.idle()
+    assert quiet(conductor, wait_until) == START_NS + 10 * MS
+    far.sent()
+    assert conductor.quiet() is None, "held from the moment it is sent"
+    again.join()
+
+
+def test_frames_to_the_conductor_hold_time(conductor, page, member):
+    own, other = Line(page, "bus"), Line(page, "bus")
+    page.line_pid[other.row] = 1
+    member.idle()
+    other.sent()
+    assert conductor.quiet() is None
+    own.handled(1)
+    assert conductor.quiet() == FOREVER
+
+
+def test_an_end_that_goes_takes_its_count_with_it(conductor, page, member):
+    one, other = Line(page, "bus"), Line(page, "bus")
+    member.idle()
+    other.sent()
+    one.handled(1)
+    other.close()
+    conductor.quiet()
+    conductor.move(START_NS + MS)
+    third = Line(page, "bus")
+    third.sent()
+    assert one.pending() == 1
+
+
+def test_a_message_holds_time_for_who_waits_and_keeps_up(conductor, page, member, wait_until):
+    source, hop = Source(page, "topic"), Hop(page, "topic")
+    member.idle()
+    source.publishing()
+    assert not hop.pending(), "it has not kept up yet"
+    hop.taken(1)
+    source.publishing()
+    assert hop.pending()
+    assert conductor.quiet() == FOREVER, "nobody waits for it now"
+    waiting = Waiting(page, START_NS + MS, None, [hop])
+    waiting.join()
+    assert waiting.reached_ns == START_NS
+    hop.taken(2)
+    again = Waiting(page, START_NS + MS, None, [hop])
+    waiting.member.idle()
+    assert quiet(conductor, wait_until) == START_NS + MS
+    source.publishing()
+    source.published()
+    again.join()
+    assert again.reached_ns == START_NS
+
+
+def test_a_publisher_that_starts_anew_is_counted_on(page):
+    source, hop = Source(page, "topic"), Hop(page, "topic")
+    for number in (1, 2, 3):
+        source.publishing()
+        hop.taken(number)
+    source.close()
+    again = Source(page, "topic")
+    again.publishing()
+    assert hop.pending()
+    hop.taken(1)
+    assert not hop.pending()
+
+
+def test_a_stranger_on_the_topic_does_not_hold_time(page):
+    source, hop = Source(page, "topic"), Hop(page, "topic")
+    source.publishing()
+    hop.taken(1)
+    for number in (7, 2**40, 0):
+        hop.taken(number)
+        assert not hop.pending()
+    source.publishing()
+    assert hop.pending()
+
+
+# Who dies, hangs or joins ---------------------------------------------------------------------
+
+
+def test_who_hangs_is_given_up_and_waited_for_again(conductor, page, member, told, wait_until):
+    def given_up():
+        conductor.look()
+        conductor.sleep(0.05)
+        return conductor.quiet() is not None
+
+    wait_until(given_up)
+    assert "member" in told[0] and conductor.given_up == 1
+    thread = threading.Thread(target=lambda: member.wait(START_NS + 3 * MS))
+    thread.start()
+    wait_until(lambda: conductor.quiet() == START_NS + 3 * MS)
+    move(conductor, START_NS + 3 * MS)
+    thread.join(10.0)
+    assert conductor.quiet() is None, "he follows again"
+
+
+def _join_and_die(name: str) -> None:
+    page = Page(name)
+    Member(page, "short-lived", never)
+    Line(page, "bus")
+    Hop(page, "topic")
+    os._exit(1)
+
+
+def test_who_dies_is_not_waited_for(conductor, page, name, wait_until):
+    process = multiprocessing.get_context("fork").Process(target=_join_and_die, args=(name,))
+    process.start()
+    wait_until(lambda: "short-lived" in [page.name(slot) for slot in range(4)], 30.0)
+    process.join()
+    roster = page.roster
+
+    def dismissed():
+        conductor.look()
+        conductor.sleep(0.05)
+        return conductor.quiet() == FOREVER
+
+    wait_until(dismissed)
+    assert page.roster > roster
+    assert not any(page.slot_pid) and not any(page.hop_pid) and not any(page.line_pid)
+
+
+def test_without_a_conductor_time_stands_still_and_that_is_said(page):
+    waiting = Member(page, "loop", never, patience_s=0.05)
+    with pytest.raises(TimeStandsStill, match="no sim_rig runs"):
+        waiting.wait(START_NS + MS)
+
+
+def test_two_conductors_are_refused(conductor, page, monkeypatch):
+    with page.locked():
+        page.conductor = os.getppid()
+    with pytest.raises(TimeTaken, match=str(os.getppid())):
+        Conductor(page, 1.0, print)
+    page.conductor = 0
+
+
+def test_a_full_table_is_told(page):
+    with pytest.raises(TableFull, match="thread"):
+        for _ in range(1000):
+            Member(page, "one more", never)
+
+
+def test_each_domain_and_namespace_has_its_own_time():
+    names = [("0", ""), ("1", ""), ("1", "/left"), ("1", "/left/arm"), ("11", "")]
+    assert len({page_name(*each) for each in names}) == len(names)
+    assert page_name("", "/") == page_name("0", "")
+
+
+# Several processes ----------------------------------------------------------------------------
+
+
+def _tick(name: str, period_ns: int, ticks: int) -> None:
+    page = Page(name)
+    member = Member(page, f"every {period_ns}", never)
+    for number in range(1, ticks + 1):
+        due_ns = START_NS + number * period_ns
+        member.wait(due_ns)
+        if page.now_ns != due_ns:
+            os._exit(2)  # it ran away, or came too early
+    page.close()
+
+
+def test_processes_with_different_periods_all_see_each_of_their_ticks(conductor, page, name):
+    fork = multiprocessing.get_context("fork")
+    periods = (MS, MS, 2 * MS, 700_000)
+    processes = [fork.Process(target=_tick, args=(name, p, 700 * MS // p)) for p in periods]
+    with page.locked():  # time must not begin before all are there
+        hold = page.take(page.slot_pid, os.getpid(), "hold")
+    page.slot_until[hold] = 0
+    for process in processes:
+        process.start()
+    while sum(pid != 0 for pid in page.slot_pid) < len(periods) + 1:
+        conductor.look()
+        conductor.sleep(0.01)
+        assert all(process.is_alive() for process in processes)
+    page.slot_until[hold] = FOREVER
+    while any(process.is_alive() for process in processes):
+        conductor.look()
+        due_ns = conductor.quiet()
+        if due_ns is not None and due_ns < FOREVER:
+            move(conductor, due_ns)
+        else:
+            conductor.sleep(0.01)
+    assert [process.exitcode for process in processes] == [0] * len(periods)
+    assert page.now_ns == START_NS + 700 * MS

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The clock rule: time is taken from `clock.py`, and nowhere else in the graph.
+
+A loop, driver or guard that reads the system's clock would go on when simulated time stands. What
+deals with processes, terminals and disks is exempt, by name and with its reason.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = "screw_module_ros"
+TAKES_TIME = ("monotonic", "monotonic_ns", "sleep", "perf_counter", "perf_counter_ns")
+EXEMPT = {
+    "clock.py": "is the clock",
+    "lockstep/conductor.py": "paces simulated time, gives up members that hang",
+    "lockstep/member.py": "tells that simulated time stands still",
+    "recording/session.py": "flushes to the disk",
+    "nodes/bringup.py": "starts and ends processes",
+    "nodes/support/console.py": "the terminal",
+    "nodes/support/graph_run.py": "starts and ends processes",
+    "nodes/demo.py": "tells the user how long it took",
+    "nodes/soak.py": "tells the user how long it took",
+    "nodes/characterize.py": "ends its process",
+    "nodes/faults/command.py": "tells the user how long it took",
+    "identification/report/command.py": "tells the user how long it took",
+    "identification/report/study.py": "tells the user how long it took",
+    "identification/speed.py": "measures how fast the in-process loop is",
+}
+
+
+def violations(package: Path) -> Iterator[str]:
+    """Yield `file:line: reason` for each use of the system's clock that is not exempt."""
+    for file in sorted(package.rglob("*.py")):
+        name = file.relative_to(package).as_posix()
+        if name in EXEMPT:
+            continue
+        for line, used in uses(ast.parse(file.read_text("utf-8"), str(file))):
+            yield f"{file}:{line}: {used}: take the time from the clock that is handed in (clock.py)"
+
+
+def uses(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield line and name of each mention of the system's clock."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            if node.value.id == "time" and node.attr in TAKES_TIME:
+                yield node.lineno, f"time.{node.attr}"
+        elif isinstance(node, ast.ImportFrom) and node.module == "time" and not node.level:
+            for alias in node.names:
+                if alias.name in TAKES_TIME:
+                    yield node.lineno, f"from time import {alias.name}"
+
+
+def main() -> int:
+    """Check the package beside this folder; return the exit code."""
+    package = Path(__file__).resolve().parent.parent / PACKAGE
+    found = list(violations(package))
+    found += [f"tools/clock_rule.py: {name} is gone" for name in EXEMPT if not (package / name).exists()]
+    for sentence in found:
+        print(sentence, file=sys.stderr)
+    if not found:
+        print("Clock rule: time comes from one place.")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
