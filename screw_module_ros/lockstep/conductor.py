@@ -54,7 +54,7 @@ class Conductor:
         self._lines: list[Line] = []
         self._hops: list[tuple[int, int]] = []
         self.given_up = 0
-        self._progress: tuple = ()
+        self._progress = -1
         self._progress_s = self._looked_s = time.monotonic()
         self._due_s = self._progress_s
         self._factor_s, self._factor_ns = self._progress_s, page.now_ns
@@ -93,12 +93,9 @@ class Conductor:
         return False
 
     def _is_awaited(self, line: Line) -> bool:
-        """Return whether somebody waits for the frames who was not given up, or they are for us."""
+        """Return whether somebody waits for the frames, or they are for us."""
         page, row = self._page, line.row
-        waiter = page.line_waiter[row]
-        if waiter >= 0:
-            return page.slot_until[waiter] != FOREVER
-        return page.line_pid[row] == page.conductor
+        return page.line_waiter[row] >= 0 or page.line_pid[row] == page.conductor
 
     def _call_roll(self) -> None:
         page = self._page
@@ -121,6 +118,7 @@ class Conductor:
         now_s = self._progress_s = time.monotonic()
         if self._speed:
             self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self._speed
+        page.topic_settled[:] = page.topic_published
         page.now_ns = to_ns
         if now_s - self._factor_s > 1.0:
             page.factor = (to_ns - self._factor_ns) * 1e-9 / (now_s - self._factor_s)
@@ -155,21 +153,12 @@ class Conductor:
             return
         self._looked_s = now_s
         self._dismiss_ended()
-        progress = self._busy_now()
+        progress = sum(page.slot_declared[: self._top]) + page.now_ns
         if progress != self._progress:
             self._progress, self._progress_s = progress, now_s
         elif now_s - self._progress_s > PATIENCE_S:
             self._progress_s = now_s
             self._give_up()
-
-    def _busy_now(self) -> tuple:
-        """Return the time, and how often each busy thread has waited: the same as long as it hangs.
-
-        Those who are content look up now and then; that is no progress.
-        """
-        page, now_ns = self._page, self._page.now_ns
-        busy = [i for i in range(self._top) if page.slot_until[i] <= now_ns]
-        return (now_ns, *((i, page.slot_declared[i]) for i in busy))
 
     def _dismiss_ended(self) -> None:
         page = self._page
