@@ -26,7 +26,7 @@ START_NS = 1_000_000_000_000
 
 SLOTS, LINES, TOPICS, HOPS = 96, 64, 192, 320
 _NAME_BYTES = 96
-_VERSION = 3
+_VERSION = 4
 _FOLDER = Path("/dev/shm")
 _FUTEX = {"x86_64": 202, "aarch64": 98}.get(platform.machine())
 _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
@@ -39,7 +39,7 @@ _TABLES = (
     ("line_pid", LINES), ("line_bus", LINES), ("line_sent", LINES), ("line_handled", LINES),
     ("line_base", LINES), ("line_waiter", LINES),
     ("topic_key", TOPICS), ("topic_pid", TOPICS), ("topic_published", TOPICS),
-    ("topic_base", TOPICS),
+    ("topic_base", TOPICS), ("topic_settled", TOPICS),
     ("hop_pid", HOPS), ("hop_topic", HOPS), ("hop_taken", HOPS), ("hop_follows", HOPS),
     ("hop_waiter", HOPS),
 )  # fmt: skip
@@ -63,7 +63,8 @@ class Page:
     now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
     row that is taken or given back. factor: real-time factor in per mille.
     slot_*: one row per thread: until when it is content [ns], what wakes it, how often it has
-    declared. line_*: one row per open bus: frames sent and handled. topic_*: messages published.
+    declared. line_*: one row per open bus: frames sent and handled. topic_*: messages published,
+    and of these before the time of now.
     hop_*: one row per subscription: the newest message taken, whether it has kept up, who waits.
     """
 

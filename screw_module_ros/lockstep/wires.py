@@ -129,6 +129,17 @@ class Hop:
             page.hop_taken[row] != page.topic_published[self._topic]
         )
 
+    def unsettled(self) -> bool:
+        """Return whether a message from before the time of now has not been taken."""
+        page, row = self._page, self.row
+        return bool(page.hop_follows[row]) and (
+            page.hop_taken[row] < page.topic_settled[self._topic]
+        )
+
+    def is_new(self) -> bool:
+        """Return whether the message taken last was published at the time of now."""
+        return self._page.hop_taken[self.row] > self._page.topic_settled[self._topic]
+
     def taken(self, number: int) -> None:
         """Note a message; number: the middleware's count since its publisher was made."""
         page, row = self._page, self.row

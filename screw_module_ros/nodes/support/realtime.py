@@ -13,7 +13,7 @@ import gc
 import os
 import struct
 import sys
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Annotated, Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
@@ -203,7 +203,9 @@ class Inbox:
     def subscribe(self, kind: type, topic: str, qos: QoSProfile, wakes: bool = False):
         """Subscribe; return a function that takes the newest message or None.
 
-        `wakes`: `wait` returns when a message of this subscription is there.
+        `wakes`: `wait` returns when a message of this subscription is there. Of the others simulated
+        time gives only what was published before the time of now: what two loops tell each other on
+        the same tick is heard on the next, whoever is quicker.
         """
         if topic in self._direct:
             return _nothing
@@ -217,9 +219,10 @@ class Inbox:
         if self._clock.simulated:
             hop = self._clock.hop(subscription.topic_name)
             self._hops.append(hop)
-            if wakes:
-                self._wakers.append(hop)
-            return lambda: self._take_counted(handle, kind, hop, qos.depth == 1)
+            if not wakes:
+                return _Settled(self, handle, kind, hop, qos.depth == 1).take
+            self._wakers.append(hop)
+            return lambda: self._take_counted(handle, kind, hop)
         take_message = handle.take_message
 
         def take():
@@ -228,22 +231,29 @@ class Inbox:
 
         return take
 
-    def _take_counted(self, handle: Any, kind: type, hop: Hop, only_newest: bool) -> Any:
-        """Take a message; one that was published and is still on its way is waited for."""
+    def _take_counted(self, handle: Any, kind: type, hop: Hop) -> Any:
+        """Take the newest message; one that was published and is still on its way is waited for."""
         newest = None
         while True:
-            taken = handle.take_message(kind, False)
-            if taken is None and hop.pending():
-                self._await(handle)
-                taken = handle.take_message(kind, False)
-                if taken is None:
-                    hop.let_go()  # lost: not waited for until the next one has come
+            taken = self.take_one(handle, kind, hop, hop.pending)
             if taken is None:
                 return newest
-            newest = taken[0]
-            hop.taken(taken[1]["publication_sequence_number"] or 0)
-            if not (only_newest and hop.pending()):
+            newest = taken
+            if not hop.pending():
                 return newest
+
+    def take_one(self, handle: Any, kind: type, hop: Hop, is_due: Callable[[], bool]) -> Any:
+        """Take one message, None without one; is_due: it must be there, or in a moment."""
+        taken = handle.take_message(kind, False)
+        if taken is None and is_due():
+            self._await(handle)
+            taken = handle.take_message(kind, False)
+            if taken is None:
+                hop.let_go()  # lost: not waited for until the next one has come
+        if taken is None:
+            return None
+        hop.taken(taken[1]["publication_sequence_number"] or 0)
+        return taken[0]
 
     def _await(self, handle: Any) -> None:
         """Wait for a message that was published: the middleware has it in a moment."""
@@ -251,6 +261,10 @@ class Inbox:
         wait_set.clear_entities()
         wait_set.add_subscription(handle)
         wait_set.wait(_LOST_NS)
+
+    def now_ns(self) -> int:
+        """Return the time that is waited by [ns]."""
+        return self._clock.now_ns()
 
     def publishers(self, topic: str) -> int:
         """Return how many publishers there are on `topic` for the subscription made to it."""
@@ -282,6 +296,36 @@ class Inbox:
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._subscriptions, self._hops, self._wakers = [], [], []
+
+
+class _Settled:
+    """A subscription whose messages of the tick that runs are kept for the next one."""
+
+    def __init__(self, inbox: Inbox, handle: Any, kind: type, hop: Hop, only_newest: bool):
+        self._inbox, self._hop, self._only_newest = inbox, hop, only_newest
+        self._from = (handle, kind, hop, hop.unsettled)
+        self._early: tuple[int, Any] | None = None
+
+    def take(self) -> Any:
+        """Return the next message, or the newest where only that counts; None without one."""
+        found = self._kept()
+        while found is None or self._only_newest:
+            if self._early is not None:
+                break
+            message = self._inbox.take_one(*self._from)
+            if message is None:
+                break
+            if self._hop.is_new():
+                self._early = (self._inbox.now_ns(), message)
+            else:
+                found = message
+        return found
+
+    def _kept(self) -> Any:
+        if self._early is None or self._early[0] == self._inbox.now_ns():
+            return None
+        message, self._early = self._early[1], None
+        return message
 
 
 class Outlet:
