@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from screw_module_ros.clock import WallClock
+from screw_module_ros.lockstep.page import alive
 
 from ..support.graph import nodes_of
 from ..support.graph_run import GraphRun
@@ -176,7 +177,7 @@ class Stand:
                 raise RobotError(f"{process} does not start")
             self.graph.watch()
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-            if clock.page.conductor:
+            if alive(clock.page.conductor):
                 clock.sleep(_CREEP_S)
 
     def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:

@@ -68,10 +68,7 @@ class Client:
         simulated: bool = False,
     ):
         self.watch = watch
-        self._owner = threading.get_ident()
-        self.clock: Clock = (
-            simulated_clock(name, namespace, self._never_stops) if simulated else WallClock()
-        )
+        self.clock: Clock = simulated_clock(name, namespace) if simulated else WallClock()
         choose_transport()
         self._context = Context()
         self._context.init()
@@ -111,12 +108,6 @@ class Client:
         self._context.try_shutdown()
         self.clock.leave()
         self.clock.close()
-
-    def _never_stops(self) -> bool:
-        """Watch also while simulated time stands still."""
-        if threading.get_ident() == self._owner:
-            self.watch()
-        return False
 
     def _serve(self) -> None:
         # Not `spin`: shutting it down from another thread destroys what it is about to use.
