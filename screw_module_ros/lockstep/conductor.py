@@ -54,7 +54,7 @@ class Conductor:
         self._lines: list[Line] = []
         self._hops: list[tuple[int, int]] = []
         self.given_up = 0
-        self._progress = -1
+        self._progress: tuple = ()
         self._progress_s = self._looked_s = time.monotonic()
         self._due_s = self._progress_s
         self._factor_s, self._factor_ns = self._progress_s, page.now_ns
@@ -153,12 +153,21 @@ class Conductor:
             return
         self._looked_s = now_s
         self._dismiss_ended()
-        progress = sum(page.slot_declared[: self._top]) + page.now_ns
+        progress = self._busy_now()
         if progress != self._progress:
             self._progress, self._progress_s = progress, now_s
         elif now_s - self._progress_s > PATIENCE_S:
             self._progress_s = now_s
             self._give_up()
+
+    def _busy_now(self) -> tuple:
+        """Return the time, and how often each busy thread has waited: the same as long as it hangs.
+
+        Those who are content declare it now and then; that is no progress.
+        """
+        page, now_ns = self._page, self._page.now_ns
+        busy = [i for i in range(self._top) if page.slot_until[i] <= now_ns]
+        return (now_ns, *((i, page.slot_declared[i]) for i in busy))
 
     def _dismiss_ended(self) -> None:
         page = self._page
