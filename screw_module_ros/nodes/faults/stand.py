@@ -27,6 +27,9 @@ STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
 _ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
 _CREEP_S = 0.0005
+_ONE_SENDER = {"safety_state": "supervisor", "screw/force_command": "impedance_controller"}
+"""Topics whose hearers enable nothing while there are two senders. The middleware forgets one that
+was killed after 20 s of wall clock."""
 _POLL_NS = 5_000_000
 _WALL = WallClock()  # processes end and start by it
 _FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
@@ -160,21 +163,33 @@ class Stand:
             return
         processes, self._restarted = self._restarted, set()
         for process in processes:
-            self._let_start(process)
+            pid = self.graph.pid(process)
+            self._creep_until(
+                lambda pid=pid: pid in self.robot.clock.page.slot_pid, f"{process} does not start"
+            )
         nodes = {node for process in processes for node in nodes_of(process)}
         self.robot.wait_until_ready(nodes)
+        for topic, owner in _ONE_SENDER.items():
+            if owner in nodes:
+                self._creep_until(
+                    lambda topic=topic: self.robot.node.count_publishers(topic) <= 1,
+                    f"the middleware does not forget who sent {topic}",
+                )
         if nodes & {"impedance_controller", "manus"}:
             self.configure()
         if "sim_rig" in nodes:
             self.robot.wait_until(lambda: self.heard.fresh("sim_rig"), 5.0, "no sim/truth")
             self.patient.set_up()
 
-    def _let_start(self, process: str) -> None:
-        """Wait until a process takes part in the time, which hardly moves meanwhile."""
+    def _creep_until(self, condition: Callable[[], object], what: str) -> None:
+        """Wait by wall clock for processes and the middleware; simulated time hardly moves.
+
+        Raises RobotError(`what`) when it does not come.
+        """
         clock, end_ns = self.robot.clock, _WALL.now_ns() + round(_STARTED_S * 1e9)
-        while self.graph.pid(process) not in clock.page.slot_pid:
+        while not condition():
             if _WALL.now_ns() > end_ns:
-                raise RobotError(f"{process} does not start")
+                raise RobotError(what)
             self.graph.watch()
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
             if alive(clock.page.conductor):
