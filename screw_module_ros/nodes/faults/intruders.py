@@ -47,11 +47,13 @@ class Intruders:
         self._ports: list[Port] = []
         self._guests: list[bringup.Process] = []
 
-    def start(self, node: str, *arguments: str) -> None:
-        """Start one more process of an executable, with the same CAN ports."""
+    def start(self, node: str, *arguments: str) -> int:
+        """Start one more process of an executable, with the same CAN ports; return its id."""
         own = f"{node}:"
         given = [word.removeprefix(own) for word in self._graph.arguments(node)]
-        self._guests.append(bringup.Process(node, ["--ros-args", *given, *arguments]))
+        guest = bringup.Process(node, ["--ros-args", *given, *arguments])
+        self._guests.append(guest)
+        return guest.pid
 
     def publish(
         self, kind: type, topic: str, make: Callable[[], Any], count: int, period: float

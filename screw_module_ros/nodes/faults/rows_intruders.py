@@ -74,13 +74,13 @@ def _twins() -> Iterator[Row]:
 
 
 def _guest(node: str) -> Act:
-    return lambda stand: stand.intruders.start(node, "-r", f"__node:={node}_2")
+    return lambda stand: stand.start_guest(node, "-r", f"__node:={node}_2")
 
 
 def _second_controller(stand) -> float:
     """Start it; the harm begins with its first command, the second for the same sample."""
     take = stand.intruders.listen(ForceCommand, "screw/force_command")
-    stand.intruders.start("impedance_controller", "-r", "__node:=impedance_controller_2")
+    stand.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
     newest = -1
 
     def doubled() -> bool:
@@ -123,7 +123,8 @@ def _second_game(stand) -> None:
 def _topics() -> Iterator[Row]:
     yield _row("command-from-the-future", "force commands with tick numbers far ahead",
                _future_commands, "amplifier", Alarm("amplifier", "force command", "amplifier"),
-               "stop the sender; amplifier/clear_fault, reset, enable", apart=True)  # fmt: skip
+               "stop the sender; amplifier/clear_fault, reset, enable", within=AT_ONCE + 6,
+               apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
                "amplifier limits it to 65 N; the next true one follows", None,

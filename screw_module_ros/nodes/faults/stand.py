@@ -145,6 +145,10 @@ class Stand:
         self.graph.restart(node)
         self._restarted.add(node)
 
+    def start_guest(self, node: str, *arguments: str) -> None:
+        """Start one more process of an executable; return when it takes part in the time."""
+        self._await_start(self.intruders.start(node, *arguments), f"the second {node}")
+
     def just_now(self) -> float:
         """Return the simulated time of now [s]."""
         return self.heard.time
@@ -163,10 +167,7 @@ class Stand:
             return
         processes, self._restarted = self._restarted, set()
         for process in processes:
-            pid = self.graph.pid(process)
-            self._creep_until(
-                lambda pid=pid: pid in self.robot.clock.page.slot_pid, f"{process} does not start"
-            )
+            self._await_start(self.graph.pid(process), process)
         nodes = {node for process in processes for node in nodes_of(process)}
         self.robot.wait_until_ready(nodes)
         for topic, owner in _ONE_SENDER.items():
@@ -180,6 +181,10 @@ class Stand:
         if "sim_rig" in nodes:
             self.robot.wait_until(lambda: self.heard.fresh("sim_rig"), 5.0, "no sim/truth")
             self.patient.set_up()
+
+    def _await_start(self, pid: int, name: str) -> None:
+        page = self.robot.clock.page
+        self._creep_until(lambda: pid in page.slot_pid, f"{name} does not start")
 
     def _creep_until(self, condition: Callable[[], object], what: str) -> None:
         """Wait by wall clock for processes and the middleware; simulated time hardly moves.
