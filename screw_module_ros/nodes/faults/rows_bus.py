@@ -67,7 +67,7 @@ DEVICES = (
     Device("encoder", "impedance_controller", STALE + 2 + DYING, Alarm("impedance_controller",
            "encoder:", "encoder"),
            f"mend it; encoder/home after a boot-up, {MISSED}, reset, enable",
-           ("cable_out", "truncate", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
+           ("cable_out", "lengthen", "wrong_id", "garbage", "delay-500ms", "drop", "duplicate",
             "reorder", "delay-3ms", "flood")),
     Device("force_sensor", "impedance_controller", STALE + 2 + DYING, Alarm("impedance_controller",
            "force sensor", "force"), "mend it; force_sensor/tare after a bad status, "
@@ -75,7 +75,7 @@ DEVICES = (
                                         "reorder", "delay-3ms", "foreign_ids")),
     Device("drive", "amplifier; the drive itself", COMMAND + 2 + DYING, Alarm("amplifier", "drive",
            "amplifier"), "mend it; amplifier/clear_fault, reset, enable",
-           ("cable_out", "bus_off", "mute", "lengthen", "wrong_id", "garbage", "delay-500ms",
+           ("cable_out", "bus_off", "mute", "truncate", "wrong_id", "garbage", "delay-500ms",
             "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
     Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, Alarm("manus",
            "drive|position", "manus"),
