@@ -20,7 +20,7 @@ build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: 
 demo: build  ## the whole robot against the simulated rig: table, figures and a bag
 	@tools/run demo
 
-faults: build  ## every fault of docs/faults.md, carried out; ARGS="--representative" is short
+faults: build  ## every fault of docs/faults.md, carried out in simulated time; ARGS="--row drive" is short
 	@tools/run faults $(ARGS)
 
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone

@@ -22,6 +22,7 @@ from .wires import Line
 
 PATIENCE_S = 1.0
 _LOOK_S = 0.05  # wall clock between looks for processes that have ended
+_ROLL_S = 1.0  # the same, while time moves
 _MOST_AHEAD_S = 0.005  # a late tick is caught up by so much, no more
 
 
@@ -54,8 +55,8 @@ class Conductor:
         self._lines: list[Line] = []
         self._hops: list[tuple[int, int]] = []
         self.given_up = 0
-        self._progress = -1
-        self._progress_s = self._looked_s = time.monotonic()
+        self._progress: tuple = ()
+        self._progress_s = self._looked_s = self._called_s = time.monotonic()
         self._due_s = self._progress_s
         self._factor_s, self._factor_ns = self._progress_s, page.now_ns
 
@@ -152,14 +153,25 @@ class Conductor:
         if now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s
-        progress = sum(page.slot_declared[: self._top]) + page.now_ns
-        if progress != self._progress:
+        progress = self._busy_now()
+        stands = progress == self._progress
+        if stands or now_s - self._called_s > _ROLL_S:
+            self._called_s = now_s
+            self._dismiss_ended()
+        if not stands:
             self._progress, self._progress_s = progress, now_s
-            return
-        self._dismiss_ended()
-        if now_s - self._progress_s > PATIENCE_S:
+        elif now_s - self._progress_s > PATIENCE_S:
             self._progress_s = now_s
             self._give_up()
+
+    def _busy_now(self) -> tuple:
+        """Return the time, and how often each busy thread has waited: the same as long as it hangs.
+
+        Those who are content declare it now and then; that is no progress.
+        """
+        page, now_ns = self._page, self._page.now_ns
+        busy = [i for i in range(self._top) if page.slot_until[i] <= now_ns]
+        return (now_ns, *((i, page.slot_declared[i]) for i in busy))
 
     def _dismiss_ended(self) -> None:
         page = self._page

@@ -197,6 +197,22 @@ def test_who_hangs_is_given_up_and_waited_for_again(conductor, page, member, tol
     assert conductor.quiet() is None, "he follows again"
 
 
+def test_who_declares_himself_content_does_not_keep_who_hangs(
+    conductor, page, member, told, wait_until
+):
+    """The loop of a node that is not active does so 20 times a second."""
+    idler = Member(page, "idler", never)
+
+    def given_up():
+        idler.idle()
+        conductor.look()
+        conductor.sleep(0.05)
+        return conductor.quiet() is not None
+
+    wait_until(given_up)
+    assert "member" in told[0] and "idler" not in told[0]
+
+
 def _join_and_die(name: str) -> None:
     page = Page(name)
     Member(page, "short-lived", never)

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK, IMPEDANCE, MODE_NAMES
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.faults.catalogue import PAGE, all_rows, chosen, page
+from screw_module_ros.nodes.faults.limits import PERIOD
 from screw_module_ros.nodes.faults.listener import Moment
 from screw_module_ros.nodes.faults.measures import (
     STEP_S,
@@ -21,17 +22,16 @@ from screw_module_ros.nodes.faults.measures import (
     vertical,
 )
 from screw_module_ros.nodes.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF
-from screw_module_ros.nodes.faults.rows_bus import DEVICES, KINDS, _size
-from screw_module_ros.nodes.faults.ticks import PERIOD
-from screw_module_ros.nodes.support.graph import GRAPH
+from screw_module_ros.nodes.faults.rows_bus import DEVICES, KINDS
+from screw_module_ros.nodes.support.graph import COMPOSED, GRAPH
 
 pytestmark = pytest.mark.graph
 
 ROWS = all_rows()
 NAMES = [row.name for row in ROWS]
 REPOSITORY = Path(__file__).parents[2]
-# Enough to see that real processes are started, harmed, judged and brought back.
-CARRIED_OUT = ("drive-cable_out", "drive-over_temperature", "estop-combined")
+# Enough to see that processes are started, harmed, judged and brought back; `.ci/run` runs all.
+CARRIED_OUT = ("drive-cable_out", "drive-over_temperature", "estop-pressed-often")
 
 
 def test_names_are_unique_and_speak_for_themselves():
@@ -39,23 +39,30 @@ def test_names_are_unique_and_speak_for_themselves():
     assert all(name == name.strip() and " " not in name for name in NAMES)
 
 
-def test_every_node_is_killed_frozen_and_stopped_in_every_mode():
-    acts = ("killed", "frozen", "stopped")
-    for entry, act, mode in itertools.product(GRAPH, acts, MODE_NAMES.values()):
-        assert f"{entry.executable}-{act}-{mode.lower()}" in NAMES
+def test_every_node_is_killed_and_frozen():
+    for entry, act in itertools.product([*GRAPH, COMPOSED], ("killed", "frozen")):
+        if entry.simulation and act == "frozen":
+            continue  # time stands still, and nothing happens in it
+        assert f"{entry.executable}-{act}" in NAMES
 
 
-def test_every_mode_has_its_emergency_stop():
-    assert {f"estop-{mode.lower()}" for mode in MODE_NAMES.values()} <= set(NAMES)
+def test_the_modes_with_laws_of_their_own_have_rows():
+    assert {row.mode for row in ROWS} >= {IMPEDANCE, FORCE_FEEDBACK, COMBINED}
 
 
-@pytest.mark.parametrize("fault", [f"{kind.fault}{_size(kind)}" for kind in KINDS])
-def test_every_device_has_its_bus_faults(fault):
-    assert {f"{device.name}-{fault}" for device in DEVICES} <= set(NAMES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_bus_fault_is_done_to_some_device(kind):
+    assert any(kind in device.kinds for device in DEVICES)
 
 
-def test_every_status_bit_of_the_force_sensor():
-    assert {f"force_sensor-status-{bit}" for bit in range(16)} <= set(NAMES)
+@pytest.mark.parametrize("device", [device.name for device in DEVICES])
+def test_every_cable_comes_out(device):
+    assert f"{device}-cable_out" in NAMES
+
+
+def test_what_is_done_to_a_part_of_the_module_is_done_to_a_process_of_its_own():
+    parts = {f"{part}-{act}" for part in COMPOSED.parts for act in ("killed", "frozen", "stopped")}
+    assert all(row.apart for row in ROWS if row.name in parts)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=NAMES)
@@ -65,7 +72,7 @@ def test_a_row_is_complete(row):
     assert row.mode in MODE_NAMES
     assert row.safe in (OFF, VERTICAL_OFF, EITHER, GOES_ON)
     assert (row.within == 0) == (row.safe == GOES_ON)
-    if row.safe == OFF and row.name not in ("disable", "bring-up-in-reverse", "rig-started-last"):
+    if row.safe == OFF and row.name not in ("disable", "bring-up-in-reverse"):
         assert row.alarm is not None and (row.alarm.node or row.alarm.reason)
 
 
@@ -98,36 +105,24 @@ def test_torque_that_comes_back_counts_until_its_end():
 
 def test_a_step_is_seen_and_a_slope_is_not():
     """The change within STEP_S counts, not how far the force goes in the end."""
-    slope = [0.5 * k for k in range(40)]
+    slope = [0.05 * k for k in range(200)]
     apart = int(STEP_S * 1.01 / (PERIOD / 2))
-    assert 1 <= apart < 10
-    assert largest_step(moments([0.0] * 40, slope)) == pytest.approx(0.5 * apart)
+    assert 1 <= apart < 100
+    assert largest_step(moments([0.0] * 200, slope)) == pytest.approx(0.05 * apart)
     step = [0.0] * 20 + [7.0] * 20
     assert largest_step(moments([0.0] * 40, step)) == pytest.approx(7.0)
     knock = [0.0] * 20 + [9.0] + [0.0] * 20
     assert largest_step(moments([0.0] * 41, knock)) == 0.0
 
 
-def test_the_short_selection_has_something_of_everything():
-    short = chosen(representative=True)
-    assert {row.group for row in short} == {row.group for row in ROWS}
-    assert {row.mode for row in short} == set(MODE_NAMES)
-    acts = {row.name.rpartition("-")[0] for row in short if row.group == "nodes"}
-    assert acts == {f"{n.executable}-{a}" for n in GRAPH for a in ("killed", "frozen", "stopped")}
-    kinds = {row.name.partition("-")[2] for row in short if row.group == "bus"}
-    assert kinds >= {f"{kind.fault}{_size(kind)}" for kind in KINDS}
-    assert {row.name.partition("-")[0] for row in short} >= {device.name for device in DEVICES}
-    assert len(short) <= len(ROWS) / 5 + 1
-
-
-@pytest.mark.timeout(150)
+@pytest.mark.timeout(600)
 def test_some_rows_carried_out(tmp_path):
-    """The command itself, on separate processes: rows pass, and their figures are written."""
+    """The command itself: rows pass, and their figures are written."""
     verdicts = tmp_path / "verdicts.json"
     words = [word for name in CARRIED_OUT for word in ("--row", name)]
     done = subprocess.run(
         [executable_path("faults"), "--json", str(verdicts), *words],
-        capture_output=True, text=True, timeout=140, check=False,
+        capture_output=True, text=True, timeout=580, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     found = {one["name"]: one for one in json.loads(verdicts.read_text())}

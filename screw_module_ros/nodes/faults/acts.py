@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from functools import reduce
 from typing import Any
 
@@ -11,16 +10,17 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
+from .limits import PERIOD_NS
 from .row import Act, Failed
-from .ticks import PERIOD_NS
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
     """Make something go wrong in the simulated rig, until `cured`."""
 
     def act(stand) -> float:
+        begin = stand.just_now()
         stand.robot.inject(device, name, value)
-        return stand.just_now()
+        return begin
 
     return act
 
@@ -51,8 +51,9 @@ def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
     """Call a service, whatever it answers."""
 
     def act(stand) -> float:
+        begin = stand.just_now()
         stand.robot.call(kind, service, kind.Request(**fields))
-        return stand.just_now()
+        return begin
 
     return act
 
@@ -91,7 +92,7 @@ def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
 def published(
     kind: type, topic: str, count: int = 0, period: float = 0.002, late: int = 0, **fields: Any
 ) -> Act:
-    """Publish a message with these fields on a topic, `count` times or until dismissed.
+    """Publish a message with these fields on a topic each `period` [s], `count` times or for good.
 
     Numbered messages look like the next true one: tick number, acquisition of now, `late` ns added.
     A field may be a function of the stand, for what is known only then.
@@ -100,16 +101,18 @@ def published(
     def make(stand) -> Any:
         message = kind()
         if hasattr(message, "monotonic_ns"):
-            now = time.monotonic_ns() + late
-            message.monotonic_ns = now
-            message.sequence = (now // PERIOD_NS + 1) & 0xFFFFFFFF
+            now_ns = stand.robot.clock.now_ns() + late
+            message.monotonic_ns = now_ns
+            message.sequence = (now_ns // PERIOD_NS + 1) & 0xFFFFFFFF
         for name, value in fields.items():
             *owners, last = name.split("__")
             told = value(stand) if callable(value) else value
             setattr(reduce(getattr, owners, message), last, told)
         return message
 
-    return lambda stand: stand.intrude(kind, topic, lambda: make(stand), count, period)
+    return lambda stand: stand.intruders.publish(
+        kind, topic, lambda: make(stand), count, period
+    )
 
 
 def game(*setpoint: float) -> Act:

@@ -16,7 +16,6 @@ from . import (
 )
 from .measures import LARGEST_STEP
 from .row import EITHER, GOES_ON, OFF, SAFE_STATES, VERTICAL_OFF, Row
-from .ticks import HEARTBEAT_S, RATE, SAFETY_S, SUPERVISOR_S
 
 _MODULES = (
     rows_nodes,
@@ -28,10 +27,6 @@ _MODULES = (
     rows_intruders,
 )
 PAGE = "docs/faults.md"
-_STRIDE = 5
-"""Of the short selection. It has no factor in common with what the groups are products of (nodes x
-acts, devices x kinds of bus faults), so that each of these pairs of node and act, and each kind,
-comes up once."""
 
 
 def all_rows() -> list[Row]:
@@ -39,9 +34,7 @@ def all_rows() -> list[Row]:
     return [row for module in _MODULES for row in module.rows()]
 
 
-def chosen(
-    groups: Iterable[str] = (), names: Iterable[str] = (), representative: bool = False
-) -> list[Row]:
+def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
     """Return the rows of these groups and names, all without any; a name may be a part of one.
 
     Raises ValueError naming what does not exist.
@@ -56,7 +49,7 @@ def chosen(
             raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
     return [
         row
-        for row in (rows[::_STRIDE] if representative else rows)
+        for row in rows
         if (not groups or row.group in groups)
         and (not names or any(name in row.name for name in names))
     ]
@@ -69,27 +62,16 @@ def page() -> str:
     for group in dict.fromkeys(row.group for row in rows):
         members = [row for row in rows if row.group == group]
         lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
-        lines += [_line(same) for same in _merged(members)]
+        lines += [_line(row) for row in members]
     return "\n".join(lines) + "\n"
 
 
-def _merged(rows: list[Row]) -> list[list[Row]]:
-    """Put rows together that differ in their mode only."""
-    found: dict[tuple, list[Row]] = {}
-    for row in rows:
-        key = (row.fault, row.noticed_by, row.within, row.plane_within, row.safe, row.alarm)
-        found.setdefault(key, []).append(row)
-    return list(found.values())
-
-
-def _line(rows: list[Row]) -> str:
-    row = rows[0]
-    modes = ", ".join(dict.fromkeys(one.mode_name for one in rows))
+def _line(row: Row) -> str:
     within = "" if row.safe == GOES_ON else f"{row.within} / {row.plane_within or '–'}"
     alarm = row.alarm.text if row.alarm else _NO_ALARM[row.safe]
     cells = (
-        f"`{row.name}`" + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
-        row.fault, modes, row.noticed_by, within, row.safe, alarm, row.way_back,
+        f"`{row.name}`", row.fault, row.mode_name, row.noticed_by, within, row.safe, alarm,
+        row.way_back,
     )  # fmt: skip
     return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
 
@@ -102,21 +84,20 @@ _NO_ALARM = {
 }
 _FIGURES = {
     "step": LARGEST_STEP,
-    "rate": f"{RATE:g}",
-    "safety": f"{SAFETY_S:g}",
-    "supervisor": f"{SUPERVISOR_S:g}",
-    "heartbeat": f"{HEARTBEAT_S:g}",
     "states": "\n".join(f"- *{name}*: {text}" for name, text in SAFE_STATES.items()),
 }
 _HEAD = """<!-- made by `faults --table`; do not edit -->
 # Fault catalogue
 
-`make faults` carries out these {count} rows on running graphs, one per core and one row after the
-other: separate processes against the simulated rig, the patient moving the handle. Where the robot
-stops, a row passes when
+`make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
+time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
+moves the handle. The nodes of the vertical axis run as one process (`module`), or apart where a row
+is about one of them or about a topic between them. A row is there because it can fail for a reason
+of its own: what all nodes, modes, fields or parameters have in common is shown by unit tests.
 
-- the rig's own motors (`sim/truth`) give no torque any more within the row's time (where the rig is
-  what fails: both drives' nodes say that they are off, and it gives none when it is back),
+Where the robot stops, a row passes when
+
+- the rig's own motors (`sim/truth`) give no torque any more within the row's time,
 - the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
 - after the cause has gone, and what had ended is active again, nothing comes back by itself,
 - the way back leads to operation without restarting the graph and needs no service that the row
@@ -128,16 +109,10 @@ Where it goes on, both drives stay enabled and give torque, no torque exceeds it
 the same when the cause goes. Where both may be, either is judged as what it turned out to be, the
 time from the first drive that went off, and a reason must be told.
 
-A failure while the machine stood still for more than a sample, by the rig's own clock or by a watch
-on each core that nothing here can hold up, says nothing about the robot; such a row is carried out
-again, at most twice, and the run tells what was set aside.
-
-Times are in samples of the vertical chain, by simulated time: first the vertical axis, then
-the plane. The ticks are slow, {rate} Hz, so that the machine's own pauses are no faults: a sample
-is 20 ms here and 1 ms on the robot. Limits that are a number of periods are those of the robot;
-those in seconds are widened by less than the ticks are (here: safety_state {safety} s, lost node
-{supervisor} s, heartbeat {heartbeat} s; on the robot 0.1, 0.2 and 0.1 s), so that in milliseconds
-no row takes longer on the robot than here.
+Times are in samples of the vertical chain (1 ms), by simulated time: first the vertical axis, then
+the plane. They hold whatever else the machine does: time waits for every node. A process that was
+stopped (SIGSTOP) is waited for 1 s of wall clock; then time goes on without it. One that was killed
+is not waited for. While the rig itself is away, time stands.
 
 Safe states:
 {states}"""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`faults`: carry out the fault catalogue against separate processes and the simulated rig."""
+"""`faults`: carry out the fault catalogue against the simulated rig."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ from .row import GOES_ON, Row, Verdict
 @click.command(context_settings={"show_default": True})
 @click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
 @click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
-@click.option("--representative", is_flag=True, help="Every fifth row: some of each kind.")
 @click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
 @click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
 @click.option(
@@ -36,11 +35,11 @@ from .row import GOES_ON, Row, Verdict
     "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
     help="Graphs at once, by default one per core; one where ROS_DOMAIN_ID is set.",
 )  # fmt: skip
-def command(group, row, representative, listed, table, json_file, jobs) -> None:
+def command(group, row, listed, table, json_file, jobs) -> None:
     """Carry out the fault catalogue; exit with 1 when a row fails."""
     console = Console()
     try:
-        rows = chosen(group, row, representative)
+        rows = chosen(group, row)
         if table:
             click.echo(page(), nl=False)
         elif listed:
@@ -68,11 +67,9 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     finally:
         _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
-    repeated = sum(bool(verdict.set_aside) for verdict in verdicts)
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
         f"{time.monotonic() - begun:.0f} s"
-        + (f"; {repeated} again, as the machine had stood still" if repeated else "")
         + (f"; failed: {', '.join(failed)}" if failed else "")
     )
     return 1 if failed else 0
@@ -82,18 +79,15 @@ def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
     mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
     if row.safe == GOES_ON:
         figures = "goes on"
-    elif row.blind:
-        figures = "disabled"
     else:
         figures = f"{verdict.vertical:.0f} of {row.within}"
         if row.plane_within:
             figures += f", plane {verdict.plane:.0f} of {row.plane_within} samples"
     line = (
         f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
-        f"[dim]{verdict.seconds:.1f} s[/]"
+        f"[dim]{verdict.simulated:.1f} s "
+        f"in {verdict.seconds:.1f} s[/]"
     )
-    for told in verdict.set_aside:
-        line += "\n      carried out again, as the machine stood still: " + escape(told)
     if verdict.problem:
         line += "\n      [red]" + escape(verdict.problem) + "[/]"
         if verdict.stuck:

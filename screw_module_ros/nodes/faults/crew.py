@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several graphs at once, each with a process of its own that carries out one row after the other.
 
-At the catalogue's slow ticks a graph needs a third of two cores, so two of them halve the time.
+A graph in lock step keeps little more than one core busy, as its nodes wait for each other.
 """
 
 from __future__ import annotations
@@ -12,17 +12,14 @@ import os
 import signal
 import tempfile
 from collections.abc import Iterator, Sequence
-from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any
 
 from ..support.graph_run import Interrupted
 from ..support.robot import RobotError
 from ..support.stopping import StopFlag
 from .catalogue import all_rows
 from .judge import judge
-from .pauses import Pauses, paused
 from .row import Row, Verdict
 from .stand import Stand
 
@@ -37,22 +34,22 @@ class Crew:
     """
 
     def __init__(self, rows: Sequence[Row], jobs: int):
-        self._names = [row.name for row in rows]
+        self._waiting = list(rows)
         self._jobs = min(jobs, len(rows))
+        self._apart: dict[Connection, bool] = {}  # which graph a member has, or begins with
         self._members: dict[Connection, BaseProcess] = {}
         self._stopping = StopFlag()
-        self._pauses = Pauses()
 
     def __enter__(self) -> Crew:
         self._stopping.catch()
-        self._pauses.__enter__()
         context = multiprocessing.get_context("spawn")
-        for _ in range(self._jobs):
+        for number in range(self._jobs):
             ours, theirs = context.Pipe()
-            member = context.Process(target=_work, args=(theirs, self._pauses.totals))
+            member = context.Process(target=_work, args=(theirs,))
             member.start()
             theirs.close()
             self._members[ours] = member
+            self._apart[ours] = bool(number % 2)
         return self
 
     def __exit__(self, kind: type | None, *_: object) -> None:
@@ -62,7 +59,6 @@ class Crew:
             pipe.close()
         for member in self._members.values():
             member.join()
-        self._pauses.__exit__()
         self._stopping.release()
 
     def verdicts(self) -> Iterator[Verdict]:
@@ -70,20 +66,28 @@ class Crew:
 
         Raises Interrupted after Ctrl-C or SIGTERM, RobotError when a graph cannot be started.
         """
-        waiting = list(reversed(self._names))
         busy = set(self._members)
         for pipe in self._members:
-            pipe.send(waiting.pop())
+            self._send_next(pipe)
         while busy:
             for pipe in wait(list(busy), _POLL_S):
                 yield self._received(pipe)
-                if waiting:
-                    pipe.send(waiting.pop())
-                else:
+                if not self._send_next(pipe):
                     pipe.close()
                     busy.discard(pipe)
             if self._stopping:
                 raise Interrupted
+
+    def _send_next(self, pipe: Connection) -> bool:
+        """Send the next row that fits the member's graph, else one for the other kind of graph."""
+        if not self._waiting:
+            return False
+        fitting = (row for row in self._waiting if row.apart == self._apart[pipe])
+        row = next(fitting, self._waiting[0])
+        self._waiting.remove(row)
+        self._apart[pipe] = row.apart
+        pipe.send(row.name)
+        return True
 
     def _received(self, pipe: Connection) -> Verdict:
         try:
@@ -98,30 +102,32 @@ class Crew:
         raise RobotError(told)
 
 
-def _work(pipe: Connection, totals: list[Any]) -> None:
+def _work(pipe: Connection) -> None:
     """Carry out the rows whose names come, until none does; started as a process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's affair while no graph runs
     rows = {row.name: row for row in all_rows()}
     with tempfile.TemporaryDirectory(prefix="faults_") as folder:
         os.environ["ROS_LOG_DIR"] = folder
         try:
-            _carry_out(pipe, rows, folder, totals)
+            _carry_out(pipe, rows, folder)
         except Interrupted:
             pass
         except (RobotError, OSError) as error:
             pipe.send(str(error))
 
 
-def _carry_out(
-    pipe: Connection, rows: dict[str, Row], folder: str, totals: list[Any]
-) -> None:
+def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
     """Take names and give verdicts; a graph that cannot be brought back is replaced."""
     extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
     stand: Stand | None = None
     try:
         while (name := _next(pipe)) is not None:
-            stand = stand or Stand(extra, partial(paused, totals)).__enter__()
-            verdict = judge(stand, rows[name])
+            row = rows[name]
+            if stand is not None and stand.composed == row.apart:
+                stand.__exit__(None, None, None)
+                stand = None
+            stand = stand or Stand(extra, not row.apart).__enter__()
+            verdict = judge(stand, row)
             if verdict.stuck:
                 stand.__exit__(None, None, None)
                 stand = None

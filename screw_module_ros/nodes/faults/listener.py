@@ -6,27 +6,24 @@ The rig's own torque decides, not what the nodes say about it.
 
 from __future__ import annotations
 
-import threading
-import time
+import math
 from collections import deque
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import (
     AmplifierState,
-    EncoderSample,
-    EndpointSetpoint,
-    ForceSample,
+    EndpointState,
     PlanarState,
     SafetyState,
     SimTruth,
 )
 
 from ..support import qos
-from ..support.transport import choose_transport
+from ..support.realtime import Inbox
+from ..support.robot import Robot
 
 NO_TORQUE = 5e-4
 """Less is no torque: the amplifier's pole dies away [Nm]; 0.17 N at the handle."""
@@ -34,12 +31,20 @@ NO_JOINT_TORQUE = 5e-3
 """The same for a joint of the plane [Nm]; 0.01 N at the handle."""
 _KEPT = 20_000
 _FRESH_NS = 300_000_000
-_GAME_S = 0.05
+_GAME_NS = 50_000_000
 _ALARMS = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
+_ALL = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=500,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Nothing is left out between two looks."""
 
 
 class Moment(NamedTuple):
-    """One sim/truth: simulated time [s], torque [Nm], joint torques, patient's force [N]."""
+    """One sim/truth: simulated time [s], torque [Nm], joint torques [Nm], patient's force [N],
+    height [m], speed [m/s], x and y [m], the faster joint's speed [rad/s]."""
 
     time: float
     torque: float
@@ -52,15 +57,18 @@ class Moment(NamedTuple):
 
 
 class Listener:
-    """Subscribes to everything a row is judged by; publishes the set points of a game.
+    """Hears everything a row is judged by; publishes the set points of a game.
 
-    setpoint: (x, y, z, vx, vy, vz) of the game [m], [m/s]; None = no game.
+    It belongs to the thread of `robot`: `look` takes what has come, and must be called at least
+    each 0.5 s of simulated time. setpoint: (x, y, z, vx, vy, vz) of the game [m], [m/s]; None = no
+    game.
     """
 
-    def __init__(self):
+    def __init__(self, robot: Robot):
         self.setpoint: tuple[float, ...] | None = None
-        self._lock = threading.Lock()
-        self._closing = threading.Event()
+        self.homed = self.force_valid = False
+        self._robot, self._clock = robot, robot.clock
+        self._game_due_ns = 0
         self._moments: deque[Moment] = deque(maxlen=_KEPT)
         self._arrivals: dict[str, int] = {}
         self._told: dict[tuple[str, bytes, str], None] = {}
@@ -68,48 +76,40 @@ class Listener:
         self._enabled: dict[str, bool] = {}
         self._ever_enabled: set[str] = set()
         self._disabled_at: dict[str, float] = {}  # the first time since `mark`
-        self.homed = False
-        self.slipped = 0  # ms of simulated time the rig gave up because the machine was busy
-        choose_transport()
-        self._context = Context()
-        self._context.init()
-        self.node = Node("fault_listener", context=self._context)
-        self._subscribe()
-        self._game = self.node.create_publisher(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self.node.create_timer(_GAME_S, self._play)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self.node)
-        self._thread = threading.Thread(target=self._serve, daemon=True)
-        self._thread.start()
+        self._inbox = Inbox(robot.node, robot.clock)
+        self._wires: list[tuple[Callable[[], Any], Callable[[Any], None]]] = []
+        self._listen(SimTruth, "sim/truth", self._truth)
+        self._listen(DiagnosticArray, "/diagnostics", self._diagnosed)
+        self._listen(SafetyState, "safety_state", self._safety)
+        self._listen(AmplifierState, "screw/amplifier_state", self._note_enabled("amplifier"))
+        self._listen(PlanarState, "manus/state", self._note_enabled("manus"))
+        self._listen(EndpointState, "endpoint_state", self._endpoint, qos.NEWEST)
 
-    def _subscribe(self) -> None:
-        listen = self.node.create_subscription
-        listen(SimTruth, "sim/truth", self._truth, qos.STATE)
-        listen(DiagnosticArray, "/diagnostics", self._diagnosed, 100)
-        listen(SafetyState, "safety_state", self._safety, 50)
-        listen(AmplifierState, "screw/amplifier_state", self._note_enabled("amplifier"), qos.STATE)
-        listen(PlanarState, "manus/state", self._note_enabled("manus"), qos.STATE)
-        listen(EncoderSample, "screw/encoder", self._encoder, qos.SAMPLE)
-        listen(ForceSample, "handle/force", self._force, qos.SAMPLE)
+    def _listen(self, kind: type, topic: str, note: Callable, profile: QoSProfile = _ALL) -> None:
+        self._wires.append((self._inbox.subscribe(kind, topic, profile), note))
 
     def close(self) -> None:
-        """Leave the graph."""
-        self._closing.set()
-        self._executor.wake()
-        self._thread.join(timeout=2.0)
-        self._executor.shutdown(timeout_sec=2.0)
-        self.node.destroy_node()
-        self._context.try_shutdown()
+        """Listen no more."""
+        self._inbox.close()
 
-    def _serve(self) -> None:
-        while not self._closing.is_set():
-            self._executor.spin_once(timeout_sec=0.2)
+    def look(self) -> None:
+        """Take what has come, and publish the game's set point when it is due."""
+        for take, note in self._wires:
+            while (message := take()) is not None:
+                note(message)
+        now_ns = self._clock.now_ns()
+        if self.setpoint is not None and now_ns >= self._game_due_ns:
+            self._game_due_ns = now_ns + _GAME_NS
+            self._robot.set_setpoint(*self.setpoint[:3], self.setpoint[3:])
 
     # What comes in -------------------------------------------------------------------------
 
+    def _arrived(self, what: str) -> None:
+        self._arrivals[what] = self._clock.now_ns()
+
     def _truth(self, truth: SimTruth) -> None:
-        moment = Moment(
-            truth.simulated_time,
+        self._moments.append(Moment(
+            _seconds(truth.header.stamp),
             truth.motor_torque,
             tuple(truth.joint_torque),
             (*truth.planar_force, truth.patient_force),
@@ -117,108 +117,95 @@ class Listener:
             truth.handle_velocity,
             tuple(truth.planar_position),
             max(map(abs, truth.joint_velocity)),
-        )
-        self.slipped = truth.slipped
-        with self._lock:
-            if self._moments and moment.time < self._moments[-1].time:
-                self._moments.clear()  # the rig was started anew
-            self._moments.append(moment)
-            self._arrivals["sim_rig"] = time.monotonic_ns()
+        ))  # fmt: skip
+        self._arrived("sim_rig")
 
     def _diagnosed(self, array: DiagnosticArray) -> None:
-        with self._lock:
-            for status in array.status:
-                node = status.name.rpartition("/")[2]
-                self._told[node, status.level, status.message] = None
-                self._arrivals[f"diagnostics of {node}"] = time.monotonic_ns()
+        for status in array.status:
+            node = status.name.rpartition("/")[2]
+            self._told[node, status.level, status.message] = None
+            self._arrived(f"diagnostics of {node}")
 
     def _safety(self, state: SafetyState) -> None:
-        with self._lock:
-            self._reasons.update(dict.fromkeys(state.reasons))
+        self._reasons.update(dict.fromkeys(state.reasons))
 
     def _note_enabled(self, node: str):
-        def note(state) -> None:
-            with self._lock:
-                self._enabled[node] = state.enabled
-                self._arrivals[node] = time.monotonic_ns()
-                if state.enabled:
-                    self._ever_enabled.add(node)
-                elif self._moments:
-                    self._disabled_at.setdefault(node, self._moments[-1].time)
+        def note(state: AmplifierState | PlanarState) -> None:
+            self._enabled[node] = state.enabled
+            self._arrived(node)
+            if state.enabled:
+                self._ever_enabled.add(node)
+            else:
+                self._disabled_at.setdefault(node, _seconds(state.header.stamp))
 
         return note
 
-    def _encoder(self, sample: EncoderSample) -> None:
-        self.homed = sample.homed
-        self._arrivals["encoder"] = time.monotonic_ns()
-
-    def _force(self, sample: ForceSample) -> None:
-        self._arrivals["force_sensor"] = time.monotonic_ns()
-
-    def _play(self) -> None:
-        if self.setpoint is None:
-            return
-        message = EndpointSetpoint()
-        message.header.frame_id = "manus_base"
-        message.header.stamp = self.node.get_clock().now().to_msg()
-        x, y, z, vx, vy, vz = self.setpoint
-        message.position.x, message.position.y, message.position.z = x, y, z
-        message.velocity.x, message.velocity.y, message.velocity.z = vx, vy, vz
-        self._game.publish(message)
+    def _endpoint(self, state: EndpointState) -> None:
+        self.homed = state.valid[2]
+        self.force_valid = state.force_valid
+        self._arrived("endpoint_state")
 
     # What it adds up to --------------------------------------------------------------------
 
+    @property
+    def time(self) -> float:
+        """Simulated time of now [s]."""
+        return self._clock.now_ns() * 1e-9
+
     def mark(self) -> float:
         """Forget what was told so far; return the simulated time of now [s]."""
-        with self._lock:
-            self._told.clear()
-            self._reasons.clear()
-            self._ever_enabled.clear()
-            self._disabled_at.clear()
-            return self._moments[-1].time if self._moments else 0.0
+        self.look()
+        self._told.clear()
+        self._reasons.clear()
+        self._ever_enabled.clear()
+        self._disabled_at.clear()
+        return self.time
 
     def forget_enabled(self) -> None:
         """Forget who was enabled so far."""
-        with self._lock:
-            self._ever_enabled.clear()
+        self.look()
+        self._ever_enabled.clear()
 
     @property
     def now(self) -> Moment | None:
         """The newest moment, None before the first."""
-        with self._lock:
-            return self._moments[-1] if self._moments else None
+        self.look()
+        return self._moments[-1] if self._moments else None
 
     def since(self, begin: float) -> list[Moment]:
         """Return the moments after the simulated time `begin` [s]."""
-        with self._lock:
-            found = []
-            for moment in reversed(self._moments):
-                if moment.time <= begin:
-                    break
-                found.append(moment)
+        self.look()
+        found = []
+        for moment in reversed(self._moments):
+            if moment.time <= begin:
+                break
+            found.append(moment)
         return found[::-1]
 
     def fresh(self, what: str) -> bool:
         """Return whether a node's topic (or `diagnostics of NODE`) was heard just now."""
-        return time.monotonic_ns() - self._arrivals.get(what, 0) < _FRESH_NS
+        return self.silent_for(what) < _FRESH_NS * 1e-9
 
     def silent_for(self, what: str) -> float:
-        """Return how long nothing has been heard [s]."""
-        return (time.monotonic_ns() - self._arrivals.get(what, 0)) * 1e-9
+        """Return how long nothing has been heard [s], infinity if nothing ever was."""
+        self.look()
+        if what not in self._arrivals:
+            return math.inf
+        return (self._clock.now_ns() - self._arrivals[what]) * 1e-9
 
     def alarms(self) -> dict[str, list[str]]:
         """Return the messages of every diagnostics entry above OK since `mark`, by node."""
+        self.look()
         found: dict[str, list[str]] = {}
-        with self._lock:
-            for node, level, message in self._told:
-                if level in _ALARMS:
-                    found.setdefault(node, []).append(message)
+        for node, level, message in self._told:
+            if level in _ALARMS:
+                found.setdefault(node, []).append(message)
         return found
 
     def reasons(self) -> list[str]:
         """Return every reason of safety_state since `mark`."""
-        with self._lock:
-            return list(self._reasons)
+        self.look()
+        return list(self._reasons)
 
     def enabled(self, node: str) -> bool:
         """Return whether `amplifier` or `manus` says so now; a silent one is not."""
@@ -226,11 +213,14 @@ class Listener:
 
     def ever_enabled(self) -> set[str]:
         """Return who was enabled at some time since `mark` or `forget_enabled`."""
-        with self._lock:
-            return set(self._ever_enabled)
+        self.look()
+        return set(self._ever_enabled)
 
     def disabled_at(self) -> dict[str, float]:
         """Return who was not enabled since `mark`, and since which simulated time [s]."""
-        with self._lock:
-            return dict(self._disabled_at)
+        self.look()
+        return dict(self._disabled_at)
 
+
+def _seconds(stamp: Any) -> float:
+    return stamp.sec + stamp.nanosec * 1e-9

@@ -6,9 +6,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 
+from .limits import PERIOD
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener, Moment
 from .row import Alarm
-from .ticks import PERIOD
 
 STEP_S = 0.025
 """Time within which a change of the force on the hand is a step [s]."""

@@ -23,7 +23,7 @@ SAFE_STATES = {
     OFF: "torque of all axes zero, drives disabled, coasting",
     VERTICAL_OFF: "vertical torque zero, coasting; the plane works on",
     GOES_ON: "works on, no drive goes off or silent and no torque limit is exceeded",
-    EITHER: "works on so, or stops in good order: it depends on chance or on the machine's speed",
+    EITHER: "works on so, or stops in good order: it depends on chance",
 }
 
 MISSED = "amplifier/clear_fault if it missed commands"
@@ -64,8 +64,8 @@ class Row(NamedTuple):
     name: stable id; fault: what is injected; within, plane_within: samples of the vertical chain
     after which the vertical axis and the plane may have no torque left, 0 where the robot goes on;
     watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
-    it happen (and tell since when, in simulated time), take its cause away; blind: there is no rig
-    to ask meanwhile, the drives' own word decides; limp: the drive works on without torque;
+    it happen (and tell since when, in simulated time), take its cause away; apart: each node must
+    be a process of its own, else `module` is one; limp: the drive works on without torque;
     way_back: what an operator does then, with each service he calls.
     """
 
@@ -82,8 +82,8 @@ class Row(NamedTuple):
     safe: str = OFF
     back: Act = nothing
     prepare: Act = nothing
-    watch: float = 0.4
-    blind: bool = False
+    watch: float = 0.2
+    apart: bool = False
     limp: bool = False
 
     @property
@@ -97,9 +97,7 @@ class Verdict(NamedTuple):
 
     problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
     vertical, plane: samples until no torque was left; step: largest force step on the patient's
-    hand on recovery [N]; seconds: the row took, by wall clock; stood_still: for how long the
-    machine did, by each core and by the time the rig gave up, added up [ms]; set_aside: the
-    failures of attempts that said nothing, as the machine had stood still.
+    hand on recovery [N]; seconds, simulated: the row took, by wall clock and by the rig's [s].
     """
 
     name: str
@@ -111,8 +109,7 @@ class Verdict(NamedTuple):
     seconds: float = 0.0
     alarm: str = ""
     reason: str = ""
-    stood_still: float = 0.0
-    set_aside: tuple[str, ...] = ()
+    simulated: float = 0.0
 
     @property
     def passed(self) -> bool:

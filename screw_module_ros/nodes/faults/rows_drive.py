@@ -8,38 +8,35 @@ from collections.abc import Iterator
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, cured, fault
+from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, TOLD
 from .row import GOES_ON, OFF, Alarm, Failed, Row
-from .ticks import COMMAND_S, HEARTBEAT_S, samples
 
 GROUP = "drives"
-_AT_ONCE, _BEAT = 8, samples(HEARTBEAT_S) + 7
-_RESTART = 12
-_FOLLOWS = 8
-_STUCK = 20
+_SILENT = COMMAND + 4 + DYING
+_BEAT = HEARTBEAT + 10 + DYING
+_MODE = 100 + AT_ONCE
+"""Samples: the mode is told with the drive's second PDO, each 100 ms."""
+_STUCK = 400
 """Samples in which a wrong torque is seen to stay: by time, and by the position."""
+_APART = 900
+"""Samples until the patient's hand has moved by more than the tolerance of two positions."""
 
 # fault of the rig, text, samples until noticed (0 = goes on), regular expression of the alarm
 _FAULTS = (
-    ("over_current", "over-current, 2310", _AT_ONCE, "2310"),
-    ("over_voltage", "over-voltage, 3210", _AT_ONCE, "3210"),
-    ("under_voltage", "under-voltage, 3220", _AT_ONCE, "3220"),
-    ("over_temperature", "device too hot, 4210", _AT_ONCE, "4210"),
-    ("motor_temperature", "motor too hot, 4310", _AT_ONCE, "4310"),
-    ("watchdog", "software watchdog, 6010", _AT_ONCE, "6010"),
-    ("feedback", "position feedback broken, 7300", _AT_ONCE, "7300"),
-    ("heartbeat_fault", "it believes our heartbeat lost, 8130", _AT_ONCE, "8130"),
-    ("fault", "a fault with an unknown code", _AT_ONCE, "5000|fault"),
-    ("disable", "it drops to switch on disabled by itself", _AT_ONCE, "left operation enabled"),
-    ("torque_off", "safe torque off", _AT_ONCE, "left operation enabled"),
-    ("mode_lost", "it leaves torque mode", _AT_ONCE, "torque mode"),
+    ("over_current", "over-current, 2310", AT_ONCE, "2310"),
+    ("over_temperature", "device too hot, 4210", AT_ONCE, "4210"),
+    ("fault", "a fault with an unknown code", AT_ONCE, "5000|fault"),
+    ("disable", "it drops to switch on disabled by itself", AT_ONCE, "left operation enabled"),
+    ("torque_off", "safe torque off", AT_ONCE, "left operation enabled"),
+    ("mode_lost", "it leaves torque mode", _MODE, "torque mode"),
     ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
-    ("pdos_lost", "its PDOs stop, all else goes on", _BEAT, "drive|position"),
+    ("pdos_lost", "its PDOs stop, all else goes on", _SILENT, "drive|position"),
     ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
-     max(samples(COMMAND_S), samples(HEARTBEAT_S)) + 7, "RPDO|8250|8130|heartbeat|position"),
-    ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", samples(COMMAND_S) + 7,
+     _SILENT, "RPDO|8250|8130|heartbeat|position"),
+    ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", _SILENT,
      "RPDO|8250|position"),
-    ("reset", "it restarts in mid-run", _RESTART, "restarted|boot-up|position"),
-    ("power_off", "it loses its supply, later back", _RESTART,
+    ("reset", "it restarts in mid-run", AT_ONCE, "restarted|boot-up|position"),
+    ("power_off", "it loses its supply, later back", AT_ONCE,
      "restarted|boot-up|heartbeat|position"),
     ("stuck_torque", "it gives a torque nobody asked for", _STUCK, "torque|disagree|turns"),
     ("motor_open", "a motor wire is broken: enabled, but no torque", 0, ""),
@@ -47,7 +44,10 @@ _FAULTS = (
     ("sdo_silent", "it does not answer SDO requests", 0, ""),
     ("inputs", "its limit switch inputs are set", 0, ""),
 )  # fmt: skip
-_ELBOW_TOO = ("over_current", "torque_off", "heartbeat_lost", "rpdos_lost", "reset", "stuck_torque")
+# The planar drives are driven by the same code; what differs is what follows for two of them.
+_SHOULDER_TOO = ("over_current", "disable", "pdos_lost", "deaf", "reset", "power_off",
+                 "stuck_torque")  # fmt: skip
+_ELBOW_TOO = ("over_current", "reset")
 _BACK = {
     "amplifier": "mend it; amplifier/clear_fault, reset, enable",
     "manus": "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
@@ -55,31 +55,31 @@ _BACK = {
 
 
 def rows() -> Iterator[Row]:
-    """The vertical drive with every fault, a planar one too."""
+    """The vertical drive with every fault, the planar ones with some."""
     for name, text, within, said in _FAULTS:
         yield _row("drive", "amplifier", name, text, within, said)
     for name, text, within, said in _FAULTS:
-        yield _row("shoulder", "manus", name, text, within, said)
-    for name, text, within, said in _FAULTS:
+        if name in _SHOULDER_TOO:
+            yield _row("shoulder", "manus", name, text, within, said)
         if name in _ELBOW_TOO:
             yield _row("elbow", "manus", name, text, within, said)
     for name, text, within in (
-        ("position_freeze", "its position stands still", 45),
-        ("position_jump", "its position jumps", 45),
+        ("position_freeze", "its position stands still", _APART),
+        ("position_jump", "its position jumps", _APART),
     ):
         yield _row("drive", "amplifier", name, text, within, "")._replace(
             alarm=Alarm("impedance_controller", "disagree", "disagree"),
             noticed_by="impedance_controller",
             way_back="reset, enable",
         )
-    yield _row("shoulder", "manus", "position_jump", "its position jumps", _AT_ONCE, "jumped")
+    yield _row("shoulder", "manus", "position_jump", "its position jumps", AT_ONCE, "jumped")
     yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
     yield _refuses_to_enable()
 
 
 def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
     stops = within > 0
-    follows = within + _FOLLOWS
+    follows = within + TOLD
     vertical, plane = (within, follows) if device == "drive" else (follows, within)
     return Row(
         name=f"{device}-{name}",
@@ -93,7 +93,7 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         within=vertical if stops else 0,
         plane_within=plane if stops else 0,
         safe=OFF if stops else GOES_ON,
-        watch=0.4 if stops else 1.0,
+        watch=0.2 if stops else 0.3,
         limp=name == "motor_open",
     )
 
@@ -106,7 +106,7 @@ def _alarm(device: str, node: str, name: str, said: str) -> Alarm:
 
 def _refuses_to_enable() -> Row:
     """Over-temperature, and then a drive that does not come back at the first try."""
-    row = _row("drive", "amplifier", "over_temperature", "too hot; cleared too early", _AT_ONCE,
+    row = _row("drive", "amplifier", "over_temperature", "too hot; cleared too early", AT_ONCE,
                "4210")  # fmt: skip
     return row._replace(
         name="drive-cleared-too-early",

@@ -6,10 +6,8 @@ from __future__ import annotations
 import itertools
 import math
 import struct
-import time
 from collections.abc import Iterator
 
-import can
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters
@@ -19,15 +17,15 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, called, published, refused
+from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
-from .ticks import PERIOD_NS
 
 GROUP = "intruders"
-_AT_ONCE, _FOLLOWS = 8, 8
 _TWO = r"second node|nodes publish|is a second"
 _FUTURE = 1_000_000
-_MATCHED = 50  # samples; so much later than us the amplifier may hear of a new sender
+_LATER = TOLD + 2 * DYING
+_MATCHED = 50  # samples: the true controller's commands hide some of the second one's
 
 
 def rows() -> Iterator[Row]:
@@ -38,18 +36,20 @@ def rows() -> Iterator[Row]:
     yield from _storms()
     yield _row("spectator-stutters", "a program that hears every sample is stopped and continued "
                "again and again", _stutter, "nobody: who listens cannot hold up who speaks", None,
-               "none is needed", _flowing, safe=GOES_ON, watch=3.0)  # fmt: skip
+               "none is needed", _flowing, safe=GOES_ON, watch=1.0)  # fmt: skip
 
 
 def _row(
     name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str,
-    back: Act = nothing, safe: str = OFF, within: int = _AT_ONCE, watch: float = 0.5,
+    back: Act = nothing, safe: str = OFF, within: int = AT_ONCE, watch: float = 0.3,
+    apart: bool = False,
 ) -> Row:  # fmt: skip
     stops = safe != GOES_ON
     return Row(
         name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, way_back=way_back,
         noticed_by=who, within=within if stops else 0,
-        plane_within=within + _FOLLOWS if stops else 0, safe=safe, watch=watch,
+        plane_within=within + TOLD if stops else 0, safe=safe, watch=watch,
+        apart=apart,
     )  # fmt: skip
 
 
@@ -57,8 +57,8 @@ def _twins() -> Iterator[Row]:
     yield _row("two-controllers", "a second impedance_controller under another name",
         _second_controller, "amplifier",
         Alarm("amplifier", _TWO, "amplifier"), "stop it; amplifier/clear_fault, reset, enable",
-        within=_AT_ONCE + _MATCHED)  # fmt: skip
-    for node in ("amplifier", "encoder", "manus", "force_sensor"):
+        within=AT_ONCE + _MATCHED, apart=True)  # fmt: skip
+    for node in ("amplifier", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
                    Alarm(f"{node}_2", "already driven by another process"), "stop it",
@@ -67,20 +67,20 @@ def _twins() -> Iterator[Row]:
                both(_permits, called("supervisor/estop"), _enable_in_vain),
                "amplifier, manus: two nodes publish safety_state",
                Alarm("supervisor", "emergency stop", "emergency stop"),
-               "stop it; clear_fault, reset, enable", within=_AT_ONCE + 8)  # fmt: skip
+               "stop it; clear_fault, reset, enable", within=BY_SERVICE)  # fmt: skip
     yield _row("two-games", "two games with contradictory set points, 1000 a second",
                _second_game, "controller and manus: speed and acceleration are limited", None,
-               "none is needed", safe=GOES_ON, watch=2.0)  # fmt: skip
+               "none is needed", safe=GOES_ON, watch=1.0)  # fmt: skip
 
 
 def _guest(node: str) -> Act:
-    return lambda stand: stand.start(node, "-r", f"__node:={node}_2")
+    return lambda stand: stand.start_guest(node, "-r", f"__node:={node}_2")
 
 
 def _second_controller(stand) -> float:
     """Start it; the harm begins with its first command, the second for the same sample."""
-    take = stand.listen(ForceCommand, "screw/force_command")
-    stand.start("impedance_controller", "-r", "__node:=impedance_controller_2")
+    take = stand.intruders.listen(ForceCommand, "screw/force_command")
+    stand.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
     newest = -1
 
     def doubled() -> bool:
@@ -123,11 +123,13 @@ def _second_game(stand) -> None:
 def _topics() -> Iterator[Row]:
     yield _row("command-from-the-future", "force commands with tick numbers far ahead",
                _future_commands, "amplifier", Alarm("amplifier", "force command", "amplifier"),
-               "stop the sender; amplifier/clear_fault, reset, enable")  # fmt: skip
+               "stop the sender; amplifier/clear_fault, reset, enable", within=AT_ONCE + 6,
+               apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
-               "amplifier limits it to 95 N; the next true one follows", None, "none is needed",
-               safe=EITHER)  # fmt: skip
+               "amplifier limits it to 95 N; the next true one follows", None,
+               "amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
+               apart=True)  # fmt: skip
     x, y, z, *_ = SPRING
     yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
                published(EndpointSetpoint, "setpoint", 0, 0.005, position__x=math.nan,
@@ -137,41 +139,43 @@ def _topics() -> Iterator[Row]:
 
 
 def _future_commands(stand) -> float:
+    clock = stand.robot.clock
+
     def make() -> ForceCommand:
         return ForceCommand(
-            force=10.0, monotonic_ns=time.monotonic_ns(),
-            sequence=(time.monotonic_ns() // PERIOD_NS + _FUTURE) & 0xFFFFFFFF,
+            force=10.0, monotonic_ns=clock.now_ns(),
+            sequence=(clock.now_ns() // PERIOD_NS + _FUTURE) & 0xFFFFFFFF,
         )  # fmt: skip
 
-    return stand.intrude(ForceCommand, "screw/force_command", make, 20, 0.005)
+    return stand.intruders.publish(ForceCommand, "screw/force_command", make, 20, 0.005)
 
 
 def _frames() -> Iterator[Row]:
     sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, 1000)
     yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
                _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it",
-               None, "stop it; clear_fault, reset, enable", safe=EITHER, within=20)  # fmt: skip
+               None, "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
     wrong = struct.pack(">Hh", 0x000F, 0)
     yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
                Alarm("amplifier", "drive", "amplifier"),
-               "stop it; amplifier/clear_fault, reset, enable", within=12)  # fmt: skip
+               "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 11)  # fmt: skip
     nmt = struct.pack("<BB", 0x80, 0)
     yield _row("foreign-nmt-preoperational", "a foreign master sends all devices of the drive's "
                "bus to PRE-OPERATIONAL", _frames_on("amplifier", 0x000, nmt, 0.05), "amplifier",
                Alarm("amplifier", "drive", "amplifier"),
-               "stop it; amplifier/clear_fault, reset, enable", within=22)  # fmt: skip
+               "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 51)  # fmt: skip
     yield _row("foreign-sync", "a foreign master sends SYNC on the encoder's bus",
                _frames_on("encoder", 0x080, b"", 0.005), "encoder",
                Alarm("encoder", "somebody else sends SYNC", "encoder"),
-               f"stop it; encoder/home, {MISSED}, reset, enable", within=14)  # fmt: skip
+               f"stop it; encoder/home, {MISSED}, reset, enable",
+               within=STALE + 10 + DYING)  # fmt: skip
 
 
 def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
     def act(stand) -> None:
-        bus = stand.bus(node)
-        frame = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
-        stand.babble(lambda: bus.send(frame), period)
+        port = stand.intruders.port(node)
+        stand.intruders.repeat(lambda: port.send(can_id, data), period)
 
     return act
 
@@ -187,17 +191,19 @@ def _storms() -> Iterator[Row]:
                "impedance_controller fades", None, "none is needed", safe=GOES_ON)  # fmt: skip
     yield _row("parameter-storm", "stiffness changed 500 times a second between its limits",
                _parameter_storm, "impedance_controller fades", None, "none is needed",
-               safe=GOES_ON, watch=1.5)  # fmt: skip
+               safe=GOES_ON, watch=0.3)  # fmt: skip
     yield _row("encoder-deactivated", "lifecycle deactivate of the encoder in motion",
                _transition("encoder", Transition.TRANSITION_DEACTIVATE), "impedance_controller",
                Alarm("impedance_controller", "encoder", "encoder"),
                f"lifecycle activate; encoder/home, {MISSED}, reset, enable",
-               _transition("encoder", Transition.TRANSITION_ACTIVATE), within=14)  # fmt: skip
+               _transition("encoder", Transition.TRANSITION_ACTIVATE),
+               within=STALE + 10 + DYING)  # fmt: skip
     yield _row("amplifier-deactivated", "lifecycle deactivate of the amplifier in motion",
                _transition("amplifier", Transition.TRANSITION_DEACTIVATE), "amplifier",
                Alarm("supervisor", "amplifier", "amplifier"),
                "lifecycle activate; clear_fault, reset, enable",
-               _transition("amplifier", Transition.TRANSITION_ACTIVATE), within=32)  # fmt: skip
+               _transition("amplifier", Transition.TRANSITION_ACTIVATE),
+               within=COMMAND + 20 + DYING)  # fmt: skip
     yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
                both(refused("force_sensor/tare", said="enabled"),
                     refused("force_sensor/untare", said="enabled")),
@@ -207,7 +213,7 @@ def _storms() -> Iterator[Row]:
 
 def _storm(calls: list[tuple]) -> Act:
     def act(stand) -> None:
-        for service, kind, fields in calls * 5:
+        for service, kind, fields in calls * 3:
             stand.robot.call(kind, service, kind.Request(**fields))
 
     return act
@@ -215,9 +221,9 @@ def _storm(calls: list[tuple]) -> Act:
 
 def _parameter_storm(stand) -> None:
     """Without waiting for answers."""
-    client = stand.heard.node.create_client(SetParameters, "impedance_controller/set_parameters")
-    stand.until(client.service_is_ready, 5.0)
-    for number in range(500):
+    service = "impedance_controller/set_parameters"
+    client = stand.robot.client(SetParameters, service)
+    for number in range(200):
         value = 0.0 if number % 2 else 1000.0
         parameter = Parameter("stiffness", value=value).to_parameter_msg()
         client.call_async(SetParameters.Request(parameters=[parameter]))
@@ -227,7 +233,7 @@ def _parameter_storm(stand) -> None:
 
 def _transition(node: str, number: int) -> Act:
     def act(stand) -> float:
-        begin = stand.heard.now.time
+        begin = stand.just_now()
         request = ChangeState.Request(transition=Transition(id=number))
         answer = stand.robot.call(ChangeState, f"{node}/change_state", request)
         if not answer.success:
@@ -238,14 +244,15 @@ def _transition(node: str, number: int) -> Act:
 
 
 _SPECTATOR = "endpoint_state"
-_STUTTER_S = 0.017
+_STUTTERS, _STUTTER_S = 10, 0.017
 
 
 def _stutter(stand) -> None:
     acts = itertools.cycle((stand.freeze, stand.thaw))
-    stand.babble(lambda: next(acts)(_SPECTATOR), _STUTTER_S)
+    for _ in range(_STUTTERS):
+        next(acts)(_SPECTATOR)
+        stand.robot.pause(_STUTTER_S)
 
 
 def _flowing(stand) -> None:
-    stand.dismiss()
     stand.thaw(_SPECTATOR)

@@ -1,24 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every node killed, frozen and stopped, in every control mode."""
+"""Every node killed, frozen and stopped."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from screw_module_ros.control.modes import MODE_NAMES
-
+from .limits import AT_ONCE, COMMAND, DYING, LOST, SAFETY, STALE, TOLD
 from .row import GOES_ON, MISSED, OFF, Alarm, Row
-from .ticks import COMMAND_S, HEARTBEAT_S, SAFETY_S, STALE, SUPERVISOR_S, samples
 
 GROUP = "nodes"
 KILLED, FROZEN, STOPPED = "killed", "frozen", "stopped"
-_ENDING = 10  # samples in which a node that ends in order still speaks
-_SLACK = 6  # samples: wake-ups of two processes and of the rig
+_ENDING = 30  # samples in which a node that ends in order still speaks
 
 
 class Part(NamedTuple):
-    """A node and what its loss means; within: samples for the vertical axis and for the plane."""
+    """A process and what its loss means.
+
+    within: samples for the vertical axis and for the plane; apart, mode: see `Row`; acts: what is
+    done to it.
+    """
 
     node: str
     noticed_by: str
@@ -26,41 +27,44 @@ class Part(NamedTuple):
     alarm: Alarm
     way_back: str
     safe: str = OFF
-    blind: bool = False
+    apart: bool = False
+    mode: int = 1
+    acts: tuple[str, ...] = (KILLED, FROZEN, STOPPED)
 
 
 _LOST = r"no message for more than"
-_SILENT = 10  # periods without a statusword
-_SUPERVISOR = samples(SUPERVISOR_S) + 4  # it decides at 50 Hz, the drives hear of it and stop
-_SAFETY = samples(SAFETY_S)
-_FOLLOWS = STALE + 10  # the other axes: fault told at 100 Hz, decided at 50 Hz
-_GUARD = max(samples(COMMAND_S), samples(HEARTBEAT_S))
+_SENSOR = (STALE + 2 + DYING, STALE + 2 + TOLD + DYING)
+_DRIVE = COMMAND + 4 + DYING  # the drive drops the torque by itself
+_MISSING = LOST + 2 * 20 + 6 + DYING  # taken and decided upon at 50 Hz each
+_SILENT = SAFETY + 6 + DYING
+_AMPLIFIER_BACK = "start it; clear_fault, reset, enable"
 PARTS = (
-    Part("sim_rig", "amplifier, manus: no drive answers", (_SILENT, _SILENT),
-         Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
-         "power on; encoder/home, force_sensor/tare, clear_fault, reset, enable", OFF, True),
-    Part("supervisor", "amplifier, manus: safety_state is stale", (_SAFETY, _SAFETY),
+    Part("supervisor", "amplifier, manus: safety_state is stale", (_SILENT, _SILENT),
          Alarm("amplifier", "no fresh safety_state"),
          "start it; clear_fault of both drives, reset, enable"),
-    Part("encoder", "impedance_controller: no fresh sample", (STALE, _FOLLOWS),
+    Part("encoder", "impedance_controller: no fresh sample", _SENSOR,
          Alarm("impedance_controller", "encoder: no sample", "encoder"),
-         f"start it; encoder/home at the reference mark, {MISSED}, reset, enable"),
-    Part("force_sensor", "impedance_controller: no fresh sample", (STALE, _FOLLOWS),
+         f"start it; encoder/home at the reference mark, {MISSED}, reset, enable", apart=True),
+    Part("force_sensor", "impedance_controller: no fresh sample", _SENSOR,
          Alarm("impedance_controller", "force sensor: no sample", "force"),
-         f"start it; force_sensor/tare, {MISSED}, reset, enable"),
-    Part("impedance_controller", "amplifier: no fresh command", (STALE, _FOLLOWS),
+         f"start it; force_sensor/tare, {MISSED}, reset, enable", apart=True, mode=3),
+    Part("impedance_controller", "amplifier: no fresh command", _SENSOR,
          Alarm("amplifier", "no fresh command", "amplifier|impedance_controller"),
-         "start it; amplifier/clear_fault, reset, enable"),
-    Part("amplifier", "the vertical drive itself: RPDO and heartbeat gone", (_GUARD, _SUPERVISOR),
+         "start it; amplifier/clear_fault, reset, enable", apart=True),
+    Part("amplifier", "the vertical drive itself: RPDO and heartbeat gone", (_DRIVE, _MISSING),
+         Alarm("supervisor", f"amplifier: {_LOST}", f"amplifier: {_LOST}"), _AMPLIFIER_BACK,
+         apart=True),
+    Part("module", "the vertical drive itself: RPDO and heartbeat gone", (_DRIVE, _MISSING),
          Alarm("supervisor", f"amplifier: {_LOST}", f"amplifier: {_LOST}"),
-         "start it; clear_fault, reset, enable"),
-    Part("manus", "the planar drives themselves; supervisor", (_SUPERVISOR, _GUARD),
+         "start it; encoder/home at the reference mark, force_sensor/tare, clear_fault, reset, "
+         "enable", mode=4),
+    Part("manus", "the planar drives themselves; supervisor", (_MISSING, _DRIVE),
          Alarm("supervisor", f"manus: {_LOST}", f"manus: {_LOST}"),
          "start it; manus/home at the reference mark, clear_fault, reset, enable"),
     Part("endpoint_state", "who looks: its diagnostics entry is missing", (0, 0),
-         Alarm("endpoint_state", ""), "start it", GOES_ON),
+         Alarm("endpoint_state", ""), "start it", GOES_ON, acts=(KILLED, FROZEN)),
     Part("session_recorder", "who looks: its diagnostics entry is missing", (0, 0),
-         Alarm("session_recorder", ""), "start it", GOES_ON),
+         Alarm("session_recorder", ""), "start it", GOES_ON, acts=(KILLED, FROZEN)),
 )  # fmt: skip
 _ACTS = {
     KILLED: "killed (SIGKILL)",
@@ -70,18 +74,34 @@ _ACTS = {
 
 
 def rows() -> Iterator[Row]:
-    """Every node x signal x mode."""
-    for mode in MODE_NAMES:
-        for part in PARTS:
-            for act in _ACTS:
-                yield _row(part, act, mode)
+    """Every node x signal; the rig, whose loss is that of all power."""
+    for part in PARTS:
+        for act in part.acts:
+            yield _row(part, act)
+    yield Row(
+        name="sim_rig-killed", group=GROUP, fault="sim_rig killed (SIGKILL): simulated time "
+        "stands, then all devices are switched on anew", inject=_power_cycle,
+        alarm=Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
+        way_back="encoder/home, force_sensor/tare, manus/home, clear_fault, reset, enable",
+        noticed_by="amplifier, manus, encoder: boot-ups", within=AT_ONCE, plane_within=AT_ONCE,
+    )  # fmt: skip
 
 
-def _row(part: Part, act: str, mode: int) -> Row:
+def _power_cycle(stand) -> float:
+    begin = stand.just_now()
+    stand.kill("sim_rig")
+    stand.restart("sim_rig")
+    stand.await_restarted()
+    return begin
+
+
+def _row(part: Part, act: str) -> Row:
     node = part.node
 
-    def inject(stand) -> None:
+    def inject(stand) -> float:
+        begin = stand.just_now()
         {KILLED: stand.kill, FROZEN: stand.freeze, STOPPED: stand.terminate}[act](node)
+        return begin
 
     def back(stand) -> None:
         if act == FROZEN:
@@ -89,10 +109,10 @@ def _row(part: Part, act: str, mode: int) -> Row:
         else:
             stand.restart(node)
 
-    slack = _SLACK + (_ENDING if act == STOPPED else 0)
+    slack = _ENDING if act == STOPPED else 0
     within, plane_within = (n + slack if n else 0 for n in part.within)
     return Row(
-        name=f"{node}-{act}-{MODE_NAMES[mode].lower()}",
+        name=f"{node}-{act}",
         group=GROUP,
         fault=f"{node} {_ACTS[act]}",
         inject=inject,
@@ -102,8 +122,7 @@ def _row(part: Part, act: str, mode: int) -> Row:
         noticed_by=part.noticed_by,
         within=within,
         plane_within=plane_within,
-        mode=mode,
+        mode=part.mode,
         safe=part.safe,
-        blind=part.blind,
+        apart=part.apart,
     )
-

@@ -12,30 +12,28 @@ from screw_module_msgs.msg import EndpointSetpoint, SafetyState
 from screw_module_msgs.srv import SetFixture
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK
 
 from ..support.robot import arm
 from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
-from .patient import HOME, SPRING
+from .limits import BY_SERVICE, DYING, STALE, TOLD
+from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
 
-_AT_ONCE, _FOLLOWS = 8, 8
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
 _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
-_STIFF = 400.0  # [N/m]
+_BY_CHANCE = TOLD + 2 * DYING
 _BOTTOM, _TOP = 0.005, 0.355  # the end stops are at 0 and 0.36 [m]
 _FAST = 0.5  # [m/s]
+_ENDING = 100  # samples in which nodes that end in order have all heard of it
 _BAG_LIMIT = 200_000  # [B]
 
 
 def rows() -> Iterator[Row]:
     """Operator, patient, machine."""
-    for mode in MODE_NAMES:
-        yield _stops(
-            f"estop-{MODE_NAMES[mode].lower()}", "emergency stop", called("supervisor/estop"),
-            "supervisor", _ESTOP, _RESET,
-        )._replace(mode=mode)  # fmt: skip
+    yield _stops("estop", "emergency stop", called("supervisor/estop"), "supervisor", _ESTOP,
+                 _RESET)._replace(mode=COMBINED)  # fmt: skip
     yield from _operator()
     yield from _patient()
     yield from _machine()
@@ -44,14 +42,14 @@ def rows() -> Iterator[Row]:
 def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str) -> Row:
     return Row(
         name=name, group="operator", fault=text, inject=act, alarm=alarm, way_back=way_back,
-        noticed_by=who, within=_AT_ONCE, plane_within=_AT_ONCE + _FOLLOWS,
+        noticed_by=who, within=BY_SERVICE, plane_within=BY_SERVICE,
     )  # fmt: skip
 
 
 def _goes_on(name: str, text: str, act: Act, who: str, back: Act = nothing) -> Row:
     return Row(
         name=name, group="operator", fault=text, inject=act, back=back, alarm=None,
-        way_back="none is needed", noticed_by=who, safe=GOES_ON, watch=0.5,
+        way_back="none is needed", noticed_by=who, safe=GOES_ON, watch=0.3,
     )  # fmt: skip
 
 
@@ -71,7 +69,8 @@ def _operator() -> Iterator[Row]:
                       repeated(refused("supervisor/reset", said=""), 10)),
                  "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
                  f"plug it in; {MISSED}, reset, enable")._replace(
-        back=cured("encoder"), within=14, plane_within=22)  # fmt: skip
+        back=cured("encoder"), within=STALE + 2 + DYING,
+        plane_within=STALE + 2 + DYING + TOLD)  # fmt: skip
     yield _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
                  both(estop, lambda stand: stand.kill("supervisor")),
                  "supervisor: started again it is still stopped", Alarm("", "", "emergency stop"),
@@ -86,7 +85,8 @@ def _operator() -> Iterator[Row]:
                    "amplifier, manus: nothing changes")  # fmt: skip
     yield _goes_on("home-while-moving", "encoder/home in motion", _home_in_motion,
                    "encoder refuses, or the origin moves in small steps")._replace(
-        safe=EITHER, within=20, plane_within=30, way_back="encoder/home at the mark, reset, enable",
+        safe=EITHER, within=_BY_CHANCE, plane_within=_BY_CHANCE,
+        way_back="encoder/home at the mark, reset, enable",
         back=_home_again)  # fmt: skip
     yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
@@ -95,7 +95,7 @@ def _operator() -> Iterator[Row]:
         inject=both(switched("supervisor/lock_vertical", True), _told_locked),
         back=switched("supervisor/lock_vertical", False), alarm=None,
         way_back="lock_vertical off, amplifier/enable", noticed_by="supervisor",
-        within=_AT_ONCE, plane_within=0, safe=VERTICAL_OFF,
+        within=BY_SERVICE + 20, plane_within=0, safe=VERTICAL_OFF,
     )  # fmt: skip
     yield _stops("disable", "both drives disabled by their services, in motion",
                  both(switched("amplifier/enable", False), switched("manus/enable", False)),
@@ -145,31 +145,26 @@ def _patient() -> Iterator[Row]:
         fault="the patient throws the handle against the upper end stop",
         inject=both(_throw(0.5), _hits(lambda height: height > _TOP)),
         alarm=None, way_back="reset, enable",
-        noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
-        safe=EITHER, watch=1.0,
+        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
     yield Row(
         name="end-stop-bottom", group="operator",
         fault="the patient throws the handle against the lower end stop",
         inject=both(_throw(-0.3), _hits(lambda height: height < _BOTTOM)),
         alarm=None, way_back="reset, enable",
-        noticed_by="impedance_controller: soft stop, speed limit", within=20, plane_within=30,
-        safe=EITHER, watch=1.0, mode=3,
+        noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8, mode=3,
     )  # fmt: skip
-    for mode in (1, 3, 4):
-        yield _goes_on(f"patient-lets-go-{MODE_NAMES[mode].lower()}",
-                       "the patient lets go of the handle", _fixture("free"),
-                       "nobody: forces stay within their limits",
-                       _fixture("human_arm"))._replace(mode=mode, watch=1.0)  # fmt: skip
+    yield _goes_on("patient-lets-go", "the patient lets go of the handle", _fixture("free"),
+                   "nobody: forces stay within their limits",
+                   _fixture("human_arm"))._replace(mode=FORCE_FEEDBACK, watch=0.8)  # fmt: skip
     yield Row(
         name="pin-in-while-enabled", group="operator", fault="the lock pin goes in in motion",
         inject=_pin(True), back=_pin(False), alarm=None, way_back="pin out, reset, enable",
-        noticed_by="nobody, or impedance_controller by the jolt", within=20, plane_within=30,
-        safe=EITHER, watch=1.0,
+        noticed_by="nobody, or impedance_controller by the jolt", within=_BY_CHANCE,
+        plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
-    yield _goes_on("tare-with-a-hand-on", "force_sensor/tare while the patient pulls",
-                   _tare_loaded, "force_sensor refuses while a drive is enabled",
-                   lambda stand: stand.configure())  # fmt: skip
 
 
 def _throw(height: float) -> Act:
@@ -207,40 +202,24 @@ def _pin(locked: bool) -> Act:
     return act
 
 
-def _tare_loaded(stand) -> None:
-    stand.robot.set_impedance(_STIFF, 0.0)
-    stand.robot.set_arm(
-        arm((0.0, 0.0, HOME - 0.2), 0.2, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
-    )
-    stand.robot.pause(1.5)
-    refused("force_sensor/tare", said="enabled")(stand)
-
-
 def _machine() -> Iterator[Row]:
     yield _goes_on("disk-full-while-recording", "the disk is full while recording", _disk_full,
                    "session_recorder", _disk_again)._replace(
         group="machine", alarm=Alarm("session_recorder", "File too large|No space"),
         way_back="make room, start again",
-        watch=1.0)  # fmt: skip
+        watch=0.5)  # fmt: skip
     yield _goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
                    _delete_bag, "session_recorder, at the latest when it stops",
-                   _disk_again)._replace(group="machine", watch=1.0)  # fmt: skip
+                   _disk_again)._replace(group="machine", watch=0.5)  # fmt: skip
     yield _goes_on("clock-jump", "set points with stamps of another year",
                    both(_stamped(4_000_000_000), _stamped(1)),
-                   "nobody: only CLOCK_MONOTONIC counts")._replace(group="machine")  # fmt: skip
+                   "nobody: only the time of arrival counts")._replace(group="machine")  # fmt: skip
     yield Row(
         name="bring-up-in-reverse", group="machine",
         fault="supervisor, drivers and controllers stopped in motion, started in the wrong order",
-        inject=_stop_all(), back=_start_in_reverse(), alarm=None,
-        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them", within=60,
-        plane_within=60, watch=1.0,
-    )  # fmt: skip
-    yield Row(
-        name="rig-started-last", group="machine",
-        fault="the same with the rig: the devices get their power last",
-        inject=_stop_all("sim_rig"), back=_start_in_reverse("sim_rig"), alarm=None,
-        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them", within=60,
-        plane_within=60, watch=1.0, blind=True,
+        inject=_stop_all, back=_start_in_reverse, alarm=None,
+        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them",
+        within=_ENDING, plane_within=_ENDING, apart=True,
     )  # fmt: skip
 
 
@@ -283,24 +262,13 @@ def _stamped(second: int) -> Act:
     )  # fmt: skip
 
 
-def _stop_all(*more: str) -> Act:
-    def act(stand) -> float:
-        begin = stand.heard.now.time
-        nodes = ("supervisor", *_DRIVERS, *more)
-        for node in nodes:
-            stand.terminate(node)
-        if more:
-            stand.await_end(nodes)
-        return begin
-
-    return act
+def _stop_all(stand) -> float:
+    begin = stand.just_now()
+    for node in ("supervisor", *_DRIVERS):
+        stand.terminate(node)
+    return begin
 
 
-def _start_in_reverse(*more: str) -> Act:
-    def act(stand) -> None:
-        for node in (*reversed(_DRIVERS), "supervisor", *more):
-            stand.restart(node)
-
-    return act
-
-
+def _start_in_reverse(stand) -> None:
+    for node in (*reversed(_DRIVERS), "supervisor"):
+        stand.restart(node)

@@ -8,15 +8,18 @@ from collections.abc import Iterator
 from screw_module_ros.control.watch import FORCE_FAULT_BITS
 
 from .acts import both, cured, fault, rehomed
+from .limits import AT_ONCE, DYING, FROZEN, STALE, TOLD
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
-from .ticks import FREEZE_S, STALE, samples
 
-_FOLLOWS = 8
 _APART_M = 0.005
-_AT_ONCE, _SILENT, _APART = 8, STALE + 7, 45
-"""Samples until noticed: by the sample itself; by its absence; against the drive's own position,
-which takes until the patient's hand has moved by more than their tolerance."""
+_SILENT, _APART = STALE + 2 + DYING, 900
+"""Samples until noticed: by the absence of a sample; against the drive's own position, which takes
+until the patient's hand has moved by more than their tolerance."""
+_BITS = (0, 4, 14)
+"""Of the ATI status word: one that is no fault, two that are. A unit test goes through them all."""
+_GAUGES = (0, 5)
+"""One of each of the two frames of a sample."""
 _UNHOMED = f"mend it; encoder/home at the reference mark, {MISSED}, reset, enable"
 _RESET = f"{MISSED}, reset, enable"
 _TARE = f"mend it; let go of the handle, force_sensor/tare, {MISSED}, reset, enable"
@@ -26,11 +29,11 @@ _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 # name, value, text, safe, within, alarm, way back
 _ENCODER_FAULTS = (
     ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, _RESET),
-    ("jump", 2e5, "position jumps by ten turns", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
+    ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
     ("jump", 5e3, "position jumps by a quarter turn", OFF, _APART, _ENCODER, _UNHOMED),
-    ("spike", 2e5, "one position is wrong by ten turns", OFF, _AT_ONCE, _ENCODER, _RESET),
+    ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, _RESET),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
-    ("noise", 1e5, "position is noisy by 95 mm", OFF, _AT_ONCE, _ENCODER, _UNHOMED),
+    ("noise", 1e5, "position is noisy by 95 mm", OFF, AT_ONCE, _ENCODER, _UNHOMED),
     ("index_lost", 0, "index pulse lost (alarm, EMCY 7305)", OFF, _SILENT,
      Alarm("encoder", "7305|index", "encoder"), _UNHOMED),
     ("position_error", 0, "position error (alarm, EMCY 7300)", OFF, _SILENT,
@@ -47,11 +50,11 @@ _ENCODER_FAULTS = (
 _FORCE = Alarm("impedance_controller", "force sensor", "force")
 _FORCE_FAULTS = (
     ("bias", 10, "off by 10 N", GOES_ON, 0, None, _TARE),
-    ("bias", 250, "off by 250 N", OFF, _AT_ONCE,
+    ("bias", 250, "off by 250 N", OFF, AT_ONCE,
      Alarm("impedance_controller", "on the handle, more than", "on the handle"), _RESET),
     ("drift", 5, "drifts by 5 N/s", GOES_ON, 0, None, _TARE),
-    ("noise", 500, "gauges noisy by 500 counts", EITHER, _AT_ONCE, None, _RESET),
-    ("freeze", 0, "gauges stand still", OFF, samples(FREEZE_S) + _SILENT,
+    ("noise", 500, "gauges noisy by 500 counts", EITHER, AT_ONCE, None, _RESET),
+    ("freeze", 0, "gauges stand still", OFF, FROZEN + _SILENT,
      Alarm("force_sensor", "have not changed", "force"), _TARE),
     ("half", 0, "the second frame of each sample is missing", OFF, _SILENT, _FORCE,
      _RESET),
@@ -66,12 +69,12 @@ def rows() -> Iterator[Row]:
     yield _rollover()
     for given in _FORCE_FAULTS:
         yield _row("force_sensor", 3, *given)
-    for gauge in range(6):
+    for gauge in _GAUGES:
         yield _row(
             "force_sensor", 3, "saturate", gauge, f"gauge {gauge} at its limit", OFF, _SILENT,
             Alarm("impedance_controller", "force sensor", "force"), _TARE,
         )  # fmt: skip
-    for bit in range(16):
+    for bit in _BITS:
         yield _status(bit)
 
 
@@ -87,10 +90,10 @@ def _row(device, mode, name, value, text, safe, within, alarm, way_back) -> Row:
         way_back=way_back,
         noticed_by=_who(alarm, device) if stops else "nobody: it cannot be told from a patient",
         within=within,
-        plane_within=within + _FOLLOWS if stops else 0,
+        plane_within=within + TOLD if stops else 0,
         mode=mode,
         safe=safe,
-        watch=1.0 if safe != OFF else 0.4,
+        watch=0.3 if safe != OFF else 0.2,
     )
 
 
@@ -103,7 +106,7 @@ def _status(bit: int) -> Row:
     told = FORCE_FAULT_BITS.get(bit)
     text = f"status bit {bit}: {told}" if told else f"status bit {bit}, which is no fault"
     alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if told else None
-    safe, within = (OFF, _AT_ONCE) if told else (GOES_ON, 0)
+    safe, within = (OFF, AT_ONCE) if told else (GOES_ON, 0)
     row = _row("force_sensor", 3, "status", bit, text, safe, within, alarm, _TARE)
     return row._replace(
         name=f"force_sensor-status-{bit}",
@@ -133,5 +136,5 @@ def _rollover() -> Row:
         prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
         inject=_moved_across,
         noticed_by="nobody: the driver unwraps it",
-        watch=2.5,
+        watch=1.0,
     )

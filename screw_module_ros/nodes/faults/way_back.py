@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
@@ -13,8 +12,8 @@ from ..support.robot import Robot, RobotError
 from .listener import Listener
 from .patient import Patient
 
-_READY_S, _STEP_S, _SETTLE_S = 45.0, 0.05, 0.6
-_TARE_AGAIN_S = 2.5
+_READY_S, _STEP_S, _SETTLE_S = 30.0, 0.02, 0.6
+_TARE_AGAIN_S = 1.5
 
 
 class WayBack:
@@ -29,14 +28,14 @@ class WayBack:
         self.enabled_at = 0.0
         self._robot, self._heard, self._patient = robot, heard, patient
         self._one_enabled = False
-        self._tared = 0.0
+        self._tared = -_TARE_AGAIN_S
 
     def go(self, mode: int) -> None:
         """Bring the robot to operation in `mode`. Raises RobotError if stuck."""
-        end = time.monotonic() + _READY_S
-        self.enabled_at, self._one_enabled = self._heard.now.time, False
+        end = self._heard.time + _READY_S
+        self._one_enabled = False
         while missing := self._improve(mode):
-            if time.monotonic() > end:
+            if self._heard.time > end:
                 raise RobotError(f"no way back to operation: {missing}")
             self._robot.pause(_STEP_S)
 
@@ -50,26 +49,26 @@ class WayBack:
 
     def _sensors(self) -> str:
         robot, heard = self._robot, self._heard
-        if not (heard.fresh("encoder") and heard.homed):
+        if not heard.homed:
             self._patient.place()
             return self._try(Trigger, "encoder/home")
         ill = any(
             told.startswith("force_sensor:") and "samples/s" not in told
             for told in robot.complaints()
         )
-        if not heard.fresh("force_sensor") or ill:
+        if not heard.force_valid or ill:
             return self._tare() or "force_sensor: tared"
         return ""
 
     def _tare(self) -> str:
         """Let the handle go and tare; the diagnostics need a moment to say that all is well."""
-        if time.monotonic() - self._tared < _TARE_AGAIN_S and self._heard.fresh("force_sensor"):
+        if self._heard.time - self._tared < _TARE_AGAIN_S and self._heard.force_valid:
             return "force_sensor: its diagnostics still say so"
         self._robot.set_fixture("free")
         refused = self._try(Trigger, "force_sensor/tare")
         self._patient.place()
         if not refused:
-            self._tared = time.monotonic()
+            self._tared = self._heard.time
         return refused
 
     def _drives(self) -> str:
@@ -106,14 +105,14 @@ class WayBack:
         off = [node for node in ("amplifier", "manus") if not heard.enabled(node)]
         if off:
             return self._enable(off)
-        settled = heard.now.time - self.enabled_at > _SETTLE_S
+        settled = heard.time - self.enabled_at > _SETTLE_S
         return "" if settled and controller.mode == mode else "settling"
 
     def _enable(self, nodes: list[str]) -> str:
         if not self._patient.at_rest:
             return "the hand moves"
         if not self._one_enabled:
-            self.enabled_at = self._heard.now.time
+            self.enabled_at = self._heard.time
         for node in nodes:
             if refused := self._try(SetBool, f"{node}/enable", data=True):
                 return refused
