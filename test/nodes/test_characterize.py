@@ -24,7 +24,7 @@ from screw_module_ros.nodes.live.graph import ACTIVE, lifecycle_state, parameter
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(600)]  # simulated time waits for the machine
 
 AMPLIFIER = ("linearize", "command_up", "command_down")
 SIMULATED = ["-p", "use_sim_time:=true"]
@@ -162,7 +162,8 @@ def bench(running: Bench) -> Bench:
 @pytest.fixture(scope="module")
 def running() -> Iterator[Bench]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
-    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=["session_recorder"]) as graph:
+    others = ["session_recorder", "endpoint_state"]
+    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others) as graph:
         ours = bringup.Process("characterize", ["--ros-args", *SIMULATED])
         try:
             with own_node() as (node, executor):

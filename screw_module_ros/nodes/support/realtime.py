@@ -205,7 +205,7 @@ class Inbox:
     def subscribe(
         self, kind: type | Flat, topic: str, qos: QoSProfile, wakes: bool = False
     ) -> Callable[[], Any]:
-        """Subscribe; return a function that takes the newest message, or a record of a `Flat`.
+        """Subscribe; return a function that takes the next message, or a record of a `Flat`.
 
         It returns None when there is none.
 
@@ -230,7 +230,7 @@ class Inbox:
             if not wakes:
                 return _Settled(self, take_one, handle, hop, qos.depth == 1).take
             self._wakers.append(hop)
-            return lambda: self._take_counted(take_one, handle, hop)
+            return lambda: self._take_counted(take_one, handle, hop, qos.depth == 1)
 
         def take() -> Any:
             taken = take_one()
@@ -238,15 +238,15 @@ class Inbox:
 
         return take
 
-    def _take_counted(self, take: Callable, handle: Any, hop: Hop) -> Any:
-        """Take the newest message; one that was published and is still on its way is waited for."""
+    def _take_counted(self, take: Callable, handle: Any, hop: Hop, only_newest: bool) -> Any:
+        """Take a message; one that was published and is still on its way is waited for."""
         newest = None
         while True:
             taken = self.take_one(take, handle, hop, hop.pending)
             if taken is None:
                 return newest
             newest = taken
-            if not hop.pending():
+            if not (only_newest and hop.pending()):
                 return newest
 
     def take_one(
