@@ -124,6 +124,8 @@ def _move(
         stage = stage_velocity(
             s.handle, s.handle_velocity, u.stage_speed, u.stage_target, m.stage_acceleration, dt
         )
+        if (s.handle <= 0.0 and stage < 0.0) or (s.handle >= m.travel and stage > 0.0):
+            stage = 0.0  # the end switches of the stage
     nut_velocity, handle_velocity, contact = _solve(
         m, s, dt, nut_gain, nut_push, handle_gain, handle_push, u.locked, stage
     )
