@@ -32,7 +32,7 @@ _FAULTS = (
     ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
     ("pdos_lost", "its PDOs stop, all else goes on", _SILENT, "drive|position"),
     ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
-     _SILENT, "RPDO|8250|8130|heartbeat|position"),
+     _SILENT, "RPDO|8250|8130|heartbeat|position|PRE-OPERATIONAL"),
     ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", _SILENT,
      "RPDO|8250|position"),
     ("reset", "it restarts in mid-run", AT_ONCE, "restarted|boot-up|position"),
