@@ -24,6 +24,7 @@ from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 GROUP = "intruders"
 _TWO = r"second node|nodes publish|is a second"
 _FUTURE = 1_000_000
+_FOREIGN_TORQUE = 300  # per mille of the rated torque; any torque would act, for up to a period
 _LATER = TOLD + 2 * DYING
 _MATCHED = 50  # samples: the true controller's commands hide some of the second one's
 
@@ -151,10 +152,10 @@ def _future_commands(stand) -> float:
 
 
 def _frames() -> Iterator[Row]:
-    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, 1000)
+    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
     yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
-               _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it",
-               None, "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
+               _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it, 1 ms "
+               "later", None, "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
     wrong = struct.pack(">Hh", 0x000F, 0)
     yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
@@ -164,7 +165,8 @@ def _frames() -> Iterator[Row]:
     yield _row("foreign-nmt-preoperational", "a foreign master sends all devices of the drive's "
                "bus to PRE-OPERATIONAL", _frames_on("amplifier", 0x000, nmt, 0.05), "amplifier",
                Alarm("amplifier", "drive", "amplifier"),
-               "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 51)  # fmt: skip
+               "stop it; amplifier/clear_fault, reset, enable",
+               within=51 + COMMAND + 4 + DYING)  # fmt: skip
     yield _row("foreign-sync", "a foreign master sends SYNC on the encoder's bus",
                _frames_on("encoder", 0x080, b"", 0.005), "encoder",
                Alarm("encoder", "somebody else sends SYNC", "encoder"),
