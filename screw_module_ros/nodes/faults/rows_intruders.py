@@ -17,7 +17,7 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, called, published, refused
-from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, PERIOD_NS, STALE, TOLD
+from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, LOST, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 
@@ -26,6 +26,8 @@ _TWO = r"second node|nodes publish|is a second"
 _FUTURE = 1_000_000
 _FOREIGN_TORQUE = 300  # per mille of the rated torque; any torque would act, for up to a period
 _LATER = TOLD + 2 * DYING
+_MISSED = LOST + 2 * 20 + 20 + DYING
+"""Samples in which the supervisor misses a node that left in order."""
 _MATCHED = 50  # samples: the true controller's commands hide some of the second one's
 
 
@@ -154,8 +156,9 @@ def _future_commands(stand) -> float:
 def _frames() -> Iterator[Row]:
     sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
     yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
-               _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it, 1 ms "
-               "later", None, "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
+               _frames_on("amplifier", 0x601, sdo, 0.01),
+               "nobody: the next RPDO overrides it, 1 ms later", None,
+               "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
     wrong = struct.pack(">Hh", 0x000F, 0)
     yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
@@ -171,7 +174,7 @@ def _frames() -> Iterator[Row]:
                _frames_on("encoder", 0x080, b"", 0.005), "encoder",
                Alarm("encoder", "somebody else sends SYNC", "encoder"),
                f"stop it; encoder/home, {MISSED}, reset, enable",
-               within=STALE + 10 + DYING)  # fmt: skip
+               within=STALE + 10 + DYING, apart=True)  # fmt: skip
 
 
 def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
@@ -205,7 +208,7 @@ def _storms() -> Iterator[Row]:
                Alarm("supervisor", "amplifier", "amplifier"),
                "lifecycle activate; clear_fault, reset, enable",
                _transition("amplifier", Transition.TRANSITION_ACTIVATE),
-               within=COMMAND + 20 + DYING)  # fmt: skip
+               within=COMMAND + 20 + DYING)._replace(plane_within=_MISSED)  # fmt: skip
     yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
                both(refused("force_sensor/tare", said="enabled"),
                     refused("force_sensor/untare", said="enabled")),
