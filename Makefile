@@ -26,7 +26,7 @@ faults: build  ## every fault of docs/faults.md, carried out in simulated time; 
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
 	@tools/run bench $(ARGS)
 
-soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--minutes 60"
+soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--wall-clock"
 	@tools/run soak $(ARGS)
 
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md

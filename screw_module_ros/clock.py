@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import Any, Protocol
 
 from .lockstep.member import Member, TimeStandsStill
-from .lockstep.page import Page, page_name
+from .lockstep.page import Page, alive, page_name
 from .lockstep.wires import Hop, Line, Source
 
 __all__ = [
@@ -192,6 +192,11 @@ class SimulatedClock(Clock):
                 None if is_loop else _STANDS_STILL_S,
             )  # fmt: skip
             return self._own.member
+
+    @property
+    def has_rig(self) -> bool:
+        """Whether the process that moves this time is there, stopped or not."""
+        return alive(self.page.conductor)
 
     def sleep_until(self, due_ns: int) -> None:
         """Return when it is `due_ns`. Raises TimeStandsStill."""

@@ -25,6 +25,17 @@ class LowpassState(NamedTuple):
     y: float
 
 
+class VelocityState(NamedTuple):
+    """Last position [unit] and the filter of the velocity [unit/s]."""
+
+    position: float
+    lowpass: LowpassState
+
+
+LONGEST_GAP = 10
+"""Samples; after more lost ones the velocity starts anew and is not filtered through the gap."""
+
+
 def back_difference(previous: float, current: float, dt: float) -> float:
     """Return the rate of change [unit/s] over the last dt [s] (thesis eq 3.2)."""
     return (current - previous) / dt
@@ -51,3 +62,28 @@ def lowpass_step(
     """Return the filtered value of x and the next state; one call per sample."""
     y = coefficients.feedback * state.y + coefficients.gain * (x + state.x)
     return y, LowpassState(x, y)
+
+
+def velocity_settled(position: float) -> VelocityState:
+    """Return the state of something that has rested at `position` [unit] for ever."""
+    return VelocityState(position, lowpass_settled(0.0))
+
+
+def velocity_step(
+    coefficients: LowpassCoefficients,
+    state: VelocityState,
+    position: float,
+    dt: float,
+    periods: int = 1,
+) -> tuple[float, VelocityState]:
+    """Return the filtered velocity [unit/s] at the next position [unit] and the next state.
+
+    dt: since the last position [s]; periods: of the sampling that went by meanwhile, 1 = none lost.
+    """
+    raw = back_difference(state.position, position, dt)
+    if periods > LONGEST_GAP:
+        return raw, VelocityState(position, lowpass_settled(raw))
+    velocity, lowpass = raw, state.lowpass
+    for _ in range(periods):
+        velocity, lowpass = lowpass_step(coefficients, lowpass, raw)
+    return velocity, VelocityState(position, lowpass)

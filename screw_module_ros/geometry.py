@@ -17,12 +17,17 @@ from typing import Annotated, NamedTuple
 
 from .settings import Setting
 
+COUNTS_PER_TURN = 20_000
+"""Counts of the motor's encoder per turn, as the thesis has it (3.1.8)."""
+
 
 class Screw(NamedTuple):
-    """The screw and the encoder on its motor (thesis 2.3, 3.1.8)."""
+    """The screw (thesis 2.3). Encoder, drive position and torque must all go by the same one."""
 
-    lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 0.1)] = 0.01905
-    counts_per_turn: Annotated[int, Setting("encoder counts per turn", "", 4, 10_000_000)] = 20_000
+    lead: Annotated[
+        float, Setting("travel of the nut per turn; the same in encoder and amplifier", "m",
+                       1e-4, 0.1)
+    ] = 0.01905
 
 
 class PlanarArm(NamedTuple):
@@ -38,9 +43,11 @@ SCREW = Screw()
 MANUS = PlanarArm()
 
 
-def counts_to_height(counts: float, screw: Screw = SCREW) -> float:
-    """Return the travel of the nut [m] for encoder counts [counts]."""
-    return counts * screw.lead / screw.counts_per_turn
+def counts_to_height(
+    counts: float, screw: Screw = SCREW, counts_per_turn: int = COUNTS_PER_TURN
+) -> float:
+    """Return the travel of the nut [m] for counts of an encoder on the screw [counts]."""
+    return counts * screw.lead / counts_per_turn
 
 
 def force_to_torque(force: float, screw: Screw = SCREW) -> float:

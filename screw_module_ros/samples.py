@@ -21,7 +21,7 @@ class EncoderReading(NamedTuple):
     sequence: tick number, modulo 2^32.
     monotonic_ns: acquisition (when the SYNC went out) on CLOCK_MONOTONIC [ns].
     stamp_ns: the same instant on the system clock [ns since the epoch].
-    count: encoder count, unwrapped [counts, 20000 per screw turn].
+    count: encoder count, unwrapped [counts].
     position: nut height above the bottom of travel, up positive [m].
     velocity: back difference of position through the 30 Hz filter [m/s].
     homed: position is absolute.
@@ -64,13 +64,14 @@ class DriveReading(NamedTuple):
 
     monotonic_ns: arrival on CLOCK_MONOTONIC [ns].
     statusword: object 6041.
-    position: object 6064, raw [counts, signed 32 bit].
+    position: object 6064, unwrapped, with the robot's sign [m of the nut, or rad of a joint]; from
+        wherever the drive counts, so it has no home.
     torque: object 6077 on the motor shaft, with the robot's sign [Nm].
     """
 
     monotonic_ns: int
     statusword: int
-    position: int
+    position: float
     torque: float
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The import rule: which layer of screw_module_ros may import what, checked on the source.
 
-Only `nodes/` imports rclpy and messages, and nothing but `nodes/` imports `nodes/`. The plant
-shares nothing with the controllers and drivers that are tried on it, nor the simulated devices with
-the drivers: a shared formula or byte layout would agree with itself when it is wrong.
+Only `nodes/`, `operator/`, `trials/` and `identification/live/` import rclpy and messages, and
+nothing but these imports one of them. The plant shares nothing with the controllers and drivers
+that are tried on it, nor the simulated devices with the drivers: a shared formula or byte layout
+would agree with itself when it is wrong. Laws and physics are pure: no files, no clock, no bus.
 """
 
 from __future__ import annotations
@@ -17,21 +18,29 @@ from typing import NamedTuple
 PACKAGE = "screw_module_ros"
 ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", "rcl_interfaces")
 ROS_SUFFIXES = ("_msgs", "_interfaces")
-NODES = "nodes"
+ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 FORBIDDEN_LAYERS = {
-    "plant": ("control", "devices", "rig"),
-    "rig": ("control", "devices"),
-    "devices": ("control", "plant", "rig"),
-    "control": ("devices", "plant", "rig"),
+    "plant": ("calibration", "control", "devices", "rig"),
+    "rig": ("calibration", "control", "devices"),
+    "devices": ("calibration", "control", "plant", "rig"),
+    "control": ("calibration", "devices", "plant", "rig"),
+    "calibration": ("devices", "plant", "rig"),
     "geometry": ("control", "devices", "plant", "rig"),
     "filters": ("control", "devices", "plant", "rig"),
+    "units": ("control", "devices", "plant", "rig"),
 }
-PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples")
-INPUT_OUTPUT = ("can", "canopen", "mcap", "rosbags", "socket", "select", "threading", "subprocess")
+PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples", "settings", "units")
+READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
+FILES = ("io", "os", "pathlib", "shutil", "tempfile", "yaml")
+INPUT_OUTPUT = (
+    "can", "canopen", "mcap", "rosbags", "socket", "select", "selectors", "socketserver", "ssl",
+    "threading", "subprocess", "multiprocessing", "asyncio", "queue", "time", "datetime",
+)  # fmt: skip
+OPENERS = ("open", "print", "input")
 
 
 class Violation(NamedTuple):
-    """An import that the rule forbids: where it is, and why."""
+    """An import or a call that the rule forbids: where it is, and why."""
 
     file: Path
     line: int
@@ -46,29 +55,57 @@ def violations(package: Path) -> list[Violation]:
     found = []
     for file in sorted(package.rglob("*.py")):
         parts = file.relative_to(package).with_suffix("").parts
-        for line, module in imported_modules(ast.parse(file.read_text("utf-8"), str(file)), parts):
-            reason = verdict(parts[0], module)
+        tree = ast.parse(file.read_text("utf-8"), str(file))
+        for line, module in imported_modules(tree, parts):
+            reason = verdict(parts, module)
             if reason:
                 found.append(Violation(file, line, reason))
+        if parts[0] in PURE_LAYERS:
+            reason = f"{parts[0]} does no input or output"
+            found += [Violation(file, at, f"{reason}: {name}()") for at, name in opened(tree)]
     return found
 
 
-def verdict(layer: str, module: str) -> str:
-    """Return why a file of this layer must not import the module, empty when it may."""
+def verdict(parts: tuple[str, ...], module: str) -> str:
+    """Return why the file at `parts` must not import the module, empty when it may."""
+    layer = parts[0]
     top, *inner = module.split(".")
-    if layer == NODES:
+    if ros_layer(parts):
         return ""
     if top in ROS_MODULES or top.endswith(ROS_SUFFIXES):
-        return f"only {NODES}/ imports ROS, not {layer}: {module}"
-    if layer in PURE_LAYERS and top in INPUT_OUTPUT:
+        return f"only {', '.join(ROS_LAYERS)} import ROS, not {layer}: {module}"
+    if layer in PURE_LAYERS and not_pure(parts, top):
         return f"{layer} does no input or output: {module}"
     if top != PACKAGE or not inner:
         return ""
-    if inner[0] == NODES:
-        return f"nothing outside {NODES}/ imports it: {module}"
+    if ros_layer(tuple(inner)):
+        return f"nothing outside {', '.join(ROS_LAYERS)} imports these: {module}"
     if inner[0] in FORBIDDEN_LAYERS.get(layer, ()):
         return f"{layer} does not import {inner[0]}: {module}"
     return ""
+
+
+def ros_layer(parts: tuple[str, ...]) -> bool:
+    """Return whether what lies at `parts` of the package is one of the layers that know ROS."""
+    return any(parts[: len(names)] == names for names in map(_names, ROS_LAYERS))
+
+
+def _names(layer: str) -> tuple[str, ...]:
+    return tuple(layer.split("/"))
+
+
+def not_pure(parts: tuple[str, ...], top: str) -> bool:
+    """Return whether a pure layer's file at `parts` must not import the module `top`."""
+    reads = "/".join(parts) + ".py" in READS_ITS_PARAMETERS
+    return top in INPUT_OUTPUT or (top in FILES and not reads)
+
+
+def opened(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield line and name of each call that reaches a file or the terminal without an import."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            if node.func.id in OPENERS:
+                yield node.lineno, node.func.id
 
 
 def imported_modules(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:

@@ -11,9 +11,9 @@ The drives' counts have no home: `home` says that the handle stands at the refer
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
 
 from ..clock import Clock
+from ..control.freeze import FreezeSettings, clear_of_stops, hand_torques
 from ..control.gate import GateSettings
 from ..control.planar import (
     PlanarInput,
@@ -26,102 +26,19 @@ from ..devices import drive_exit
 from ..devices.drive import Drive
 from ..devices.errors import BusError
 from ..devices.port import Port
-from ..filters import (
-    back_difference,
-    lowpass_coefficients,
-    lowpass_settled,
-    lowpass_step,
-)
 from ..geometry import MANUS, inverse
-from ..settings import Setting
 from .gated_drives import GatedDrives
+from .joint import Joint, JointSettings
 
 _FRESH_NS = 100_000_000
-_HALF_RANGE = 1 << 31
-_RANGE_MASK = (1 << 32) - 1
-
-
-class JointSettings(NamedTuple):
-    """The joints' position sensors and what can be believed of them."""
-
-    resolution: Annotated[
-        float, Setting("joint angle per count of object 6064", "rad", 1e-9, 0.1)
-    ] = 2.0 * math.pi / 65536
-    velocity_cutoff: Annotated[
-        float, Setting("cutoff of the velocity filter", "Hz", 1.0, 240.0)
-    ] = 30.0
-    home_x: Annotated[float, Setting("reference mark, x from the workspace centre", "m", -1, 1)] = (
-        0.0
-    )
-    home_y: Annotated[float, Setting("reference mark, y from the workspace centre", "m", -1, 1)] = (
-        0.0
-    )
-    home_speed_limit: Annotated[
-        float, Setting("homing is refused while a joint moves faster", "rad/s", 0.0, 1.0)
-    ] = 0.02
-    speed: Annotated[float, Setting("fastest joint that is believed", "rad/s", 0.1, 50.0)] = 6.0
-    jump: Annotated[
-        float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)
-    ] = 0.02
-    silence: Annotated[
-        float, Setting("ticks without both positions that latch a fault", "periods", 2.0, 100.0)
-    ] = 5.0
-
-
-class Joint:
-    """One joint: counts in, angle and velocity out."""
-
-    def __init__(self, settings: JointSettings, period_ns: int):
-        self._settings = settings
-        self._period = period_ns * 1e-9
-        self._coefficients = lowpass_coefficients(settings.velocity_cutoff, self._period)
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the last position; the home position goes with it."""
-        self._raw: int | None = None
-        self._filter = lowpass_settled(0.0)
-        self._count = 0
-        self._offset = 0.0
-        self.velocity = 0.0
-        self.jumped = False
-
-    @property
-    def angle(self) -> float:
-        """Absolute angle [rad], once homed."""
-        return self._offset + self._count * self._settings.resolution
-
-    def home(self, angle: float) -> None:
-        """Say that the joint stands at `angle` [rad]."""
-        self._offset = angle - self._count * self._settings.resolution
-
-    def take(self, raw: int, direction: int, periods: int) -> str:
-        """Take a position [counts], `periods` after the last; return what is wrong, else empty."""
-        if self._raw is None:
-            self._raw, self._count = raw, direction * raw
-            return ""
-        # Object 6064 is 32 bits wide and wraps.
-        step = ((raw - self._raw + _HALF_RANGE) & _RANGE_MASK) - _HALF_RANGE
-        self._raw = raw
-        before, self._count = self._count, self._count + direction * step
-        resolution, elapsed = self._settings.resolution, periods * self._period
-        raw_velocity = back_difference(before, self._count, elapsed) * resolution
-        for _ in range(min(periods, 10)):
-            self.velocity, self._filter = lowpass_step(
-                self._coefficients, self._filter, raw_velocity
-            )
-        self.jumped = abs(step) * resolution > self._settings.jump * periods
-        if self.jumped:
-            return f"jumped by {step * resolution:.3f} rad"
-        if abs(self.velocity) > self._settings.speed:
-            return f"turns at {self.velocity:.1f} rad/s"
-        return ""
+_HAND_UNKNOWN = (math.nan, math.nan)
+_FREEZE = FreezeSettings()
 
 
 class PlanarAxes:
     """Both joints, their drives and the law; the loop's thread unless said otherwise.
 
-    settings, joints, gate: see there; `settings` may be replaced at any time.
+    settings, joints, gate, freeze: see there; `settings` may be replaced at any time.
     """
 
     def __init__(
@@ -131,17 +48,22 @@ class PlanarAxes:
         settings: PlanarSettings,
         joints: JointSettings,
         gate: GateSettings,
+        freeze: FreezeSettings = _FREEZE,
     ):
         self.settings = settings
         self.drives = GatedDrives(drives, gate, period_ns)
-        self.joints = (Joint(joints, period_ns), Joint(joints, period_ns))
-        self.homed = False
+        self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
         self._joint_settings = joints
         self._period_ns = period_ns
         self._law = initial_state(settings)
         self._acted_ns = 0
+
+    @property
+    def homed(self) -> bool:
+        """Whether both angles are absolute."""
+        return all(joint.homed for joint in self.joints)
 
     def request(self, now_ns: int) -> None:
         """Send SYNC and heartbeat, the latter in any case. Raises BusError."""
@@ -160,15 +82,22 @@ class PlanarAxes:
                 return False
         return True
 
-    def act(self, setpoint: tuple[float, float, float, float], now_ns: int) -> None:
+    def act(
+        self,
+        setpoint: tuple[float, float, float, float],
+        now_ns: int,
+        hand: tuple[float, float] = _HAND_UNKNOWN,
+    ) -> None:
         """Take both positions and write both torques, the second also when the first fails.
 
-        setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. Raises BusError.
+        setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. hand: force of the patient on
+        the robot along x and y [N], NaN = not known. Raises BusError.
         """
         elapsed_ns = now_ns - self._acted_ns if self._acted_ns else self._period_ns
         periods = max(1, round(elapsed_ns / self._period_ns))
         self._acted_ns = now_ns
         self._measure(periods)
+        self._doubt(hand)
         shoulder, elbow = self.joints
         inp = PlanarInput(
             shoulder.angle,
@@ -195,11 +124,25 @@ class PlanarAxes:
 
     def _measure(self, periods: int) -> None:
         for drive, joint in zip(self.drives.drives, self.joints, strict=True):
-            wrong = joint.take(drive.reading.position, drive.settings.direction, periods)
+            wrong = joint.take(drive.reading.position, periods)
             if wrong:
                 self._fault(f"{drive.label} {wrong}")
-                # Where it is now nobody knows: after a jump and back it may be turns away.
-                self.homed = self.homed and not joint.jumped
+
+    def _doubt(self, hand: tuple[float, float]) -> None:
+        """Look for a frozen position while torque passes; `written` is what acted until now."""
+        if not self.drives.enabled:
+            for joint in self.joints:
+                joint.trust()
+            return
+        angles = [joint.angle for joint in self.joints]
+        judged = clear_of_stops(self.settings, *angles)
+        pushed = hand_torques(*angles, *hand) if judged else _HAND_UNKNOWN
+        for drive, joint, torque, push in zip(
+            self.drives.drives, self.joints, self.written, pushed, strict=True
+        ):
+            wrong = joint.doubt(torque + push)
+            if wrong:
+                self._fault(f"{drive.label}: {wrong}")
 
     def _fault(self, reason: str) -> None:
         self.drives.fault = self.drives.fault or reason
@@ -238,7 +181,6 @@ class PlanarAxes:
         angles = inverse(settings.home_x, settings.home_y, MANUS)
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.home(angle)
-        self.homed = True
         return ""
 
     def enable(self, clock: Clock) -> str:
@@ -252,7 +194,6 @@ class PlanarAxes:
         restarted = any(not drive.running for drive in self.drives.drives)
         problem = self.drives.clear_fault(clock)
         if restarted:
-            self.homed = False
             for joint in self.joints:
                 joint.restart()
         return problem

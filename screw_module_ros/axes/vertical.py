@@ -3,32 +3,21 @@
 
 ::
 
-    force command -> plausible? -> 65 N up, 45 N down (2.1.1) -> gate -> T = F L / 2 pi (5.2)
-                  -> I2t limit (3.1.6) -> linearization (4.1.1) -> drive
+    force command -> plausible? -> gate -> torque chain (`control.torque_chain`) -> drive
 """
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
-from ..control.limits import TorqueLimits, clamp, limit_torque
-from ..control.linearization import Linearization, torque_command
+from ..control.torque_chain import COLD, TorqueChain, commanded
 from ..devices.drive import Drive
-from ..geometry import SCREW, Screw, force_to_torque
-from ..settings import Setting
 from .gated_drives import GatedDrives
 
 LARGEST_FORCE = 150.0
 """No controller of this robot may ask for more [N]."""
-
-
-class ForceLimits(NamedTuple):
-    """Largest forces at the handle (thesis 2.1.1), whatever a controller asks for."""
-
-    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
-    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
 
 
 class Written(NamedTuple):
@@ -42,7 +31,7 @@ class Written(NamedTuple):
 class VerticalAxis:
     """Turns force commands into drive writes; every method of the loop's thread.
 
-    period_ns: between commands. linearization: of the amplifier behind the drive.
+    period_ns: between commands. chain: from force to torque.
     """
 
     def __init__(
@@ -50,21 +39,15 @@ class VerticalAxis:
         drive: Drive,
         period_ns: int,
         gate: GateSettings,
-        limits: TorqueLimits,
-        forces: ForceLimits,
-        linearization: Linearization | None = None,
-        screw: Screw = SCREW,
+        chain: TorqueChain,
     ):
         self.drive = drive
         self.drives = GatedDrives([drive], gate, period_ns)
         self.last = Written(0.0, 0.0, False)
         self._watch = CommandWatch(period_ns, LARGEST_FORCE)
-        self._limits = limits
-        self._forces = forces
+        self._chain = chain
         self._force = 0.0
-        self._linearization = linearization
-        self._screw = screw
-        self._heat = 0.0
+        self._heat = COLD
         self._written_ns = 0
         self._period_ns = period_ns
 
@@ -97,12 +80,6 @@ class VerticalAxis:
         scale = self.drives.step(self._watch.newest_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
-        allowed = clamp(force, -self._forces.force_down, self._forces.force_up)
-        wanted = scale * force_to_torque(allowed, self._screw)
-        torque, self._heat = limit_torque(self._limits, self._heat, wanted, max(elapsed, 1e-6))
-        command = torque
-        if self._linearization is not None and torque != 0.0:
-            command = torque_command(self._linearization, torque)
-        sent = self.drive.write(command, now_ns)
-        limited = allowed != force or torque != wanted
-        self.last = Written(torque if sent else 0.0, sent, limited)
+        made, self._heat = commanded(self._chain, self._heat, force, scale, max(elapsed, 1e-6))
+        sent = self.drive.write(made.command, now_ns)
+        self.last = Written(made.torque if sent else 0.0, sent, made.limited)

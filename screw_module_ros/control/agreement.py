@@ -3,7 +3,9 @@
 
 A frozen or slipping encoder looks plausible by itself: the spring then pulls with a constant force
 and no damping. The drive's own position (CiA 402 object 6064) has no home, so only the change of
-the difference counts.
+the difference counts. Both are metres by parameters of their own nodes, `lead` and
+`counts_per_turn`: where these are not the same screw's, the two part in proportion to the travel,
+and that is said.
 """
 
 from __future__ import annotations
@@ -28,12 +30,12 @@ class Agreement:
     def __init__(self, settings: AgreementSettings):
         """Start without a reference."""
         self._settings = settings
-        self._offset: float | None = None
+        self._from: tuple[float, float] | None = None  # encoder and drive at the start [m]
         self._apart_since_ns: int | None = None
 
     def restart(self) -> None:
         """Take the next pair as the new reference: after homing and after a restart of either."""
-        self._offset = self._apart_since_ns = None
+        self._from = self._apart_since_ns = None
 
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str | None:
         """Return why the two positions [m] disagree at now_ns [ns], or None.
@@ -41,9 +43,10 @@ class Agreement:
         velocity: by the encoder [m/s]; the two measurements may be 40 ms apart. Values that are not
         finite disagree.
         """
-        if self._offset is None:
-            self._offset = encoder - drive
-        difference = encoder - drive - self._offset
+        if self._from is None:
+            self._from = encoder, drive
+        moved, drive_moved = encoder - self._from[0], drive - self._from[1]
+        difference = moved - drive_moved
         if abs(difference) <= self._settings.tolerance + abs(velocity) * _SKEW:
             self._apart_since_ns = None
             return None
@@ -51,4 +54,18 @@ class Agreement:
             self._apart_since_ns = now_ns
         if now_ns - self._apart_since_ns < self._settings.duration * 1e9:
             return None
-        return f"encoder and drive disagree by {difference * 1e3:.1f} mm"
+        return f"encoder and drive disagree by {difference * 1e3:.1f} mm" + self._cause(
+            moved, drive_moved
+        )
+
+    def _cause(self, encoder: float, drive: float) -> str:
+        """Return what travels [m] that are both real but unequal tell of the parameters."""
+        least = self._settings.tolerance
+        if abs(encoder) < least or abs(drive) < least:
+            return ""
+        if encoder * drive < 0.0:
+            return "; they move opposite ways: compare `direction` of encoder and amplifier"
+        return (
+            f" after {encoder * 1e3:.1f} and {drive * 1e3:.1f} mm: compare `lead` and "
+            "`counts_per_turn` of encoder and amplifier"
+        )

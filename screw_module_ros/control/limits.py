@@ -13,13 +13,30 @@ from typing import Annotated, NamedTuple
 from ..settings import Setting
 
 
+class CommandLimits(NamedTuple):
+    """Largest force commands, everything in them: impedance, weight, friction and feedback.
+
+    What the robot presses on the hand is limited in the law, by 65 N up and 45 N down of spring and
+    damper (thesis 2.1.1); what it takes to carry 10 N of weight and to overcome 10 to 20 N of
+    friction comes on top. These limits are for what goes wrong, so controller and amplifier both
+    have them, by the same names.
+    """
+
+    command_up: Annotated[
+        float, Setting("largest command upward, weight and friction included", "N", 0.0, 150.0)
+    ] = 95.0
+    command_down: Annotated[
+        float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
+    ] = 75.0
+
+
 class TorqueLimits(NamedTuple):
     """Motor torque limits (thesis 3.1.6: 0.42 Nm continuous).
 
     The copper loss goes with the square of the torque. `heat` is that square through a first-order
     lag; the peak torque is allowed until the heat nears what the continuous torque makes, then the
     limit comes down smoothly to the continuous torque. Twice the continuous torque as peak is our
-    choice: the handle limits of 65 N need 0.2 Nm.
+    choice: the largest command of 95 N needs 0.29 Nm.
     """
 
     continuous: Annotated[float, Setting("torque that may stand for ever", "Nm", 1e-3, 100.0)] = (

@@ -16,9 +16,9 @@ damping, force gain, gravity and set point move at limited rates; and the comman
 `force_rate` dt per step whatever is switched: 2 N at 1 kHz by default. Enabling is such a switch,
 from OFF, with the set point at the measured position. Only to zero may the command jump.
 
-The limits of 65 N up and 45 N down (thesis 2.1.1) hold for the spring and damper by themselves, so
-that the feedback never asks more of the patient's hand, and for the total command, gravity
-included.
+The limits of 65 N up and 45 N down (thesis 2.1.1) are those of the endpoint: they hold spring and
+damper, so what the robot presses on the patient's hand, and the feedback asks no more. The total
+command, which also carries the weight and overcomes friction, has limits of its own, 95 N and 75 N.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def _limited(settings: VerticalSettings, weight: float, inp: VerticalInput, forc
     """
     damping = settings.speed_damping * weight
     force = limit_speed(force, inp.velocity, settings.speed_limit, settings.speed_band, damping)
-    force = clamp(force, -settings.force_down, settings.force_up)
+    force = clamp(force, -settings.command_down, settings.command_up)
     force = soft_stop(
         force,
         inp.position,
@@ -238,4 +238,4 @@ def _limited(settings: VerticalSettings, weight: float, inp: VerticalInput, forc
         settings.soft_stop_zone,
         settings.soft_stop_stiffness * weight,
     )
-    return clamp(force, -settings.force_down, settings.force_up)
+    return clamp(force, -settings.command_down, settings.command_up)

@@ -6,6 +6,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
+from .limits import CommandLimits
+
+_COMMAND = CommandLimits()
 
 
 class VerticalSettings(NamedTuple):
@@ -48,8 +51,18 @@ class VerticalSettings(NamedTuple):
     gravity_rate: Annotated[
         float, Setting("rate at which the carried weight follows its setting", "N/s", 1.0, 1e3)
     ] = 20.0
-    force_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 65.0
-    force_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 45.0
+    force_up: Annotated[
+        float, Setting("largest force of spring and damper on the hand, upward", "N", 0.0, 150.0)
+    ] = 65.0
+    force_down: Annotated[
+        float, Setting("largest force of spring and damper on the hand, downward", "N", 0.0, 150.0)
+    ] = 45.0
+    command_up: Annotated[
+        float, Setting("largest command upward, weight and friction included", "N", 0.0, 150.0)
+    ] = _COMMAND.command_up
+    command_down: Annotated[
+        float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
+    ] = _COMMAND.command_down
     force_rate: Annotated[float, Setting("fastest change of the command", "N/s", 10.0, 1e5)] = (
         2000.0
     )

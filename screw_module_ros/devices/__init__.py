@@ -4,8 +4,9 @@
 bus, port, echo     one CAN bus, one reader, without its own frames come back
 sdo, node, pdo      CANopen (CiA 301): parameters, network management, cyclic objects
 emcy, bus_load      names of emergencies; what the configured frames cost on the wire
-ledger              which request an answer without a number belongs to
-encoder             CiA 406 encoder of the screw; encoder_setup, unwrap
+polled, ledger      one request a tick; which request an answer without a number belongs to
+motion, unwrap      wrapping counts to position and velocity of nut and joints, homed on the host
+encoder             CiA 406 encoder of the screw; encoder_setup
 cia402, drive       CiA 402 state machine and drives; drive_setup configures and guards,
                     drive_logic decides, drive_reports listens, drive_exit leaves cleanly
 ati, force_sensor   ATI NETCANOEM six-axis transducer; ati_dialogue, tare

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from ..samples import DriveReading
 from ..settings import validated
+from ..units import from_per_mille, to_per_mille
 from . import cia402, drive_exit
 from . import drive_setup as setup
 from .bus_load import Traffic
@@ -32,8 +33,6 @@ from .node import CanopenNode
 from .port import Port
 
 _HEARTBEATS_MISSED = 3
-_PER_MILLE = 1000.0
-_LARGEST = 32767
 
 
 class Drive:
@@ -41,7 +40,8 @@ class Drive:
 
     warnings: what the user must hear, such as missing guards. unguarded: the guards the drive
     refused. reports: what the drive says of itself. beat: our heartbeat, shared by the drives of
-    one bus, made here when none is given.
+    one bus, made here when none is given. per_turn: what one turn is of the position reported: the
+    screw's lead [m], or 2 pi for a joint [rad].
     """
 
     def __init__(
@@ -50,6 +50,7 @@ class Drive:
         settings: DriveSettings,
         label: str = "drive",
         beat: Heartbeat | None = None,
+        per_turn: float = 2.0 * math.pi,
     ):
         self.settings = cross_checked(validated(settings))
         self.label = label
@@ -61,14 +62,17 @@ class Drive:
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         brake = settings.stop_reaction == BRAKE
         self._logic = DriveLogic(label, brake, settings.enable_timeout, silence)
-        self.reports = DriveReports(port, settings, label, self._logic, self.counters)
+        position_of = settings.direction * per_turn / settings.counts_per_turn
+        self.reports = DriveReports(
+            port, settings, label, self._logic, self.counters, position_of
+        )
         self.node = CanopenNode(
             port, settings.node_id, label, settings.sdo_timeout, self._boot_up,
             self.reports.on_emergency,
         )  # fmt: skip
         self._command_id = 0x200 + settings.node_id
         self._setup = setup.DriveSetup(0, settings.rated_torque)
-        self._per_mille_of = self._torque_of = self._asked = 0.0
+        self._torque_of = self._asked = 0.0
         self._excess = ExcessTorque(
             settings.excess_torque * settings.rated_torque, round(1e9 / settings.rate)
         )
@@ -123,8 +127,7 @@ class Drive:
                 f"master {settings.master_id}): is a second copy of this node running?"
             )
         self._setup = found = setup.configure(self.node, settings)
-        self._per_mille_of = settings.direction * _PER_MILLE / found.rated_torque
-        self._torque_of = settings.direction * found.rated_torque / _PER_MILLE
+        self._torque_of = settings.direction * from_per_mille(1, found.rated_torque)
         self.reports.configured(found.mode, self._torque_of)
         self.unguarded = found.unguarded
         self.warnings = [
@@ -230,7 +233,7 @@ class Drive:
         if not -limit <= torque_nm <= limit:
             self.counters.saturated += 1
             torque_nm = max(-limit, min(limit, torque_nm))
-        return max(-_LARGEST, min(_LARGEST, round(torque_nm * self._per_mille_of)))
+        return to_per_mille(self.settings.direction * torque_nm, self._setup.rated_torque)
 
     def _send(self, controlword: int, per_mille: int) -> None:
         try:

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from ..clock import TimeStandsStill
 from . import cia402, drive_setup
 from .cia402 import State
 from .errors import BusError, DeviceError
@@ -85,7 +86,7 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
                     continue
                 off.append(drive)
                 drive_setup.disarm(drive.node)
-            except DeviceError as error:
+            except (DeviceError, TimeStandsStill) as error:
                 problems.append(f"guards of {drive.label} not disarmed: {error}")
         port.clock.leave()
 

@@ -12,6 +12,7 @@ from .drive_logic import DriveLogic, describe
 from .drive_settings import SLOW_STATUS, STATUS, DriveSettings
 from .emcy import Emergency
 from .port import SYNC_ID, Port
+from .unwrap import FULL_RANGE, Unwrapper
 
 
 @dataclass
@@ -42,6 +43,7 @@ class DriveReports:
     """Takes the drive's frames and tells its logic what matters.
 
     reading: the newest cyclic answer. shown: the state in it. error_code: object 603F.
+    position_of: one count of object 6064 [m or rad], direction included.
     mode_display: object 6061. digital_inputs: object 60FD. emergency: the last one, in words.
     """
 
@@ -52,6 +54,7 @@ class DriveReports:
         label: str,
         logic: DriveLogic,
         counters: DriveCounters,
+        position_of: float,
     ):
         self.reading: DriveReading | None = None
         self.shown = State.UNKNOWN
@@ -64,15 +67,21 @@ class DriveReports:
         self._divider = settings.sync_divider
         self._mode = 0
         self._torque_of = 0.0
+        self._position_of = position_of
+        self._unwrapper = Unwrapper(FULL_RANGE)
         self._syncs_owed = 0
         port.subscribe(0x180 + settings.node_id, self._on_status)
         port.subscribe(0x280 + settings.node_id, self._on_slow_status)
         port.subscribe(SYNC_ID, self._on_sync)
 
     def configured(self, mode: int, torque_of: float) -> None:
-        """Take the mode in use and the torque of one per mille [Nm], direction included."""
+        """Take the mode in use and the torque of one per mille [Nm], direction included.
+
+        The position starts anew: the drive may have been switched off in between.
+        """
         self.mode_display = self._mode = mode
         self._torque_of = torque_of
+        self._unwrapper = Unwrapper(FULL_RANGE)
 
     def restart(self) -> None:
         """Forget what was shown before a start."""
@@ -95,11 +104,12 @@ class DriveReports:
         if len(data) != STATUS.size:
             counters.wrong_length += 1
             return
-        statusword, position, per_mille = STATUS.unpack(data)
+        statusword, raw, per_mille = STATUS.unpack(data)
         counters.received += 1
         if not self._syncs_owed:
             counters.unexpected += 1
         self._syncs_owed = 0
+        position = self._unwrapper.step(raw) * self._position_of
         self.reading = DriveReading(arrival_ns, statusword, position, per_mille * self._torque_of)
         before, self.shown = self.shown, cia402.decode(statusword)
         if self.shown is not before:

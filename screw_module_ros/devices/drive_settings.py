@@ -6,14 +6,15 @@ from __future__ import annotations
 import struct
 from typing import Annotated, NamedTuple
 
+from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from . import pdo
 from .bus_load import Traffic
 
 #: RPDO1: controlword, target torque [per mille of the rated torque].
 COMMAND = struct.Struct("<Hh")
-#: TPDO1: statusword, position [counts], torque [per mille of the rated torque].
-STATUS = struct.Struct("<Hih")
+#: TPDO1: statusword, position [counts, wraps at 32 bit], torque [per mille of the rated torque].
+STATUS = struct.Struct("<HIh")
 #: TPDO2: error code, mode display, digital inputs.
 SLOW_STATUS = struct.Struct("<HbI")
 
@@ -50,6 +51,10 @@ class DriveSettings(NamedTuple):
         float, Setting("torque beyond the command that stops the drive, by its own word (6077)",
                        "of rated", 0.05, 100.0)
     ] = 0.25
+    counts_per_turn: Annotated[
+        int, Setting("counts of the position (6064) per turn of the screw or the joint", "counts",
+                     4, 2**31)
+    ] = COUNTS_PER_TURN
     direction: Annotated[
         int, Setting("1 when positive torque and position are the robot's, else -1",
                      choices=(1, -1))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from dataclasses import replace
 
-from ..filters import back_difference, lowpass_coefficients, lowpass_settled, lowpass_step
+from ..geometry import SCREW, Screw, counts_to_height
 from ..samples import SEQUENCE_MASK, EncoderReading
 from ..settings import validated
 from . import encoder_setup as setup
@@ -18,14 +18,13 @@ from .bus_load import Traffic
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
 from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
-from .ledger import FRESH, LATE, Ledger
+from .motion import Motion
 from .node import CanopenNode
+from .polled import Polled
 from .port import SYNC_ID, Port
 from .unwrap import Unwrapper
 
 _POSITION = struct.Struct("<I")
-#: Beyond so many lost samples the velocity starts anew instead of being filtered through the gap.
-_LONGEST_GAP = 10
 #: Homing wants a position of now: at most so old, or ten periods where those are longer.
 _HOME_WITHIN_NS = 100_000_000
 
@@ -33,15 +32,21 @@ _HOME_WITHIN_NS = 100_000_000
 class Encoder:
     """Driver of one encoder; `request` and `reading` belong to the realtime loop.
 
+    screw: whose turns it counts.
     fault: why no samples are delivered, empty while healthy; latched until `clear_fault`.
     warnings: what the device reports but can live with.
     """
 
-    def __init__(self, port: Port, settings: EncoderSettings, label: str = "encoder"):
+    def __init__(
+        self,
+        port: Port,
+        settings: EncoderSettings,
+        label: str = "encoder",
+        screw: Screw = SCREW,
+    ):
         self.settings = validated(settings)
         self.counters = EncoderCounters()
         self.fault = ""
-        self.homed = False
         self.emergency = ""
         self.warnings: list[str] = []
         self.operating_status = 0
@@ -50,16 +55,14 @@ class Encoder:
             port, settings.node_id, label, settings.sdo_timeout, self._boot_up, self._emergency
         )
         self._period_ns = round(1e9 / settings.rate)
-        self._metres = settings.direction * settings.lead / settings.counts_per_turn
-        self._lowpass = lowpass_coefficients(settings.velocity_cutoff, 1.0 / settings.rate)
-        self._filter = lowpass_settled(0.0)
-        self._ledger = Ledger()
+        self._metres = counts_to_height(
+            settings.direction, validated(screw), settings.counts_per_turn
+        )
+        self._motion = Motion(settings.velocity_cutoff, self._period_ns)
+        self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
-        self._offset = 0.0
-        self._configured = self._running = self._waiting = False
-        self._asked = (0, 0, 0)
+        self._configured = self._running = False
         self._last: EncoderReading | None = None
-        self._fresh: EncoderReading | None = None
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
@@ -73,6 +76,11 @@ class Encoder:
     def identity(self) -> str:
         """Who the device says it is, for hardware_id."""
         return self._node.identity.text
+
+    @property
+    def homed(self) -> bool:
+        """Whether the position is absolute."""
+        return self._motion.homed
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -92,9 +100,9 @@ class Encoder:
             )
         wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
-        self._filter = lowpass_settled(0.0)
-        self._last = self._fresh = None
-        self._offset, self.homed = 0.0, False
+        self._motion.restart()
+        self._last = None
+        self._poll.restart()
         self._configured = True
 
     def start(self) -> None:
@@ -104,8 +112,7 @@ class Encoder:
         """
         if not self._configured:
             raise NotConfigured("the encoder is not configured")
-        self._ledger.reset()
-        self._waiting = False
+        self._poll.restart()
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
         self._running = True
@@ -141,8 +148,7 @@ class Encoder:
         if self._port.counters.foreign_sync != self._foreign_sync:
             self._latch(f"somebody else sends SYNC on {self._port.name}")
         try:
-            self._drain()
-            if self._begin(sequence, monotonic_ns, stamp_ns):
+            if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send_sync(monotonic_ns)
         except BusError:
             self.counters.bus_errors += 1
@@ -150,82 +156,40 @@ class Encoder:
 
     def reading(self) -> EncoderReading | None:
         """Return the answer to the last request, once; None while there is none."""
-        reading, self._fresh = self._fresh, None
-        return reading
-
-    def _drain(self) -> None:
-        """Take in what came after its tick was over, so that it is not laid to the next one.
-
-        Also after an answer: one frame more would be taken for the next, and all one period old.
-        """
-        self._ledger.end_tick()
-        self._port.pump()
-
-    def _begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
-        counters = self.counters
-        counters.requests += 1
-        if self._waiting:
-            counters.missing += 1
-            counters.missing_in_a_row += 1
-        self._asked = (sequence, monotonic_ns, stamp_ns)
-        self._fresh = None
-        self._waiting = True
-        asked = self._ledger.ask()
-        if not asked:
-            counters.silent += 1
-        return asked
+        return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
         if self._running:
             sequence = arrival_ns // self._period_ns & SEQUENCE_MASK
-            self._begin(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
+            self._poll.begin_unasked(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
 
     def _on_position(self, data: bytes, _arrival_ns: int) -> None:
         counters = self.counters
-        verdict = self._ledger.answer()
+        verdict = self._poll.note()
         if len(data) != _POSITION.size:
             counters.wrong_length += 1
             return
-        if verdict != FRESH or not self._running:
-            if verdict == LATE:
-                counters.late += 1
-            else:
-                counters.unexpected += 1
+        if not self._running:
+            counters.unexpected += 1
+            return
+        if not self._poll.is_fresh(verdict):
             return
         raw = _POSITION.unpack(data)[0]
         if not self._unwrapper.holds(raw):
             counters.out_of_range += 1
             return
         sample = self._last = self._sample(self._unwrapper.step(raw))
-        if self.fault:
-            return
-        self._waiting = False
-        counters.received += 1
-        counters.missing_in_a_row = 0
-        self._fresh = sample
+        if not self.fault:
+            self._poll.deliver(sample)
 
     def _sample(self, count: int) -> EncoderReading:
-        sequence, monotonic_ns, stamp_ns = self._asked
-        last = self._last
-        velocity = 0.0
-        if last is not None and monotonic_ns > last.monotonic_ns:
-            velocity = self._velocity(last, count, monotonic_ns)
-        position = self._offset + count * self._metres
+        sequence, monotonic_ns, stamp_ns = self._poll.asked
+        motion, last = self._motion, self._last
+        elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
+        motion.take(count * self._metres, elapsed_ns)
         return EncoderReading(
-            sequence, monotonic_ns, stamp_ns, count, position, velocity, self.homed
+            sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed
         )
-
-    def _velocity(self, last: EncoderReading, count: int, monotonic_ns: int) -> float:
-        elapsed_ns = monotonic_ns - last.monotonic_ns
-        raw = back_difference(last.count, count, elapsed_ns * 1e-9) * self._metres
-        steps = round(elapsed_ns / self._period_ns)
-        if steps > _LONGEST_GAP:
-            self._filter = lowpass_settled(raw)
-            return raw
-        velocity = raw
-        for _ in range(max(1, steps)):
-            velocity, self._filter = lowpass_step(self._lowpass, self._filter, raw)
-        return velocity
 
     # -- homing, slow polls ----------------------------------------------------------------------
 
@@ -248,8 +212,7 @@ class Encoder:
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
                 f"(limit {settings.home_speed_limit:g} m/s)"
             )
-        self._offset = settings.home_position - last.count * self._metres
-        self.homed = True
+        self._motion.home(settings.home_position)
         return settings.home_position
 
     def poll_slow(self) -> None:
@@ -286,7 +249,7 @@ class Encoder:
         if not self._configured:
             return
         self._configured = self._running = False
-        self.homed = False
+        self._motion.restart()
         self.fault = (
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
             "clear the fault to configure it again, then home"

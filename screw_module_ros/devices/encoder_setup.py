@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from . import pdo
 from .bus_load import Traffic
@@ -40,7 +41,7 @@ class EncoderSettings(NamedTuple):
     rate: Annotated[float, Setting("ticks (SYNCs) per second", "Hz", 1.0, 4000.0)] = 1000.0
     counts_per_turn: Annotated[
         int, Setting("counts per turn of the screw, object 6001", "counts", 4, 2**31)
-    ] = 20000
+    ] = COUNTS_PER_TURN
     measuring_range: Annotated[
         int, Setting("counts after which the position wraps, object 6002; 0 = as it is", "counts",
                      0, FULL_RANGE - 1)
@@ -51,7 +52,6 @@ class EncoderSettings(NamedTuple):
     direction: Annotated[
         int, Setting("1 when the count rises as the nut goes up, else -1", choices=(1, -1))
     ] = 1
-    lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 1.0)] = 0.01905
     home_position: Annotated[
         float, Setting("height of the reference mark above the bottom of travel", "m", -1.0, 1.0)
     ] = 0.0

@@ -23,7 +23,7 @@ from .force_sensor_settings import (
     force_sensor_traffic,
     unchanged_samples,
 )
-from .ledger import FRESH, LATE, Ledger
+from .polled import Polled
 from .port import Port
 from .tare import mean_wrench
 
@@ -84,17 +84,15 @@ class ForceSensor:
         self._dialogue = Dialogue(port, settings.base_id, label, settings.timeout)
         self._request_id = settings.base_id << 4
         self._rows: tuple[ati.Row, ...] = ()
-        self._ledger = Ledger(parts=2)
+        self._poll: Polled[ForceReading] = Polled(port, self.counters, parts=2)
         self._earlier_biases: list[Wrench] = []
-        self._running = self._waiting = False
+        self._running = False
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
-        self._asked = (0, 0, 0)
         self._half: bytes | None = None
         self._newest: tuple[bytes, bytes] = (b"", b"")
         self._unchanged = 0
         self._too_many_unchanged = unchanged_samples(settings)
-        self._fresh: ForceReading | None = None
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
 
@@ -145,9 +143,8 @@ class ForceSensor:
         """Let samples flow from the next request on. Raises NotConfigured before `configure`."""
         if not self._rows:
             raise NotConfigured(f"{self._label} is not configured")
-        self._ledger.reset()
+        self._poll.restart()
         self._last_status = None
-        self._waiting = False
         self._running = True
 
     def stop(self) -> None:
@@ -184,36 +181,17 @@ class ForceSensor:
         """
         if not self._running:
             return
-        counters = self.counters
+        self._half = None
         try:
-            if self._waiting:
-                counters.missing += 1
-                counters.missing_in_a_row += 1
-            self._drain()
-            counters.requests += 1
-            self._asked = (sequence, monotonic_ns, stamp_ns)
-            self._fresh = self._half = None
-            self._waiting = True
-            if self._ledger.ask():
+            if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send(self._request_id, b"")
-            else:
-                counters.silent += 1
         except BusError:
-            counters.bus_errors += 1
+            self.counters.bus_errors += 1
             raise
 
     def reading(self) -> ForceReading | None:
         """Return the answer to the last request, once; None while there is none."""
-        reading, self._fresh = self._fresh, None
-        return reading
-
-    def _drain(self) -> None:
-        """Take in what came after its tick was over, so that it is not laid to the next one.
-
-        Also after an answer: a pair more would be taken for the next, and all one period old.
-        """
-        self._ledger.end_tick()
-        self._port.pump()
+        return self._poll.take()
 
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
@@ -222,34 +200,25 @@ class ForceSensor:
             self.counters.foreign_requests += 1
             self._latch(f"somebody else polls the {self._label} on {self._port.name}")
             return
-        verdict = self._ledger.answer(0)
+        verdict = self._poll.note(0)
         if len(data) != ati.GAUGES_FIRST.size:
             self.counters.wrong_length += 1
-        elif verdict == FRESH:
+        elif self._poll.is_fresh(verdict):
             self._half = data
-        else:
-            self._note(verdict)
 
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
             return
-        verdict = self._ledger.answer(1)
+        verdict = self._poll.note(1)
         half, self._half = self._half, None
         if len(data) != ati.GAUGES_SECOND.size:
             self.counters.wrong_length += 1
-        elif verdict != FRESH:
+        elif not self._poll.is_fresh(verdict):
             self._half = half  # an older second half: the first one in hand still waits for its own
-            self._note(verdict)
         elif half is None:
             self.counters.out_of_order += 1
         else:
             self._complete(half, data)
-
-    def _note(self, verdict: int) -> None:
-        if verdict == LATE:
-            self.counters.late += 1
-        else:
-            self.counters.unexpected += 1
 
     def _complete(self, first: bytes, second: bytes) -> None:
         status, g0, g2, g4 = ati.GAUGES_FIRST.unpack(first)
@@ -265,17 +234,11 @@ class ForceSensor:
             return
         if self._calibration_lost:
             return
-        self._waiting = False
-        self.counters.received += 1
-        self.counters.missing_in_a_row = 0
-        self._fresh = ForceReading(
-            *self._asked,
-            *[
-                a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 - bias
-                for (a, b, c, d, e, f), bias in zip(self._rows, self.bias, strict=True)
-            ],
-            status,
-        )
+        wrench = [
+            a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 - bias
+            for (a, b, c, d, e, f), bias in zip(self._rows, self.bias, strict=True)
+        ]
+        self._poll.deliver(ForceReading(*self._poll.asked, *wrench, status))
 
     def _stands_still(self, first: bytes, second: bytes) -> bool:
         """Return whether the gauges are frozen; the bytes are compared, it is done every tick."""

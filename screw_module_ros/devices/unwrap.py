@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes an encoder's wrapping position continuous (CiA 406: object 6004 wraps at object 6002)."""
+"""Makes a wrapping position continuous (6004 of CiA 406 wraps at 6002, 6064 of CiA 402 at 2^32)."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import freqz, oaconvolve, remez
 
-from ..geometry import SCREW
+from ..geometry import SCREW, counts_to_height
 from .lab import Part
 from .trials import Samples, StageTrial
 
@@ -30,7 +30,7 @@ SETTLE_S = 0.03  # three time constants of what lags behind the load, after the 
 _DECADE = 10.0
 _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, and gain nothing
 _RIPPLE = 1e-3  # the most a design may be off in its bands
-_COUNT = SCREW.lead / SCREW.counts_per_turn  # [m]
+_COUNT = counts_to_height(1)  # [m]
 _LEAST_SHARE = 0.3  # of the samples a whole bin has: below, the bin counts as not measured
 
 

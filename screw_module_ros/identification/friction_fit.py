@@ -11,7 +11,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..control.friction import FrictionBranch, FrictionModel, load_friction_model
+from ..calibration.friction import load_friction_model
+from ..control.friction import FrictionBranch, FrictionModel
 from ..geometry import SCREW
 from ..resources import resource_path
 from ..settings import Setting, validated

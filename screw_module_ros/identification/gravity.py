@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..geometry import SCREW
+from ..geometry import counts_to_height
 from ..settings import Setting, validated
 from . import friction_map
 from .friction_bins import CENTRES_MM, RANGE_MM
@@ -110,7 +110,7 @@ def _quantities(
         widest = max(abs(c.width) for c in crossings)
         quantities.append(Quantity("play", 0.0, widest, "m", "backlash, none was seen"))
     if weight:
-        play = play_width(crossings, SCREW.lead / SCREW.counts_per_turn)
+        play = play_width(crossings, counts_to_height(1))
         quantities += [
             Quantity("gravity", weight.weight, weight.error, "N", "weight, across the play"),
             Quantity("film", weight.film, weight.film_error, "N s/m", "drag of the grease film"),

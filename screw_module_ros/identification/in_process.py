@@ -14,15 +14,17 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..calibration.friction import load_friction_model
 from ..compiled import compiled, packed
 from ..control import modes
-from ..control.friction import FrictionModel, load_friction_model
-from ..control.limits import TorqueLimits
-from ..control.linearization import IDENTITY, default_linearization
+from ..control.friction import FrictionModel
+from ..control.limits import CommandLimits, TorqueLimits
+from ..control.linearization import Linearization, default_linearization
+from ..control.torque_chain import TorqueChain, torque_chain
 from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
-from ..filters import lowpass_coefficients, lowpass_settled
-from ..geometry import SCREW
+from ..filters import lowpass_coefficients, velocity_settled
+from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
 from ..plant.arm import HandPath, HumanArm, arm_force, resting
 from ..plant.current_sensor import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
@@ -31,7 +33,17 @@ from ..plant.sensor import measured_wrench, sensor_params
 from ..plant.settings import WorldSettings
 from ..resources import resource_path
 from ..settings import Setting, validated
-from .loop import COLUMNS, LAW, REST, SINE, Drive, LoopParams, LoopState, Transducer, run_ticks
+from .loop import (
+    COLUMNS,
+    LAW,
+    REST,
+    SINE,
+    LoopParams,
+    LoopState,
+    Transducer,
+    nothing_under_way,
+    run_ticks,
+)
 from .trials import (
     AnalyzerTrial,
     MotionTrial,
@@ -61,8 +73,8 @@ class LoopSettings(NamedTuple):
     torque_constant: Annotated[
         float, Setting("of the motor, as its data sheet says", "Nm/A", 0.01, 10.0)
     ] = 0.16
-    force_up: Annotated[float, Setting("largest force upward", "N", 0.0, 150.0)] = 65.0
-    force_down: Annotated[float, Setting("largest force downward", "N", 0.0, 150.0)] = 45.0
+    command_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 95.0
+    command_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 75.0
     cutoff: Annotated[float, Setting("of the velocity filter (3.3)", "Hz", 1.0, 400.0)] = 30.0
     force_counts: Annotated[float, Setting("of the transducer (3.1.9)", "1/N", 1.0, 1e5)] = 144.0
     torque_counts: Annotated[float, Setting("of the transducer", "1/Nm", 1.0, 1e6)] = 5665.0
@@ -132,22 +144,20 @@ class InProcessBench:
             amplifier=w.amplifier,
             sensor=current_sensor_params(substep),
             transducer=self._transducer(),
-            drive=Drive(
-                loop.rated_torque, 1.0 / loop.torque_constant, loop.force_up, loop.force_down
+            chain=torque_chain(
+                CommandLimits(loop.command_up, loop.command_down), TorqueLimits(), None, SCREW,
+                loop.rated_torque,
             ),
-            screw=SCREW,
+            amperes=1.0 / loop.torque_constant,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
             law=VerticalSettings(),
             friction=self._thesis,
-            linearization=IDENTITY,
-            limits=TorqueLimits(),
             path=resting(_HUNG_AT),
             period=steps * substep,
             steps=steps,
             late=math.ceil(loop.command_delay / substep * (1.0 - 1e-9)),
             kind=REST,
             mode=modes.OFF,
-            linearized=False,
             amplitude=0.0,
             omega=0.0,
             centre=_HUNG_AT,
@@ -174,8 +184,8 @@ class InProcessBench:
         law = initial_state(params.law)
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
-            0, 0.0, module, law, lowpass_settled(0.0), _HUNG_AT, 0.0, 0.0,
-            CurrentSensorState(), 0.0, *noise,
+            0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0,
+            nothing_under_way(params.late, params.steps), CurrentSensorState(), 0.0, *noise,
         )  # fmt: skip
 
     def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
@@ -199,7 +209,7 @@ class InProcessBench:
             upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
             module = resting_state(self.world.vertical, height, upright)
         return state._replace(
-            ticks=0, module=module, position=_counted(height), smoothed=lowpass_settled(0.0)
+            ticks=0, module=module, motion=velocity_settled(_counted(height))
         )
 
     def _ticks(
@@ -226,8 +236,7 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
             fixture=LOCKED_ROTOR,
             amplitude=float(trial.amplitude),
             omega=2.0 * math.pi * trial.frequency,
-            linearized=trial.linearization is not None,
-            linearization=trial.linearization or IDENTITY,
+            chain=_linearized(quiet.chain, trial.linearization),
         )
     if isinstance(trial, StageTrial):
         return quiet._replace(
@@ -242,10 +251,15 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
         mode=trial.mode,
         law=trial.settings.validated(),
         friction=trial.friction or thesis,
-        linearized=True,
-        linearization=trial.linearization or default_linearization(),
+        chain=_linearized(quiet.chain, trial.linearization or default_linearization()),
         centre=float(trial.centre),
         path=resting(float(trial.centre)),
+    )
+
+
+def _linearized(chain: TorqueChain, linearization: Linearization | None) -> TorqueChain:
+    return torque_chain(
+        chain.commands, chain.limits, linearization, chain.screw, chain.rated_torque
     )
 
 
@@ -264,8 +278,7 @@ def _length(trial: Trial) -> float:
 
 def _counted(height: float) -> float:
     """Return a height [m] as the encoder shows it."""
-    counts = math.floor(height / SCREW.lead * SCREW.counts_per_turn)
-    return counts * SCREW.lead / SCREW.counts_per_turn
+    return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
 
 
 def _tared(params: LoopParams, force: float, torque: float) -> LoopParams:

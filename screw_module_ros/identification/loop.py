@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The vertical axis as one sampled loop in one function: what the in-process bench compiles.
 
-One tick is one sample: encoder counts and quantised force in, the law or a sine, the scaling of the
-drivers (force limits, I2t, linearization, per mille of the rated torque), and the plant's substeps,
-of which the first still see the command of the tick before. The parts are the functions that the
-nodes and the simulated rig run.
+One tick is one sample: encoder counts and quantised force in, the law or a sine, the amplifier's
+torque chain, and the plant's substeps, in which earlier commands act until the delay is over. The
+parts are the functions that the nodes and the simulated rig run.
 """
 
 from __future__ import annotations
@@ -15,14 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..control.friction import FrictionModel
-from ..control.limits import TorqueLimits, clamp, limit_torque
-from ..control.linearization import Linearization, torque_command
+from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
 from ..control.vertical import VerticalInput as LawInput
 from ..control.vertical import VerticalState as LawState
 from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
-from ..filters import LowpassCoefficients, LowpassState, back_difference, lowpass_step
-from ..geometry import Screw, force_to_torque
+from ..filters import LowpassCoefficients, VelocityState, velocity_step
+from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.amplifier import Amplifier, bridge_current
 from ..plant.arm import HandPath, hand_point
 from ..plant.current_sensor import CurrentSensorState, current_sensor_step
@@ -50,42 +48,30 @@ class Transducer(NamedTuple):
     torque_counts: float
 
 
-class Drive(NamedTuple):
-    """Scaling on the way to the amplifier: rated torque [Nm], 6071 is per mille of it; amperes per
-    newton metre; force limits [N]."""
-
-    rated_torque: float
-    amperes: float
-    force_up: float
-    force_down: float
-
-
 class LoopParams(NamedTuple):
     """Everything that stays the same during a trial.
 
-    period: of the samples [s]; steps: substeps in it; late: those before a command acts.
-    kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode, centre [m]: of the law;
-    linearized: the command goes through the linearization.
+    chain: to the torque command; amperes: per newton metre of it, into the amplifier.
+    period: of the samples [s]; steps: substeps in it; late: those before a command acts, which may
+    be more than a period has. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode,
+    centre [m]: of the law.
     """
 
     plant: VerticalParams
     amplifier: Amplifier
     sensor: RotorStep
     transducer: Transducer
-    drive: Drive
-    screw: Screw
+    chain: TorqueChain
+    amperes: float
     smooth: LowpassCoefficients
     law: VerticalSettings
     friction: FrictionModel
-    linearization: Linearization
-    limits: TorqueLimits
     path: HandPath
     period: float
     steps: int
     late: int
     kind: int
     mode: int
-    linearized: bool
     amplitude: float
     omega: float
     centre: float
@@ -96,18 +82,18 @@ class LoopParams(NamedTuple):
 
 
 class LoopState(NamedTuple):
-    """ticks: since the trial began; on_time: since power-on [s]; the module; the law; velocity
-    filter; position of the last sample [m]; heat of the motor [Nm^2]; current wanted by the bridge
-    [A]; volts: current sensor; first, second: state of the noise."""
+    """ticks: since the trial began; on_time: since power-on [s]; the module; the law; the
+    encoder's last position and velocity filter; heat of the motor [Nm^2]; under_way: currents
+    wanted of the bridge [A], the one in force first, one for each whole period of delay after it;
+    volts: current sensor; first, second: state of the noise."""
 
     ticks: int
     on_time: float
     module: VerticalState
     law: LawState
-    smoothed: LowpassState
-    position: float
+    motion: VelocityState
     heat: float
-    current: float
+    under_way: np.ndarray
     sensor: CurrentSensorState
     volts: float
     first: int
@@ -128,25 +114,28 @@ def run_ticks(packed_params: Any, state: LoopState, columns: np.ndarray) -> Loop
 def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     """Take a sample, answer it, let one period pass."""
     module = s.module
-    count = math.floor(module.nut / p.screw.lead * p.screw.counts_per_turn)
-    position = count * p.screw.lead / p.screw.counts_per_turn
-    difference = back_difference(s.position, position, p.period)
-    velocity, smoothed = lowpass_step(p.smooth, s.smoothed, difference)
+    screw = p.chain.screw
+    count = math.floor(module.nut / screw.lead * COUNTS_PER_TURN)
+    position = counts_to_height(count, screw, COUNTS_PER_TURN)
+    velocity, motion = velocity_step(p.smooth, s.motion, position, p.period)
     force, torque, first, second = _transduced(p, s)
-    wanted, law = _answer(p, s, position, velocity, force)
-    allowed, heat = limit_torque(p.limits, s.heat, wanted, p.period)
-    command = allowed
-    if p.linearized and allowed != 0.0:
-        command = torque_command(p.linearization, allowed)
-    command = round(command / p.drive.rated_torque * 1000.0) * p.drive.rated_torque * 0.001
+    asked, law, heat = _answer(p, s, position, velocity, force)
+    command = on_the_wire(p.chain, asked)
     row[0], row[1], row[2], row[3], row[4] = position, velocity, force, torque, command
     row[5] = s.volts if p.fixture == LOCKED_ROTOR else module.current
-    current = bridge_current(p.amplifier, command * p.drive.amperes)
-    module, sensor, volts = _period(p, s, current)
+    under_way = np.empty(s.under_way.size + 1)
+    under_way[:-1] = s.under_way
+    under_way[-1] = bridge_current(p.amplifier, command * p.amperes)
+    module, sensor, volts = _period(p, s, under_way[0], under_way[1])
     return LoopState(
-        s.ticks + 1, s.on_time + p.period, module, law, smoothed, position, heat, current,
+        s.ticks + 1, s.on_time + p.period, module, law, motion, heat, under_way[1:],
         sensor, volts, first, second,
     )  # fmt: skip
+
+
+def nothing_under_way(late: int, steps: int) -> np.ndarray:
+    """Return the currents under way [A] of a loop at rest; late, steps: see `LoopParams`."""
+    return np.zeros(late // steps + 1)
 
 
 def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
@@ -170,30 +159,31 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
 
 def _answer(
     p: LoopParams, s: LoopState, position: float, velocity: float, force: float
-) -> tuple[float, LawState]:
-    """Return the motor torque wanted [Nm] in answer to a sample, and the law's next state."""
-    if p.kind == SINE:
-        return p.amplitude * math.sin(p.omega * s.ticks * p.period), s.law
-    if p.kind == REST:
-        return 0.0, s.law
-    inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True)
-    output, law = law_step(p.law, p.friction, s.law, inp, p.period)
-    asked = clamp(output.force, -p.drive.force_down, p.drive.force_up)
-    return force_to_torque(asked, p.screw), law
+) -> tuple[float, LawState, float]:
+    """Return the torque command [Nm] in answer to a sample, the law's next state and the heat."""
+    if p.kind == LAW:
+        inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True)
+        output, law = law_step(p.law, p.friction, s.law, inp, p.period)
+        made, heat = commanded(p.chain, s.heat, output.force, 1.0, p.period)
+        return made.command, law, heat
+    sine = p.amplitude * math.sin(p.omega * s.ticks * p.period) if p.kind == SINE else 0.0
+    made, heat = commanded_torque(p.chain, s.heat, sine, p.period)
+    return made.command, s.law, heat
 
 
 def _period(
-    p: LoopParams, s: LoopState, current: float
+    p: LoopParams, s: LoopState, before: float, after: float
 ) -> tuple[VerticalState, CurrentSensorState, float]:
-    """Return the module and the current sensor [V] one period on; `current` acts after the delay.
+    """Return the module and the current sensor [V] one period on.
 
+    before, after: currents of the bridge [A] until and from the moment when a command arrives.
     The hand moves along its path in a straight line within a period.
     """
     module, sensor, volts = s.module, s.sensor, s.volts
-    dt = p.plant.dt
+    dt, arrives = p.plant.dt, p.late % p.steps
     hand, hand_velocity = hand_point(p.path, s.ticks * p.period)
     for step in range(p.steps):
-        bridge = s.current if step < p.late else current
+        bridge = before if step < arrives else after
         module = vertical_step(
             p.plant,
             module,

@@ -22,6 +22,7 @@ from .wires import Line
 
 PATIENCE_S = 1.0
 _LOOK_S = 0.05  # wall clock between looks for processes that have ended
+_ROLL_S = 1.0  # the same, while time moves
 _MOST_AHEAD_S = 0.005  # a late tick is caught up by so much, no more
 
 
@@ -55,7 +56,7 @@ class Conductor:
         self._hops: list[tuple[int, int]] = []
         self.given_up = 0
         self._progress: tuple = ()
-        self._progress_s = self._looked_s = time.monotonic()
+        self._progress_s = self._looked_s = self._called_s = time.monotonic()
         self._due_s = self._progress_s
         self._factor_s, self._factor_ns = self._progress_s, page.now_ns
 
@@ -152,9 +153,12 @@ class Conductor:
         if now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s
-        self._dismiss_ended()
         progress = self._busy_now()
-        if progress != self._progress:
+        stands = progress == self._progress
+        if stands or now_s - self._called_s > _ROLL_S:
+            self._called_s = now_s
+            self._dismiss_ended()
+        if not stands:
             self._progress, self._progress_s = progress, now_s
         elif now_s - self._progress_s > PATIENCE_S:
             self._progress_s = now_s

@@ -46,7 +46,8 @@ class Member:
 
     def idle(self) -> None:
         """Be content for ever: nothing this thread does from here on has to do with time."""
-        self._declare(FOREVER)
+        if self._page.slot_until[self.slot] != FOREVER:  # to say it again is no progress
+            self._declare(FOREVER)
 
     def leave(self) -> None:
         """Give the row back: this thread ends."""

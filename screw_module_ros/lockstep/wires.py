@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import zlib
 
-from .page import HOPS, LINES, TOPICS, Page
+from .page import HOPS, LINES, TOPICS, Page, alive
 
 
 class Line:
@@ -76,7 +76,8 @@ class Source:
         self._page = page
         with page.locked():
             row = self.row = topic_row(page, topic)
-            self.counts = page.topic_pid[row] in (0, os.getpid())
+            holder = page.topic_pid[row]
+            self.counts = holder in (0, os.getpid()) or not alive(holder)
             if self.counts:
                 page.topic_pid[row] = os.getpid()
                 page.topic_base[row] = page.topic_published[row]

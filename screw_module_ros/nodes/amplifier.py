@@ -7,28 +7,31 @@ from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import AmplifierState, ForceCommand
+from screw_module_msgs.msg import AmplifierState
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
-from screw_module_ros.control.calibration import calibration_identity
+from screw_module_ros.axes.vertical import VerticalAxis
+from screw_module_ros.calibration.file import calibration_identity
+from screw_module_ros.calibration.linearization import load_linearization
+from screw_module_ros.calibration.module import CalibrationSettings, chosen_calibration
 from screw_module_ros.control.gate import GateSettings
-from screw_module_ros.control.limits import TorqueLimits
-from screw_module_ros.control.linearization import default_linearization, load_linearization
-from screw_module_ros.control.module_calibration import CalibrationSettings, chosen_calibration
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.timing import (
     DeadlineMeter,
     empty_histogram,
     note_latency,
 )
+from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.geometry import SCREW, torque_to_force
+from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import COMMAND
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
 from .support.realtime import BREATH_S, Tick
@@ -38,7 +41,6 @@ from .support.timing_report import broken_contract, latency_values, timing_value
 _CLEARED = "cleared; call ~/enable to enable"
 _ANSWER = 0.1  # periods that the drive has to answer SYNC before the command is waited for
 _LOOK_S = 0.004  # between looks at safety_state and the missed deadlines
-_ONE_TURN = 20_000  # counts of object 6064 per turn of the screw
 
 
 class AmplifierSettings(NamedTuple):
@@ -69,7 +71,8 @@ class AmplifierNode(DriverNode):
         self.parameters.declare(DriveSettings, without=("rate",))
         self.parameters.declare(GateSettings, "gate")
         self.parameters.declare(TorqueLimits, "torque")
-        self.parameters.declare(ForceLimits)
+        self.parameters.declare(CommandLimits)
+        self.parameters.declare(Screw)
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
         self._drive: Drive | None = None
@@ -85,7 +88,8 @@ class AmplifierNode(DriverNode):
         settings = self.parameters.read(DriveSettings)._replace(rate=rate)
         self._load_linearization(own)
         port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
-        self._drive = Drive(port, settings, "vertical drive")
+        self._screw = self.parameters.read(Screw)
+        self._drive = Drive(port, settings, "vertical drive", per_turn=self._screw.lead)
         self._drive.configure()
         self.hardware_id = self._drive.identity
         for warning in self._drive.warnings:
@@ -96,7 +100,7 @@ class AmplifierNode(DriverNode):
         self._missed_limit = own.missed_limit
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            ForceCommand, "screw/force_command", qos.COMMAND, wakes=True
+            COMMAND, "screw/force_command", qos.COMMAND, wakes=True
         )
         self._permission = Permission(self, inbox, attrgetter("vertical_permitted"))
         self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
@@ -119,9 +123,13 @@ class AmplifierNode(DriverNode):
             self._drive,
             self.period_ns,
             self.parameters.read(GateSettings, "gate"),
-            self.parameters.read(TorqueLimits, "torque"),
-            self.parameters.read(ForceLimits),
-            self._linearization,
+            torque_chain(
+                self.parameters.read(CommandLimits),
+                self.parameters.read(TorqueLimits, "torque"),
+                self._linearization,
+                self._screw,
+                self._drive.settings.rated_torque,
+            ),
         )
         self._meter = DeadlineMeter(self.period_ns)
         self._own = empty_histogram()
@@ -237,8 +245,7 @@ class AmplifierNode(DriverNode):
         message.commanded_force = self._force
         message.commanded_torque = written.torque
         message.measured_torque = reading.torque if reading else 0.0
-        counts = drive.settings.direction * reading.position if reading else 0
-        message.position = SCREW.lead * counts / _ONE_TURN
+        message.position = reading.position if reading else 0.0
         message.rate = meter.rate(now)
         message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
         message.commands, message.late, message.lost = meter.samples, meter.late, meter.lost
@@ -265,7 +272,7 @@ class AmplifierNode(DriverNode):
     def health(self) -> Health:
         """State of the drive, timing, counters."""
         told, meter, drives = self._state, self._meter, self._axis.drives
-        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak)
+        peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak, self._screw)
         values = {
             **timing_values(told, meter),
             **latency_values("own", self._own),

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import tempfile
 import threading
-import time
 import traceback
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 from screw_module_msgs.action import RunExperiment
 from std_srvs.srv import Trigger
 
+from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
@@ -37,7 +38,10 @@ from .support.runtime import main as run_node
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3
 # What an experiment ends with when it cannot go on; the text is for the user as it is.
-_REASONS = (NotPossible, MissingResult, RobotError, SamplesLost, ValueError, OSError)
+_REASONS = (
+    NotPossible, MissingResult, RobotError, SamplesLost, TimeStandsStill, ValueError, OSError
+)  # fmt: skip
+_WALL = WallClock()  # who waits for this process, or for a result, does so by it
 
 
 class CharacterizeNode(ModuleNode):
@@ -54,14 +58,16 @@ class CharacterizeNode(ModuleNode):
         self._server = OneGoalServer(
             self, RunExperiment, "~/run", self._work, self._refusal, self._cancelling
         )
-        self.create_service(Trigger, "~/confirm", self._confirm)
+        self.serve(Trigger, "~/confirm", self._confirm, "thank you", always=True)
 
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
         """Make the topics, and the client that the experiments work with."""
         self._loop = LiveLoop(self)
-        self._robot = Robot(f"{self.get_name()}_client", self.get_namespace())
+        self._robot = Robot(
+            f"{self.get_name()}_client", self.get_namespace(), simulated=self.clock.simulated
+        )
 
     def begin(self) -> None:
         """Take goals."""
@@ -76,14 +82,16 @@ class CharacterizeNode(ModuleNode):
         super().run()
         if self._server.busy:
             self.end()
-            time.sleep(_RESULT_S)  # the executor still serves: the client hears how it ended
+            self.clock.idle()
+            _WALL.sleep(_RESULT_S)  # the executor still serves: the client hears how it ended
 
     def end(self) -> None:
         """Cancel the experiment; its samples go on until it has put everything back."""
         self._leaving.set()
-        patience = time.monotonic() + _LEAVE_S
-        while self._server.busy and time.monotonic() < patience:
-            self._loop.step()
+        end_ns = _WALL.now_ns() + round(_LEAVE_S * 1e9)
+        while self._server.busy and _WALL.now_ns() < end_ns:
+            with suppress(TimeStandsStill):  # the experiment's thread hears of it, too, and ends
+                self._loop.step()
 
     def disconnect(self) -> None:
         """Remove the topics."""
@@ -107,11 +115,9 @@ class CharacterizeNode(ModuleNode):
     def _cancelling(self) -> None:
         self._loop.halt()  # at once; the experiment's thread does the rest
 
-    def _confirm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._server.busy
-        response.message = "thank you" if response.success else "nothing is being asked"
+    def _confirm(self, request: Trigger.Request) -> str:
         self._confirmed.set()
-        return response
+        return "" if self._server.busy else "nothing is being asked"
 
     def _work(self, goal: Any) -> Outcome:
         """Do what the goal asks for; never raises."""
@@ -126,6 +132,7 @@ class CharacterizeNode(ModuleNode):
             return _failed(f"{request.experiment}: {type(error).__name__}: {error}")
         finally:
             self._doing = ""
+            self.clock.leave()
 
     def _experiment(self, goal: Any) -> Outcome:
         request = goal.request
@@ -145,7 +152,7 @@ class CharacterizeNode(ModuleNode):
             left = _left(error)
             message = " ".join(str(error).split())
             cancelled = goal.is_cancel_requested
-        message = "; ".join([message, *left])
+        message = "; ".join(dict.fromkeys([message, *left]))
         done = bool(text)
         if done and not left:
             self.get_logger().info(message)
@@ -172,16 +179,18 @@ class CharacterizeNode(ModuleNode):
         feedback.say("looking at the graph")
         robot, loop = self._robot, self._loop
         robot.watch = watch
-        stand = stand_of(self, robot, self._confirmed, feedback.say, lambda: loop.sample)
         bounds = self.parameters.read(WatchSettings, "watch")
-        bench = LiveBench(robot, loop, stand, bounds, feedback.say, self.stopping.is_set)
-        try:
-            with bench:
-                lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
-                result = experiment.run(lab, settings)
-        except Exception as error:
-            error.left = bench.left
-            raise
+        with closing(
+            stand_of(self, robot, self._confirmed, feedback.say, lambda: loop.sample)
+        ) as stand:
+            bench = LiveBench(robot, loop, stand, bounds, feedback.say, self.stopping.is_set)
+            try:
+                with bench:
+                    lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
+                    result = experiment.run(lab, settings)
+            except Exception as error:
+                error.left = bench.left
+                raise
         return result._replace(notes=(*result.notes, *bench.notes)), bench.left
 
     def health(self) -> Health:

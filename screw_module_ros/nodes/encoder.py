@@ -9,13 +9,14 @@ from std_srvs.srv import Trigger
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.geometry import Screw
 from screw_module_ros.samples import EncoderReading
 
-from .support import qos
+from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import pack_encoder
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.rates import RateMeter
-from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
 
@@ -26,7 +27,7 @@ class EncoderNode(DriverNode):
     def __init__(self):
         super().__init__("encoder", port=43113)
         self.parameters.declare(EncoderSettings, without=("rate",))
-        self._message = EncoderSample()
+        self.parameters.declare(Screw)
         self._rate = RateMeter()
         self.device: Encoder | None = None
         self.serve(Trigger, "~/home", self._home)
@@ -36,11 +37,13 @@ class EncoderNode(DriverNode):
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(EncoderSettings)._replace(rate=rate)
         port = self.open_port(f"encoder node {settings.node_id}")
-        self.device = Encoder(port, settings)
+        self.device = Encoder(port, settings, screw=self.parameters.read(Screw))
         self.device.configure()
         self.hardware_id = self.device.identity
         self.check_bus_load(self.device.traffic)
-        self._publish = self.outlet(EncoderSample, "screw/encoder", qos.SAMPLE)
+        self._publish = self.outlet(EncoderSample, "screw/encoder", qos.SAMPLE, raw=True)
+        self._publish_slow = self.outlet(EncoderSample, topics.SLOW_ENCODER, qos.SAMPLE, raw=True)
+        self._slow_every = max(1, round(rate / topics.SLOW_RATE))
 
     def begin(self) -> None:
         """Let the samples flow."""
@@ -66,18 +69,12 @@ class EncoderNode(DriverNode):
         if reading is not None:
             self.publish(reading)
 
-    def publish(self, reading: EncoderReading) -> EncoderSample:
-        """Publish a reading; return the message, which is used again for the next."""
-        message = self._message
-        fill_stamp(message, reading.stamp_ns)
-        message.sequence = reading.sequence
-        message.monotonic_ns = reading.monotonic_ns
-        message.count = reading.count
-        message.position = reading.position
-        message.velocity = reading.velocity
-        message.homed = reading.homed
-        self._publish(message)
-        return message
+    def publish(self, reading: EncoderReading) -> None:
+        """Publish a reading."""
+        data = pack_encoder(reading)
+        self._publish(data)
+        if reading.sequence % self._slow_every == 0:
+            self._publish_slow(data)
 
     def poll_slow(self) -> None:
         """Read alarms and warnings of the device."""

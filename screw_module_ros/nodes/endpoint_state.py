@@ -12,21 +12,21 @@ from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
     AmplifierState,
-    EncoderSample,
     EndpointState,
-    ForceSample,
     PlanarState,
     SafetyState,
 )
 from sensor_msgs.msg import JointState
 
+from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
-from .support import qos
+from .support import qos, topics
+from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import BETWEEN_TICKS_NS, Ticker
+from .support.realtime import BETWEEN_TICKS_NS, Ticker, fill_stamp
 from .support.runtime import main as run_node
 
 _NAN = math.nan
@@ -58,8 +58,8 @@ class EndpointStateNode(ModuleNode):
         self._period_ns = round(1e9 / settings.rate)
         age_ns = int(settings.max_age * 1e9)
         take = self.new_inbox().subscribe
-        self._encoder = Newest(take(EncoderSample, "screw/encoder", qos.SAMPLE), age_ns)
-        self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), age_ns)
+        self._encoder = Newest(take(ENCODER, topics.SLOW_ENCODER, qos.SAMPLE), age_ns)
+        self._force = Newest(take(FORCE, topics.SLOW_FORCE, qos.SAMPLE), age_ns)
         self._plane = Newest(take(PlanarState, "manus/state", qos.NEWEST), age_ns)
         self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.NEWEST), age_ns)
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), age_ns)
@@ -80,7 +80,7 @@ class EndpointStateNode(ModuleNode):
         safety = self._safety.fresh(now)
         message = self._message
         if encoder:
-            message.header.stamp = encoder.stamp
+            fill_stamp(message.header, encoder.stamp_ns)
         else:
             self.stamp(message.header)
         message.sequence = encoder.sequence if encoder else 0
@@ -136,13 +136,13 @@ def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
     message.velocity.x, message.velocity.y = float(x), float(y)
 
 
-def _fill_vertical(message: EndpointState, encoder: EncoderSample | None) -> None:
+def _fill_vertical(message: EndpointState, encoder: EncoderReading | None) -> None:
     message.valid[2] = bool(encoder and encoder.homed)
     message.position.z = encoder.position if message.valid[2] else _NAN
     message.velocity.z = encoder.velocity if encoder else _NAN
 
 
-def _fill_force(message: EndpointState, force: ForceSample | None) -> None:
+def _fill_force(message: EndpointState, force: ForceReading | None) -> None:
     message.force_valid = bool(force and force.status == 0)
     f = message.force
     f.x, f.y, f.z = (force.fx, force.fy, force.fz) if message.force_valid else (_NAN,) * 3

@@ -18,8 +18,9 @@ from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettin
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
-from .support import qos
+from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import pack_force
 from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
 from .support.realtime import fill_stamp
@@ -46,7 +47,6 @@ class ForceSensorNode(DriverNode):
         super().__init__("force_sensor", port=43115)
         self.parameters.declare(ForceSensorSettings, without=("rate",))
         self.parameters.declare(WrenchSettings)
-        self._message = ForceSample()
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
         self._rate = RateMeter()
@@ -67,8 +67,10 @@ class ForceSensorNode(DriverNode):
         self.check_bus_load(self.device.traffic)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
-        self._publish = self.outlet(ForceSample, "handle/force", qos.SAMPLE)
-        self._publish_slow = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
+        self._publish = self.outlet(ForceSample, "handle/force", qos.SAMPLE, raw=True)
+        self._publish_slow = self.outlet(ForceSample, topics.SLOW_FORCE, qos.SAMPLE, raw=True)
+        self._slow_every = max(1, round(rate / topics.SLOW_RATE))
+        self._send_wrench = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
         self._take_amplifier = self.new_inbox().subscribe(
             AmplifierState, "screw/amplifier_state", qos.NEWEST
         )
@@ -98,14 +100,10 @@ class ForceSensorNode(DriverNode):
 
     def publish(self, reading: ForceReading) -> None:
         """Publish a reading, and collect it while taring."""
-        message = self._message
-        fill_stamp(message, reading.stamp_ns)
-        message.sequence = reading.sequence
-        message.monotonic_ns = reading.monotonic_ns
-        message.fx, message.fy, message.fz = reading.fx, reading.fy, reading.fz
-        message.tx, message.ty, message.tz = reading.tx, reading.ty, reading.tz
-        message.status = reading.status
-        self._publish(message)
+        data = pack_force(reading)
+        self._publish(data)
+        if reading.sequence % self._slow_every == 0:
+            self._publish_slow(data)
         if reading.sequence % self._wrench_every == 0:
             self._publish_wrench(reading)
         taring = self._taring  # the service may end it meanwhile
@@ -120,7 +118,7 @@ class ForceSensorNode(DriverNode):
         force, torque = wrench.wrench.force, wrench.wrench.torque
         force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
         torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
-        self._publish_slow(wrench)
+        self._send_wrench(wrench)
 
     def _tare(self, request: Trigger.Request) -> str:
         if self._torque_is_on():

@@ -11,38 +11,38 @@ from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
     AmplifierState,
-    EncoderSample,
     EndpointSetpoint,
     ForceCommand,
-    ForceSample,
     ImpedanceState,
     SafetyState,
 )
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.axes.controller import NO_FORCE, VerticalController
-from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.calibration import calibration_identity
-from screw_module_ros.control.friction import load_friction_model
-from screw_module_ros.control.modes import MODE_NAMES, OFF
-from screw_module_ros.control.module_calibration import (
+from screw_module_ros.calibration.file import calibration_identity
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.module import (
     CalibrationSettings,
     ModuleCalibration,
     chosen_calibration,
 )
+from screw_module_ros.control.agreement import AgreementSettings
+from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import EncoderLike, ForceLike, WatchSettings
+from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.resources import resource_path
+from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
 from .support import qos
 from .support.driver import RateSettings, period_of
+from .support.flat import ENCODER, FORCE, pack_command
 from .support.freshness import MOVING_SETPOINT_NS, Newest
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.pace import Pace
-from .support.realtime import BREATH_S, Inbox, fill_stamp
+from .support.realtime import BREATH_S, Inbox
 from .support.runtime import main as run_node
 from .support.timing_report import broken_contract, timing_values
 
@@ -77,7 +77,6 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
         self.parameters.declare(AgreementSettings, "agreement")
-        self._command = ForceCommand()
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._module: ModuleCalibration | None = None
@@ -96,11 +95,11 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_period_ns = round(1e9 / chosen.state_rate)
         inbox = self.new_inbox()
         self._take_encoder = inbox.subscribe(
-            EncoderSample, "screw/encoder", qos.SAMPLE, wakes=True
+            ENCODER, "screw/encoder", qos.SAMPLE, wakes=True
         )
         self._forces = Inbox(self, self.clock, self.direct)
         self._take_force = self._forces.subscribe(
-            ForceSample, "handle/force", qos.SAMPLE, wakes=True
+            FORCE, "handle/force", qos.SAMPLE, wakes=True
         )
         take = inbox.subscribe
         self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
@@ -108,7 +107,7 @@ class ImpedanceControllerNode(ModuleNode):
             take(AmplifierState, "screw/amplifier_state", qos.NEWEST), _AMPLIFIER_AGE_NS
         )
         self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), _AMPLIFIER_AGE_NS)
-        self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND)
+        self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
     def _load(self, friction_file: str) -> None:
@@ -152,7 +151,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._meter = DeadlineMeter(self._period_ns)
         self._state_message.success_rate = self._meter.success_rate
         self._force_pace = Pace(self._period_ns)
-        self._encoder: EncoderLike | None = None
+        self._encoder: EncoderReading | None = None
         self._resets: int | None = None
         self._state_due_ns = 0
 
@@ -189,7 +188,6 @@ class ImpedanceControllerNode(ModuleNode):
             self.feel(force, now)
         output = self.respond(sample, now) if sample is not None else None
         if output is not None:
-            self._command.stamp = sample.stamp
             self.tell(output)
             self.count()
         elif (zero := self.idle(now)) is not None:
@@ -199,7 +197,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._hear_amplifier(now)
         self.follow(now)
 
-    def _force_of(self, sample: EncoderSample | None) -> ForceSample | None:
+    def _force_of(self, sample: EncoderReading | None) -> ForceReading | None:
         """Return the newest force sample; that of the encoder sample's tick is waited for a moment."""
         force = self._take_force()
         if sample is None or (force is not None and force.sequence == sample.sequence):
@@ -211,11 +209,11 @@ class ImpedanceControllerNode(ModuleNode):
         self._force_pace.came(newer is not None)
         return newer or force
 
-    def feel(self, force: ForceLike, now: int) -> None:
+    def feel(self, force: ForceReading, now: int) -> None:
         """Take a force sample."""
         self._controller.force(force, now)
 
-    def respond(self, sample: EncoderLike, now: int) -> VerticalOutput | None:
+    def respond(self, sample: EncoderReading, now: int) -> VerticalOutput | None:
         """Return the force for an encoder sample, None when it is not to be acted upon."""
         wanted = self._setpoint.message
         setpoint = (math.nan, 0.0)
@@ -228,7 +226,7 @@ class ImpedanceControllerNode(ModuleNode):
         return output
 
     @property
-    def answered(self) -> EncoderLike | None:
+    def answered(self) -> EncoderReading | None:
         """The newest sample that was acted upon, None before the first."""
         return self._encoder
 
@@ -241,21 +239,9 @@ class ImpedanceControllerNode(ModuleNode):
         """Return the zero to send when no sample came that can be acted upon, None when not due."""
         return self._controller.idle(now)
 
-    def tell(self, output: VerticalOutput, stamp_ns: int | None = None) -> None:
-        """Publish the answer to the newest sample; stamp_ns: of the sample, None = as it is."""
-        command, sample = self._command, self._encoder
-        if stamp_ns is not None:
-            fill_stamp(command, stamp_ns)
-        command.sequence = sample.sequence
-        command.monotonic_ns = sample.monotonic_ns
-        command.force = output.force
-        command.mode = self._controller.mode
-        command.impedance = output.impedance
-        command.gravity = output.gravity
-        command.friction = output.friction
-        command.feedback = output.feedback
-        command.saturated = output.saturated
-        self._publish(command)
+    def tell(self, output: VerticalOutput) -> None:
+        """Publish the answer to the newest sample."""
+        self._publish(pack_command(self._encoder, output, self._controller.mode))
 
     def _hear_amplifier(self, now: int) -> None:
         state = self._amplifier.update(now)

@@ -8,11 +8,13 @@ from contextlib import suppress
 from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import EndpointSetpoint, ForceSample, PlanarState
+from screw_module_msgs.msg import EndpointSetpoint, PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
+from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.timing import DeadlineMeter
@@ -22,8 +24,9 @@ from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.settings import Setting
 
-from .support import qos
+from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
+from .support.flat import FORCE
 from .support.freshness import MOVING_SETPOINT_NS, Newest
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.permission import Permission
@@ -60,9 +63,11 @@ class ManusNode(DriverNode):
         shared = ("rate", "master_id", "allow_unguarded")
         for joint, node_id in zip(JOINTS, (3, 4), strict=True):
             self.parameters.declare(
-                DriveSettings, joint, shared, node_id=node_id, rated_torque=10.0, max_torque=25.0
-            )
+                DriveSettings, joint, shared, node_id=node_id, rated_torque=10.0, max_torque=25.0,
+                counts_per_turn=65536,
+            )  # fmt: skip
         self.parameters.declare(JointSettings, "joints")
+        self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
         self.parameters.declare(GateSettings, "gate")
         self._state = PlanarState()
@@ -106,6 +111,7 @@ class ManusNode(DriverNode):
             law,
             self.parameters.read(JointSettings, "joints"),
             self.parameters.read(GateSettings, "gate"),
+            self.parameters.read(FreezeSettings, "freeze"),
         )
         self._make_topics()
 
@@ -113,7 +119,7 @@ class ManusNode(DriverNode):
         inbox = self.new_inbox()
         take = inbox.subscribe
         self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
-        self._force = Newest(take(ForceSample, "handle/force", qos.SAMPLE), _FORCE_AGE_NS)
+        self._force = Newest(take(FORCE, topics.SLOW_FORCE, qos.SAMPLE), _FORCE_AGE_NS)
         self._permission = Permission(self, inbox, attrgetter("planar_permitted"))
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
 
@@ -159,7 +165,7 @@ class ManusNode(DriverNode):
             answered = self._await_drives(now)
         with suppress(DeviceError):
             if answered:
-                self._axes.act(self._wanted(now), now)
+                self._axes.act(self._wanted(now), now, self._hand)
                 self._meter.tick(tick.sequence, now, self.clock.now_ns())
             else:
                 self._axes.idle(now)
@@ -178,6 +184,7 @@ class ManusNode(DriverNode):
         drives = self._axes.drives
         self._permission.pass_on(drives, now)
         force = self._force.fresh(now)
+        self._hand = (force.fx, force.fy) if force is not None else (math.nan, math.nan)
         if force is not None and not math.hypot(force.fx, force.fy) <= self._own.handle_force_limit:
             drives.fault = drives.fault or (
                 f"{math.hypot(force.fx, force.fy):.0f} N on the handle in the plane, more than "

@@ -151,7 +151,7 @@ class ModuleLoop:
         if force is not None:
             parts.force_sensor.publish(force)
         if output is not None:
-            parts.controller.tell(output, parts.controller.answered.stamp_ns)
+            parts.controller.tell(output)
 
     def _look_after(self, parts: Parts, tick: Tick, now: int) -> None:
         controller = parts.controller

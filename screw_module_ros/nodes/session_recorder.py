@@ -16,7 +16,14 @@ from typing import Annotated, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
-from screw_module_ros.recording import BagError, BagWriter, Session, Status, StorageSettings
+from screw_module_ros.recording import (
+    BagError,
+    BagFolderError,
+    BagWriter,
+    Session,
+    Status,
+    StorageSettings,
+)
 from screw_module_ros.recording.bag import REFUSED
 from screw_module_ros.recording.recovery import recover_all
 from screw_module_ros.recording.seal import CALIBRATION, PARAMETERS
@@ -46,7 +53,9 @@ class RecorderSettings(NamedTuple):
     topics: Annotated[tuple, Setting("topics to record, patterns like /screw/* too", live=True)] = (
         "*",
     )
-    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = ("",)
+    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = (
+        "*/decimated",
+    )
     include_hidden: Annotated[
         bool, Setting("record topics with a part that begins with _ too", live=True)
     ] = False
@@ -80,11 +89,22 @@ class SessionRecorder(ModuleNode):
     def connect(self) -> None:
         """Complete bags that a power failure cut off."""
         self._period = self.parameters.read(RecorderSettings).period
-        for folder, result in recover_all(self._parent()).items():
-            self.get_logger().warning(f"{folder} had been cut off; {result}")
+        try:
+            found = recover_all(self._parent())
+        except BagError as error:  # told again by each start
+            self.get_logger().warning(str(error))
+            return
+        for folder, result in found.items():
+            why = "left as it is" if isinstance(result, BagError) else "had been cut off"
+            self.get_logger().warning(f"{folder}: {why}: {result}")
 
     def _parent(self) -> Path:
-        return Path(self.parameters.read(RecorderSettings).folder).expanduser()
+        """Return where the bags go. Raises BagFolderError when nobody has that home folder."""
+        folder = self.parameters.read(RecorderSettings).folder
+        try:
+            return Path(folder).expanduser()
+        except RuntimeError as error:
+            raise BagFolderError(f"cannot use folder {folder[:80]!r}: {error}") from None
 
     def begin(self) -> None:
         """Start recording when the parameters say so."""
@@ -112,8 +132,8 @@ class SessionRecorder(ModuleNode):
         settings = self.parameters.read(RecorderSettings)
         storage = self.parameters.read(StorageSettings, "storage")
         name = settings.name or datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
-        folder = self._parent() / name
         try:
+            folder = self._parent() / name
             session = Session(BagWriter(folder, storage), storage)
         except BagError as error:
             self.get_logger().error(str(error))

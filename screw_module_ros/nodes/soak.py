@@ -2,8 +2,9 @@
 """`soak`: the whole robot for as long as one likes, recorded; does anything grow or get lost?
 
 Every node runs as a process of its own against the simulated rig, the simulated patient moves, and
-the mode changes all the while. Every few seconds is noted what each process holds and how late the
-commands are. The bag is audited at the end.
+the mode changes all the while. Every few seconds is noted what each process holds and, by wall
+clock, how late the commands are. The bag is audited at the end. How long, how often: by the robot's
+time, which in simulated time goes as fast as the machine allows.
 """
 
 from __future__ import annotations
@@ -14,7 +15,6 @@ import os
 import platform
 import shutil
 import sys
-import time
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +23,7 @@ import click
 from diagnostic_msgs.msg import DiagnosticStatus
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
+from screw_module_ros.clock import WallClock
 from screw_module_ros.recording.errors import BagError
 from screw_module_ros.recording.verify import verify
 
@@ -30,7 +31,6 @@ from . import soak_report as report
 from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
 from .support import qos
 from .support.console import Console
-from .support.graph import patience
 from .support.graph_run import GraphRun, Interrupted
 from .support.processes import usage
 from .support.robot import Robot, RobotError, arm
@@ -44,10 +44,11 @@ _MODES = (
     ForceCommand.OFF,
 )
 _QUICK_S = 20.0
-_ATTEMPTS, _BETWEEN_ATTEMPTS_S = 5, 2.0
 _SETPOINT_PERIOD_S = 0.02
 _PATH_S = 9.0  # once around in the plane
 _RADIUS = 0.06  # [m]
+_AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
+_WALL = WallClock()
 
 
 class Options(NamedTuple):
@@ -61,10 +62,11 @@ class Options(NamedTuple):
     keep_bag: bool
     params: str | None
     strict: bool
+    wall_clock: bool
 
     @property
     def seconds(self) -> float:
-        """How long the robot works [s]."""
+        """How long the robot works, by its clock [s]."""
         return _QUICK_S if self.quick else 60.0 * self.minutes
 
 
@@ -79,6 +81,7 @@ class Options(NamedTuple):
 )  # fmt: skip
 @click.option("--keep-bag/--drop-bag", default=False, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
+@click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 when a verdict is not what is wanted.")
 def command(**given) -> None:
     """Run the robot for long and say whether anything grows, lags or gets lost."""
@@ -101,7 +104,8 @@ def command(**given) -> None:
             soak.samples, found, lines,
             date=datetime.now(timezone.utc).isoformat(timespec="seconds"),
             python=platform.python_version(), cores=len(os.sched_getaffinity(0)),
-            seconds=options.seconds, modes_changed=soak.changes, stops=soak.stops,
+            seconds=options.seconds, wall_clock=options.wall_clock,
+            real_time_factor=soak.factor, modes_changed=soak.changes, stops=soak.stops,
             bag={name: count._asdict() for name, count in audit.topics.items()},
             bag_size=sum(path.stat().st_size for path in bag.glob("*")),
         )  # fmt: skip
@@ -114,7 +118,8 @@ def command(**given) -> None:
     except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
         console.fail(f"the soak did not work: {error}\nWhat there is so far lies in {run}")
         sys.exit(1)
-    console.show(report.table(lines), f"Figure: {figure}", f"As JSON: {file}")
+    factor = f"Real-time factor {soak.factor:.2f}: {options.seconds:g} s of the robot's time."
+    console.show(report.table(lines), factor, f"Figure: {figure}", f"As JSON: {file}")
     if options.strict and not all(line.good for line in lines):
         sys.exit(3)
 
@@ -122,7 +127,8 @@ def command(**given) -> None:
 class Soak:
     """One soak. samples: what was seen; stops: when the torque went off, and why.
 
-    recorder: what the recorder says it has lost; changes: of the mode.
+    recorder: what the recorder says it has lost; changes: of the mode; factor: seconds of the
+    robot's time per second of wall clock.
     """
 
     def __init__(self, options: Options, console: Console):
@@ -130,42 +136,38 @@ class Soak:
         self.stops: list[str] = []
         self.recorder: dict[str, int] = {}
         self.changes = 0
+        self.factor = math.nan
         self._options = options
         self._console = console
         self._waiting = math.nan
-        self._begun = 0.0
+        self._begun_ns = 0
 
     def record(self, run: Path) -> Path:
         """Bring the robot up, let it work, stop it; return the bag."""
         os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
-        extra = [*patience(), "--disable-stdout-logs", "-p", "session_recorder:name:=session"]
+        options, console = self._options, self._console
+        extra = ["--disable-stdout-logs", "-p", "session_recorder:name:=session"]
         extra += ["-p", f"session_recorder:folder:={json.dumps(str(run.resolve()))}"]
-        console = self._console
-        console.show("Time limits of the guards are widened: the patient is simulated.")
-        with GraphRun(self._options.params, extra) as graph:
+        extra += [] if options.wall_clock else _AS_FAST_AS_IT_GOES
+        with GraphRun(options.params, extra, wall_clock=options.wall_clock) as graph:
             try:
-                with Robot("soak", watch=graph.watch) as robot:
-                    self._make_ready(robot, graph)
+                with Robot("soak", watch=graph.watch, simulated=not options.wall_clock) as robot:
+                    make_ready(robot, graph, console)
                     robot.node.create_subscription(
                         DiagnosticStatus, "session_recorder/status", self._heard, qos.STATE
                     )
                     bag = Path(robot.trigger("session_recorder/start", deadline_s=30.0))
-                    seconds = self._options.seconds
+                    seconds = options.seconds
                     with console.progress(f"working for {seconds:g} s", seconds) as passed:
+                        begun_ns = _WALL.now_ns()
                         self._work(robot, graph, passed)
+                        self.factor = seconds / (1e-9 * (_WALL.now_ns() - begun_ns))
                     self._finish(robot, graph)
             finally:
                 with console.step("stopping all nodes"):
                     graph.stop()
             graph.check_codes()
         return bag
-
-    def _make_ready(self, robot: Robot, graph: GraphRun) -> None:
-        try:
-            make_ready(robot, graph, self._console)
-        except RobotError:
-            graph.watch()  # a node that ended is no matter of patience
-            self._enable(robot)
 
     def _finish(self, robot: Robot, graph: GraphRun) -> None:
         """Torque off, bag closed; nodes that do not answer in time do both when they are ended."""
@@ -182,9 +184,9 @@ class Soak:
         robot.set_arm(arm(target=(0.0, 0.0, SPRING.centre), duration=1.0,
                           amplitude=(0.03, 0.03, AMPLITUDE), omega=(0.5, 0.7, OMEGA)))  # fmt: skip
         options, pids = self._options, graph.pids
-        self._begun = begun = time.monotonic()
+        self._begun_ns = robot.clock.now_ns()
         look_due = change_due = 0.0
-        while (now := time.monotonic() - begun) < options.seconds:
+        while (now := self._passed(robot)) < options.seconds:
             angle = math.tau * now / _PATH_S
             robot.set_setpoint(
                 _RADIUS * math.cos(angle), _RADIUS * math.sin(angle), SPRING.centre
@@ -198,6 +200,10 @@ class Soak:
             passed(now)
             robot.pause(_SETPOINT_PERIOD_S)
 
+    def _passed(self, robot: Robot) -> float:
+        """Return how long the robot has worked [s]."""
+        return 1e-9 * (robot.clock.now_ns() - self._begun_ns)
+
     def _look(self, robot: Robot, pids: dict[str, int], now: float) -> None:
         values: dict[tuple[str, str], float] = {}
         for name, pid in pids.items():
@@ -207,7 +213,7 @@ class Soak:
             values[name, "threads"] = held.threads
             values[name, "shared"] = held.shared
         state = robot.state(AmplifierState)
-        if state is not None and state.enabled:
+        if state is not None and state.enabled and self._options.wall_clock:
             values["robot", "latency p50"] = state.latency_p50 * 1e6
             values["robot", "latency p99"] = state.latency_p99 * 1e6
         values["session_recorder", "waiting"] = self._waiting
@@ -216,7 +222,7 @@ class Soak:
     def _go_on(self, robot: Robot, graph: GraphRun) -> None:
         """Change the mode; put the torque on again where something took it off, and note why.
 
-        What does not work on a machine that is too busy is tried again next time.
+        What does not work, by wall clock on a machine that is too busy, is tried again next time.
         """
         try:
             robot.set_mode(_MODES[self.changes % len(_MODES)])
@@ -224,25 +230,14 @@ class Soak:
             robot.check_enabled()
         except RobotError as error:
             graph.watch()  # a node that ended is no matter of patience
-            self.stops.append(f"after {time.monotonic() - self._begun:.0f} s: {error}")
-            try:
-                self._enable(robot, attempts=1)
-            except RobotError as again:
-                self.stops.append(f"after {time.monotonic() - self._begun:.0f} s: {again}")
-
-    def _enable(self, robot: Robot, attempts: int = _ATTEMPTS) -> None:
-        """Put the torque on; on a machine that is too busy it may take several attempts."""
-        for left in reversed(range(attempts)):
+            self.stops.append(f"after {self._passed(robot):.0f} s: {error}")
             try:
                 robot.clear_faults()
                 robot.permit()
                 robot.enable()
                 robot.enable_plane()
-                return
-            except RobotError:
-                if not left:
-                    raise
-                robot.pause(_BETWEEN_ATTEMPTS_S)
+            except RobotError as again:
+                self.stops.append(f"after {self._passed(robot):.0f} s: {again}")
 
     def _heard(self, status: DiagnosticStatus) -> None:
         values = {value.key: value.value for value in status.values}

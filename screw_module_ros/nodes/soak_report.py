@@ -182,16 +182,17 @@ def content(
 
 
 def draw(samples: Sequence[Sample], file: Path) -> Path:
-    """Draw memory, handles, latency and the recorder's queue over time."""
-    panels = (
+    """Draw memory, handles, latency where it was noted, and the recorder's queue over time."""
+    noted = {quantity for sample in samples for _, quantity in sample.values}
+    panels = [panel for panel in (
         ("memory of each process [MiB]", ("memory",)),
         ("file handles of each process", ("handles",)),
         ("latency, SYNC to drive write [us]", ("latency p50", "latency p99")),
         ("messages waiting for the disk", ("waiting",)),
-    )
+    ) if noted.intersection(panel[1])]  # fmt: skip
     with rc_context(STYLE):
-        figure = Figure(figsize=(8.0, 9.0), layout="constrained")
-        axes = figure.subplots(len(panels), 1, sharex=True)
+        figure = Figure(figsize=(8.0, 2.25 * len(panels)), layout="constrained")
+        axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axis, (title, quantities) in zip(axes, panels, strict=True):
             names = dict.fromkeys(n for s in samples for n in s.values if n[1] in quantities)
             for number, name in enumerate(names):

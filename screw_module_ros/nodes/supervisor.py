@@ -14,9 +14,7 @@ from typing import Annotated, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray
 from screw_module_msgs.msg import (
     AmplifierState,
-    EncoderSample,
     EndpointState,
-    ForceSample,
     ImpedanceState,
     PlanarState,
     SafetyState,
@@ -32,7 +30,8 @@ from screw_module_ros.control.supervision import (
 )
 from screw_module_ros.settings import Setting
 
-from .support import qos
+from .support import qos, topics
+from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.kept import Kept
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
@@ -44,8 +43,8 @@ _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
 # Node -> what it is heard by. Watched besides: endpoint_state, which nothing depends on.
 _HEARD_BY = {
-    "encoder": (EncoderSample, "screw/encoder", qos.SAMPLE),
-    "force_sensor": (ForceSample, "handle/force", qos.SAMPLE),
+    "encoder": (ENCODER, topics.SLOW_ENCODER, qos.SAMPLE),
+    "force_sensor": (FORCE, topics.SLOW_FORCE, qos.SAMPLE),
     "impedance_controller": (ImpedanceState, "screw/controller_state", qos.NEWEST),
     "amplifier": (AmplifierState, "screw/amplifier_state", qos.NEWEST),
     "manus": (PlanarState, "manus/state", qos.NEWEST),

@@ -11,7 +11,7 @@ the robot; missed ones are the recorder's own.
 from __future__ import annotations
 
 import json
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from .definitions import fields
 
@@ -71,20 +71,25 @@ def layout(definition: str) -> int:
     return {"builtin_interfaces/Time": FLAT, "std_msgs/Header": HEADER}.get(first[0][0], 0)
 
 
+def byte_order(data: bytes) -> Literal["little", "big"]:
+    """Return the byte order that a CDR message names; one without content names any."""
+    return "little" if data[1:2] and data[1] & 1 else "big"
+
+
 def sequence_of(data: bytes, where: int) -> int:
     """Return the sequence in a CDR message of layout `where`.
 
     The four bytes of encapsulation come first, then stamp (8), then for HEADER the frame's length
     (4) and text; the number is aligned to 4 from the end of the encapsulation.
     """
-    order = "little" if data[1] & 1 else "big"
+    order = byte_order(data)
     start = 12 if where == FLAT else 4 + _after_header(data)
     return int.from_bytes(data[start : start + 4], order)
 
 
 def _after_header(data: bytes) -> int:
     """Return where the number after a std_msgs/Header begins [B from the encapsulation's end]."""
-    text = int.from_bytes(data[12:16], "little" if data[1] & 1 else "big")
+    text = int.from_bytes(data[12:16], byte_order(data))
     return 12 + (text + 3 & ~3)
 
 
@@ -93,7 +98,7 @@ def monotonic_of(data: bytes, where: int) -> int:
 
     All types of ours that have a sequence of their own ticks have it there, aligned to 8.
     """
-    order = "little" if data[1] & 1 else "big"
+    order = byte_order(data)
     start = 20 if where == FLAT else 4 + (_after_header(data) + 4 + 7 & ~7)
     return int.from_bytes(data[start : start + 8], order, signed=True)
 

@@ -9,7 +9,6 @@ by a power failure does not take them along).
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from .audit import Counts, TopicAudit, layout
 from .definitions import Definition
 from .errors import BagExistsError, BagFolderError, BagWriteError
 from .expected import stride_of
+from .files import write_atomically
 from .mcap_file import McapFile, Message
 from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
 from .seal import HASHES, sealed
@@ -242,14 +242,3 @@ def _make_folder(folder: Path) -> None:
         ) from None
     except OSError as error:
         raise BagFolderError(f"cannot make the bag folder {folder}: {error.strerror}") from None
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a reader sees the old or the new, never a half."""
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise

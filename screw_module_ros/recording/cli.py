@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 
@@ -15,11 +16,20 @@ from .verify import Report, verify
 def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage."""
     options = _parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # a name may hold what cannot be printed
     try:
-        return options.run(options.bag)
+        code = options.run(options.bag)
+        sys.stdout.flush()
     except BagError as error:
         print(f"session: {error}", file=sys.stderr)
         return 1
+    except BrokenPipeError:  # `session info BAG | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return code
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -28,7 +38,11 @@ def _parser() -> argparse.ArgumentParser:
     for name, run, text in (
         ("info", _info, "topics, counts and what the recorder noted"),
         ("verify", _verify, "count everything anew: complete, or what is missing and where"),
-        ("recover", _recover, "complete a bag whose recorder was killed or lost power"),
+        (
+            "recover",
+            _recover,
+            "complete a bag that was cut off or damaged; what cannot be read is kept beside",
+        ),
     ):
         command = commands.add_parser(name, help=text, description=text)
         command.add_argument("bag", type=Path, help="folder of the bag")

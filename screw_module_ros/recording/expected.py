@@ -8,12 +8,14 @@ held against what is known of them.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from .metadata import decoded
+
 _PACKAGE = "screw_module_msgs/msg/"
 _LEAST_S = 1.0  # a shorter recording tells no rate
+_FASTEST_HZ = 1e9  # a rate beyond it is none
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
 
 Parameters = Mapping[str, str]  # per node, its parameters as JSON
@@ -62,7 +64,9 @@ def wrong_rate(type_name: str, ticks: int, duration: float, parameters: Paramete
     if ticked is None or duration < _LEAST_S:
         return ""
     rate = _values(parameters, ticked.clock).get("rate")
-    if not isinstance(rate, int | float) or abs(ticks / duration - rate) <= _TOLERANCE * rate:
+    if not isinstance(rate, int | float) or not 0.0 < rate < _FASTEST_HZ:
+        return ""
+    if abs(ticks / duration - rate) <= _TOLERANCE * rate:
         return ""
     return (
         f"its sequence rises by {ticks / duration:.0f} in a second, "
@@ -83,8 +87,4 @@ def _values(parameters: Parameters, node: str) -> dict[str, Any]:
     found = [text for name, text in parameters.items() if name.rpartition("/")[2] == node]
     if len(found) != 1:
         return {}
-    try:
-        values = json.loads(found[0])
-    except ValueError:
-        return {}
-    return values if isinstance(values, dict) else {}
+    return decoded(found[0])

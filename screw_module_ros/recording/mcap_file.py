@@ -33,11 +33,13 @@ from mcap.records import (
 )
 
 from .errors import BagBusyError
-from .mcap_records import MAGIC, chunk_length, encoded, summary_section
+from .files import write_all
+from .mcap_records import MAGIC, chunk_length, encoded, message_indexes, summary_section
 from .storage import StorageSettings
 
 PROFILE = "ros2"
 LIBRARY = "screw_module_ros"
+HEAD = MAGIC + encoded(Header(PROFILE, LIBRARY))
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIXED = 22  # bytes of a message record's content before the data
@@ -92,7 +94,7 @@ class McapFile:
         self._tail = b""
         self.metadata: dict[str, dict[str, str]] = {}
         if create:
-            self._pending += MAGIC + encoded(Header(PROFILE, LIBRARY))
+            self._pending += HEAD
 
     def _lock(self) -> None:
         try:
@@ -153,8 +155,7 @@ class McapFile:
                 publish_time,
             )
             chunk += data
-        if len(self._pending) > _PENDING_LIMIT:
-            self._write()
+        self.write_early()
 
     def _declare(self) -> None:
         """Put new schemas and channels in front of the first message that may need them."""
@@ -176,25 +177,21 @@ class McapFile:
             uncompressed_crc=zlib.crc32(records),
             uncompressed_size=len(records),
         )
-        offset = self.data_end + len(self._pending)
-        self._pending += encoded(chunk)
-        self._pending += self.note_chunk(chunk, offset, self._index)
+        self.keep(chunk, self._index)
         self._chunk = bytearray()
         self._index = {}
 
-    def note_chunk(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> bytes:
+    def _note_chunk(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> bytes:
         """Count a chunk that stands at `offset`; return the message indexes that follow it.
 
         index: per channel, log time [ns] and offset in the chunk of each message, alternating.
         """
-        start = offset + chunk_length(chunk)
-        indexes = bytearray()
+        start = end = offset + chunk_length(chunk)
+        indexes = message_indexes(index)
         offsets = {}
         for channel, entries in index.items():
-            offsets[channel] = start + len(indexes)
-            size = 8 * len(entries)
-            indexes += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + size, channel, size)
-            indexes += struct.pack(f"<{len(entries)}Q", *entries)
+            offsets[channel] = end
+            end += 15 + 8 * len(entries)
             self.counts[channel] = self.counts.get(channel, 0) + len(entries) // 2
         first = chunk.message_start_time
         self.start_time = min(self.start_time, first) if self._chunks else first
@@ -212,12 +209,30 @@ class McapFile:
             uncompressed_size=chunk.uncompressed_size,
         )
         self._chunk_index += encoded(entry)
-        return bytes(indexes)
+        return indexes
 
-    def resume(self, end: int, pending: bytes) -> None:
-        """Go on at `end`, where `pending` is to be written first; for recovery."""
-        self.data_end = end
-        self._pending = bytearray(pending)
+    def declare(self, schemas: Iterable[Schema], channels: Iterable[Channel], write: bool) -> None:
+        """Take over declarations with their ids; `write` them in front of the chunks; recovery."""
+        self.schemas, self.channels = list(schemas), list(channels)
+        self.counts = {channel.id: self.counts.get(channel.id, 0) for channel in self.channels}
+        if write:
+            self._pending += encoded(*self.schemas, *self.channels)
+
+    def resume(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> None:
+        """Go on behind a chunk that stands at `offset`, with its indexes; for recovery."""
+        self._pending = bytearray(self._note_chunk(chunk, offset, index))
+        self.data_end = offset + chunk_length(chunk)
+
+    def keep(self, chunk: Chunk, index: Mapping[int, list[int]]) -> None:
+        """Append a whole chunk; many wait for the disk until `flush`."""
+        offset = self.data_end + len(self._pending)
+        self._pending += encoded(chunk)
+        self._pending += self._note_chunk(chunk, offset, index)
+
+    def write_early(self) -> None:
+        """Bring closed chunks to the disk when they are many. Raises OSError like `flush`."""
+        if len(self._pending) > _PENDING_LIMIT:
+            self._write()
 
     def flush(self) -> None:
         """Bring everything to the disk and leave a complete file that carries `metadata`.
@@ -231,7 +246,7 @@ class McapFile:
         end = self.data_end + len(self._pending)
         tail = self._tail_at(end)
         try:
-            _write_all(self.descriptor, bytes(self._pending) + tail, self.data_end)
+            write_all(self.descriptor, bytes(self._pending) + tail, self.data_end)
             os.ftruncate(self.descriptor, end + len(tail))
             os.fdatasync(self.descriptor)
         except OSError:
@@ -243,7 +258,7 @@ class McapFile:
 
     def _put_back(self) -> None:
         """Make the file what it was: its blocks are still allocated, so this needs no space."""
-        _write_all(self.descriptor, self._tail, self.data_end)
+        write_all(self.descriptor, self._tail, self.data_end)
         os.ftruncate(self.descriptor, self.data_end + len(self._tail))
 
     def _tail_at(self, base: int) -> bytes:
@@ -281,11 +296,3 @@ class McapFile:
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1
-
-
-def _write_all(descriptor: int, data: bytes, offset: int) -> None:
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(descriptor, view, offset)
-        view = view[written:]
-        offset += written

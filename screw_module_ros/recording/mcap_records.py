@@ -15,6 +15,38 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 
+def chunk_head(chunk: Chunk) -> bytes:
+    """Return a chunk's record as it stands in a file, up to its data."""
+    name = chunk.compression.encode()
+    return (
+        struct.pack(
+            "<BQQQQII",
+            Opcode.CHUNK,
+            chunk_length(chunk) - 9,
+            chunk.message_start_time,
+            chunk.message_end_time,
+            chunk.uncompressed_size,
+            chunk.uncompressed_crc,
+            len(name),
+        )
+        + name
+        + struct.pack("<Q", len(chunk.data))
+    )
+
+
+def message_indexes(index: Mapping[int, list[int]]) -> bytes:
+    """Return the message indexes of a chunk.
+
+    index: per channel, log time [ns] and offset in the chunk of each message, alternating.
+    """
+    found = bytearray()
+    for channel, entries in index.items():
+        size = 8 * len(entries)
+        found += struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + size, channel, size)
+        found += struct.pack(f"<{len(entries)}Q", *entries)
+    return bytes(found)
+
+
 def chunk_length(chunk: Chunk) -> int:
     """Return the length of a chunk's whole record [B]."""
     return 9 + 8 + 8 + 8 + 4 + 4 + len(chunk.compression) + 8 + len(chunk.data)

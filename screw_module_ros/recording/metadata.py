@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 VERSION = 9
 DISTRIBUTION = "jazzy"
@@ -146,6 +146,15 @@ def _file(file: FileLine) -> str:
 
 def _indented(text: str, by: int) -> str:
     return "".join(f"{' ' * by}{line}\n" for line in text.splitlines())
+
+
+def decoded(text: str) -> dict[str, Any]:
+    """Return a JSON object; empty when it is none."""
+    try:
+        values = json.loads(text)
+    except (TypeError, ValueError, RecursionError):
+        return {}
+    return values if isinstance(values, dict) else {}
 
 
 def _quoted(text: str) -> str:

@@ -7,7 +7,6 @@ the messages one by one. `raw_messages` leaves them as bytes.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
@@ -16,12 +15,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
-from .bag import METADATA_FILE, PREFIX
+from .bag import PREFIX
 from .errors import BagReadError
+from .metadata import decoded
+from .noted import read_noted
 
 
 class BagMessage(NamedTuple):
@@ -64,7 +64,7 @@ def open_bag(path: Path | str) -> Iterator[AnyReader]:
     try:
         reader = AnyReader([path])
         reader.open()
-    except (AnyReaderError, OSError, AssertionError) as error:
+    except Exception as error:  # of a damaged bag it raises whatever it stumbles over
         hint = f"; if it was cut off, run: session recover {path}" if path.exists() else ""
         raise BagReadError(f"cannot read {path} as a bag: {error}{hint}") from None
     try:
@@ -87,21 +87,15 @@ def metadata(path: Path | str) -> dict[str, Any]:
 
     Keys lack the recorder's prefix. A bag recorded by rosbag2 gives an empty dict.
     """
-    file = Path(path) / METADATA_FILE
     try:
-        information = yaml.safe_load(file.read_text(encoding="utf-8"))
-        custom = information["rosbag2_bagfile_information"]["custom_data"] or {}
-    except (OSError, yaml.YAMLError, KeyError, TypeError) as error:
-        raise BagReadError(f"cannot read {file}: {error}") from None
+        custom = read_noted(Path(path)).custom
+    except BagReadError as error:
+        raise BagReadError(f"cannot read {path}: {error}") from None
     return {
-        key.removeprefix(PREFIX): _from_json(value)
+        key.removeprefix(PREFIX): decoded(value) if value[:1] == "{" else value
         for key, value in custom.items()
         if key.startswith(PREFIX)
     }
-
-
-def _from_json(text: str) -> Any:
-    return json.loads(text) if text[:1] in ("{", "[") else text
 
 
 def raw_messages(path: Path | str, names: Collection[str] | None = None) -> Iterator[RawMessage]:

@@ -1,225 +1,263 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Completes a bag whose recorder did not live to close it.
+"""Completes a bag whose recorder did not live to close it, or that was damaged since.
 
 A killed recorder leaves a complete bag (see `mcap_file`); what is left to do then is to note it.
-After a power failure the last write may be torn: everything up to the last whole chunk is kept, the
-torn rest is cut off, and index, footer and metadata.yaml are written anew. Nothing is copied, so no
-space is needed beyond the index.
+After a power failure the last write may be torn, and a disk may have flipped a bit anywhere. Every
+whole chunk is kept, and what cannot be read is cut out and kept in a file beside. Index, footer and
+metadata.yaml are written anew. A torn end is cut off in place, which needs space for no more than
+index and torn end; a file damaged before its end is written anew beside and then replaced.
 """
 
 from __future__ import annotations
 
 import json
-import mmap
+import os
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-from mcap.records import Channel
-
 from .audit import Counts, TopicAudit, layout
-from .bag import AUDIT, METADATA_FILE, PREFIX, RECOVERED, STATE, write_atomically
+from .bag import AUDIT, CLOSED, METADATA_FILE, RECOVERED, STATE
+from .catalogue import Declarations, resolved
 from .errors import BagError, BagReadError, BagWriteError
 from .expected import stride_of
-from .mcap_file import McapFile
+from .files import Source, check_at_rest, files_of, keep_beside, sync_folder, write_atomically
 from .metadata import FileLine, TopicLine, document, information
-from .scan import ScannedChunk, chunks, data_start, is_complete
-from .storage import StorageSettings
+from .noted import Noted, noted_from, parsed, read_noted
+from .repair import Repair
+from .scan import has_sound_head, summary_start
+from .survey import Survey, chunks, survey
+
+QUIET_S = 10.0  # a torn bag that was changed since is taken for one that is still being copied
 
 
 class Recovered(NamedTuple):
-    """What `recover` did: files completed, messages now in the bag, bytes of torn tail cut off."""
+    """What `recover` did: files repaired, messages now in the bag, bytes cut out, kept where."""
 
     files: int
     messages: int
     cut: int
+    kept: tuple[Path, ...] = ()
 
     def __str__(self) -> str:
-        return (
-            f"{self.messages} messages in the bag; {self.files} files completed, "
-            f"{self.cut} bytes of a torn write cut off"
-        )
+        text = f"{self.messages} messages in the bag; {self.files} files completed"
+        if self.cut:
+            text += f", {self.cut} bytes that cannot be read cut out"
+        if self.kept:
+            text += "; kept beside: " + ", ".join(path.name for path in self.kept)
+        return text
 
 
-class _Known(NamedTuple):
-    """One topic as found in the files."""
+class _Part(NamedTuple):
+    """One file of the bag."""
 
-    type: str
-    audit: TopicAudit
-    channel: Channel
-
-
-def files_of(folder: Path) -> list[Path]:
-    """Return the MCAP files of a bag in the order they were recorded.
-
-    Raises BagReadError when there is none.
-    """
-    found = [path for path in folder.glob("*.mcap") if path.stem.rpartition("_")[2].isdigit()]
-    if not found:
-        raise BagReadError(f"{folder} is no bag folder: it holds no NAME_0.mcap")
-    return sorted(found, key=lambda path: int(path.stem.rpartition("_")[2]))
+    source: Source
+    survey: Survey
+    channels: Declarations = {}
 
 
 def is_torn(folder: Path) -> bool:
-    """Whether a bag needs `recover` before it can be read; cheap."""
+    """Whether a bag of this recorder needs `recover` before it can be read; cheap.
+
+    Raises BagReadError when its files are none or cannot be read.
+    """
     try:
         files = files_of(folder)
     except BagReadError:
         return False
-    if not (folder / METADATA_FILE).exists():
-        return True
+    torn = not (folder / METADATA_FILE).exists()
     for path in files:
-        with mapped(path) as buffer:
-            if not is_complete(buffer):
-                return True
-    return False
-
-
-@contextmanager
-def mapped(path: Path) -> Iterator[memoryview]:
-    """Give the content of a file as bytes without reading it all."""
-    with path.open("rb") as file:
-        if path.stat().st_size == 0:
-            yield memoryview(b"")
-            return
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            view = memoryview(content)
+        with Source(path) as source:
             try:
-                yield view
-            finally:
-                view.release()
+                has_sound_head(source, vouched=False)
+            except BagReadError:
+                return bool(_noted(folder)[0].state)
+            torn = torn or summary_start(source) < 0
+    return torn
 
 
 def recover_all(parent: Path) -> dict[Path, Recovered | BagError]:
-    """Recover every torn bag right below `parent`; return what became of each."""
+    """Recover every torn bag right below `parent`; return what became of each.
+
+    Whatever lies there, it raises nothing: one bag must not keep the others from being recorded.
+    """
     found: dict[Path, Recovered | BagError] = {}
-    for folder in sorted(path for path in parent.glob("*/") if is_torn(path)):
+    for folder in _folders(parent):
         try:
-            found[folder] = recover(folder)
+            if is_torn(folder):
+                found[folder] = recover(folder, QUIET_S)
         except BagError as error:
             found[folder] = error
+        except Exception as error:  # a defect of ours must not cost the next recording either
+            found[folder] = BagReadError(f"{type(error).__name__}: {str(error)[:80]}")
     return found
 
 
-def recover(folder: Path | str) -> Recovered:
-    """Complete the bag in `folder` in place and rewrite its metadata.yaml.
+def _folders(parent: Path) -> list[Path]:
+    """Return the folders right below `parent`; links lead to what is not ours to repair."""
+    try:
+        with os.scandir(parent) as entries:
+            return sorted(Path(e.path) for e in entries if e.is_dir(follow_symlinks=False))
+    except OSError:
+        return []
 
-    Raises BagReadError when it is no bag of this recorder, BagBusyError when it is being recorded
-    right now, BagWriteError when it cannot be written.
+
+def recover(folder: Path | str, quiet: float = 0.0) -> Recovered:
+    """Complete the bag in `folder` and rewrite its metadata.yaml; a complete one is left alone.
+
+    quiet: how long ago its last change must be [s]. Raises BagReadError when it is no bag of this
+    recorder, BagBusyError when it is being recorded or copied right now, BagWriteError when it
+    cannot be written; it is then as it was, or can be recovered again.
     """
     folder = Path(folder)
-    topics: dict[str, _Known] = {}
-    with ExitStack() as stack:
-        try:
-            files = [_opened(path, stack) for path in files_of(folder)]
-            torn = [file for file in files if _restore(file, topics)]
-            cut = sum(file.path.stat().st_size - file.data_end for file in torn)
-            _write(folder, files, torn, topics)
-        except OSError as error:
-            raise BagWriteError(f"cannot recover {folder}: {error}") from None
-        return Recovered(len(torn), sum(file.message_count for file in files), cut)
-
-
-def _opened(path: Path, stack: ExitStack) -> McapFile:
-    file = McapFile(path, StorageSettings(), create=False)
-    stack.callback(file.close)
-    return file
-
-
-def _restore(file: McapFile, topics: dict[str, _Known]) -> bool:
-    """Bring `file` to the state its last whole chunk left; return whether it must be completed."""
-    with mapped(file.path) as buffer:
-        try:
-            file.data_end = data_start(buffer)
-        except BagReadError as error:
-            raise BagReadError(f"{file.path}: {error}") from None
-        for found in chunks(buffer, file.data_end):
-            _declare(file, found, topics)
-            _count(file, found, topics)
-            indexes = file.note_chunk(found.chunk, found.offset, found.index)
-            file.data_end = found.end + len(indexes)
-            if bytes(buffer[found.end : file.data_end]) != indexes:
-                file.resume(found.end, indexes)
-                break
-        return not is_complete(buffer)
-
-
-def _declare(file: McapFile, found: ScannedChunk, topics: dict[str, _Known]) -> None:
-    for schema in found.schemas:
-        file.schemas.append(schema)
-    for channel in found.channels:
-        file.channels.append(channel)
-        file.counts.setdefault(channel.id, 0)
-        schema = next(s for s in file.schemas if s.id == channel.schema_id)
-        if channel.topic not in topics:
-            audit = TopicAudit(layout(schema.data.decode()), stride_of(schema.name))
-            topics[channel.topic] = _Known(schema.name, audit, channel)
-
-
-def _count(file: McapFile, found: ScannedChunk, topics: dict[str, _Known]) -> None:
-    audits = {channel.id: topics[channel.topic].audit for channel in file.channels}
-    for message in found.messages:
-        audits[message.channel].update(message.data, message.sequence)
-
-
-def _write(
-    folder: Path, files: list[McapFile], torn: list[McapFile], topics: dict[str, _Known]
-) -> None:
-    custom = _custom_data(folder)
-    counts = _counts(topics, custom)
-    custom[STATE] = RECOVERED
-    custom[AUDIT] = json.dumps({name: count._asdict() for name, count in counts.items()})
-    totals = dict.fromkeys(topics, 0)
-    for file in files:
-        for channel in file.channels:
-            totals[channel.topic] += file.counts[channel.id]
-    lines = [
-        TopicLine(
-            name,
-            known.type,
-            known.channel.metadata["topic_type_hash"],
-            known.channel.metadata["offered_qos_profiles"],
-            totals[name],
-        )
-        for name, known in topics.items()
-    ]
-    spans = [FileLine(f.path.name, f.start_time, f.end_time, f.message_count) for f in files]
-    text = information(lines, spans, custom)
-    for file in torn:
-        file.metadata = {
-            "rosbag2": {"serialized_metadata": text},
-            AUDIT: {name: count.as_text() for name, count in counts.items()},
-            **_records(custom),
-        }
-        file.flush()
-    write_atomically(folder / METADATA_FILE, document(text))
-
-
-def _counts(topics: dict[str, _Known], custom: dict[str, str]) -> dict[str, Counts]:
-    """Count anew; what only the recorder knew is taken from its own last audit."""
-    noted = json.loads(custom.get(AUDIT, "{}"))
-    for name, known in topics.items():
-        last = Counts(**noted.get(name, {}))
-        known.audit.dropped = last.dropped
-        known.audit.single_publisher = last.missed >= 0
-    return {name: known.audit.counts() for name, known in topics.items()}
-
-
-def _custom_data(folder: Path) -> dict[str, str]:
-    """Return what metadata.yaml still tells; an unreadable one tells nothing."""
     try:
-        content = yaml.safe_load((folder / METADATA_FILE).read_text(encoding="utf-8"))
-        return dict(content["rosbag2_bagfile_information"]["custom_data"] or {})
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError):
-        return {}
+        with ExitStack() as stack:
+            return _recover(folder, quiet, stack)
+    except OSError as error:
+        raise BagWriteError(f"cannot recover {folder}: {error.strerror or error}") from None
 
 
-def _records(custom: dict[str, str]) -> dict[str, dict[str, str]]:
-    """Return the recorder's own entries of custom_data as MCAP metadata records."""
-    found = {}
-    for name, text in custom.items():
-        if name.startswith(PREFIX) and name not in (STATE, AUDIT):
-            found[name] = json.loads(text)
-    return found
+def _recover(folder: Path, quiet: float, stack: ExitStack) -> Recovered:
+    noted, readable = _noted(folder)
+    parts = [_looked_at(path, noted, quiet, stack) for path in files_of(folder)]
+    if not readable:
+        noted = _noted_inside(parts)
+    parts = _with_channels(parts, noted)
+    lines = _lines(parts, noted)
+    surveys = [part.survey for part in parts]
+    messages = sum(found.messages for found in surveys)
+    ended = noted.state in (CLOSED, RECOVERED)
+    ended = ended and all(found.whole for found in surveys) and _fits(noted, lines, surveys)
+    if ended and readable:
+        return Recovered(0, messages, 0)
+    repairs = [
+        None
+        if part.survey.whole
+        else stack.enter_context(Repair(part.source, part.survey, part.channels))
+        for part in parts
+    ]
+    kept = [*_kept(parts), *_kept_metadata(folder)]
+    custom = dict(noted.custom)
+    if not ended:
+        counts = _counted(parts, repairs, noted)
+        custom[STATE] = RECOVERED
+        custom[AUDIT] = json.dumps({name: count._asdict() for name, count in counts.items()})
+    spans = tuple(FileLine(f.path.name, f.start_time, f.end_time, f.messages) for f in surveys)
+    text = information(lines, spans, custom)
+    for part, repair in zip(parts, repairs, strict=True):
+        part.source.check_unchanged()
+        if repair is not None:
+            repair.finish(text, Noted(tuple(lines), (), custom))
+    write_atomically(folder / METADATA_FILE, document(text))
+    sync_folder(folder)
+    cut = sum(damage.end - damage.start for found in surveys for damage in found.cut)
+    return Recovered(sum(map(bool, repairs)), messages, cut, tuple(kept))
+
+
+def _noted(folder: Path) -> tuple[Noted, bool]:
+    """Return what metadata.yaml tells, and whether it can be read."""
+    try:
+        return read_noted(folder), True
+    except BagReadError:
+        return Noted(), False
+
+
+def _looked_at(path: Path, noted: Noted, quiet: float, stack: ExitStack) -> _Part:
+    if path.is_symlink():
+        raise BagReadError(f"{path} is a link: recover the bag that it leads to")
+    source = stack.enter_context(Source(path))
+    check_at_rest(source, quiet)
+    return _Part(source, survey(source, bool(noted.state)))
+
+
+def _noted_inside(parts: list[_Part]) -> Noted:
+    """Return what the last file that can tell it tells instead of metadata.yaml."""
+    for part in reversed(parts):
+        text = part.survey.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+        try:
+            return noted_from(parsed(text, part.source.path.name))
+        except BagReadError:
+            continue
+    return Noted()
+
+
+def _with_channels(parts: list[_Part], noted: Noted) -> list[_Part]:
+    everywhere: Declarations = {}
+    for part in parts:
+        everywhere.update(part.survey.channels)
+    return [
+        part._replace(
+            channels=resolved(
+                part.survey.channels, everywhere, noted.topics, sorted(part.survey.counts)
+            )
+        )
+        for part in parts
+    ]
+
+
+def _lines(parts: list[_Part], noted: Noted) -> list[TopicLine]:
+    """Return every topic with the number of its messages, those noted first and in their order.
+
+    A topic noted that no file declares has no message, and readers want its definition: left out.
+    """
+    declared = {d.channel.topic for part in parts for d in part.channels.values()}
+    lines = {line.name: line._replace(messages=0) for line in noted.topics}
+    for part in parts:
+        for number, (channel, schema) in sorted(part.channels.items()):
+            told = channel.metadata
+            line = lines.get(channel.topic) or TopicLine(
+                channel.topic,
+                schema.name,
+                told.get("topic_type_hash", ""),
+                told.get("offered_qos_profiles", "[]"),
+                0,
+            )
+            count = line.messages + part.survey.counts.get(number, 0)
+            lines[channel.topic] = line._replace(messages=count)
+    return [line for name, line in lines.items() if name in declared]
+
+
+def _fits(noted: Noted, lines: list[TopicLine], surveys: list[Survey]) -> bool:
+    """Whether metadata.yaml tells what the files hold."""
+    told = {line.name: line.messages for line in noted.topics}
+    names = tuple(found.path.name for found in surveys)
+    return noted.files == names and told == {line.name: line.messages for line in lines}
+
+
+def _kept(parts: list[_Part]) -> Iterator[Path]:
+    for part in parts:
+        for start, end in part.survey.cut:
+            name = f"{part.source.path.name}.cut_{start}_{end}"
+            yield keep_beside(part.source, start, end, name)
+
+
+def _kept_metadata(folder: Path) -> Iterator[Path]:
+    """Keep metadata.yaml: its counts tell what was there before."""
+    path = folder / METADATA_FILE
+    if path.exists():
+        with Source(path) as old:
+            yield keep_beside(old, 0, old.size, f"{METADATA_FILE}.before_recover")
+
+
+def _counted(parts: list[_Part], repairs: list[Repair | None], noted: Noted) -> dict[str, Counts]:
+    """Count anew, and hand the chunks to the repairs on the way.
+
+    What only the recorder knew is taken from its own last audit.
+    """
+    audits: dict[str, TopicAudit] = {}
+    for part, repair in zip(parts, repairs, strict=True):
+        own: dict[int, TopicAudit] = {}
+        for number, declared in part.channels.items():
+            fresh = TopicAudit(layout(declared.text), stride_of(declared.schema.name))
+            own[number] = audits.setdefault(declared.channel.topic, fresh)
+        for found in chunks(part.source, part.survey):
+            for message in found.messages:
+                own[message.channel].update(message.data, message.sequence)
+            if repair is not None:
+                repair.take(found)
+    for name, audit in audits.items():
+        last = noted.audit(name)
+        audit.dropped = last.dropped
+        audit.single_publisher = last.missed >= 0
+    return {name: audit.counts() for name, audit in audits.items()}

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walks through the chunks of an MCAP file of this recorder, finished or cut off.
+"""Walks through an MCAP file of this recorder, whole, cut off or damaged anywhere.
 
-Readers of libraries want index and footer; repairing and auditing a bag must do without.
+Readers of libraries want index and footer; repairing and auditing a bag must do without. A chunk
+counts as whole when its records fit their checksum. All else about it (lengths, times, the message
+indexes behind it) can be told from the records and is never a reason to lose them.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -16,22 +19,36 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Header, Metadata, Schema
+from mcap.records import Channel, Chunk, Header, McapRecord, Metadata, Schema
 
 from .errors import BagReadError
-from .mcap_file import LIBRARY, Message
-from .mcap_records import FOOTER_BYTES, MAGIC
+from .files import Source
+from .mcap_file import HEAD, LIBRARY, Message
+from .mcap_records import FOOTER_BYTES, MAGIC, chunk_head, chunk_length, message_indexes
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_CHUNK = struct.Struct("<BQQQQII")  # opcode, length, times, size, CRC, length of compression
+_LENGTH = struct.Struct("<Q")
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+_CANDIDATE = re.compile(rb"(?s)\x06.{4}\x00{4}.{28}[\x00\x04]\x00{3}")
+_LOOK_AHEAD = 64  # B, more than a chunk's header
+_BLOCK = 2**20  # B searched at a time
+_MOST = 2**30  # B; no chunk and no record outside of one is longer
+_MOST_RATIO = 2**15  # zstd: a block of 128 KiB takes at least 4 bytes
+_FEW = 4  # different bytes; the header of another recorder differs in more
+_MALFORMED = (McapError, struct.error, ValueError, OverflowError, MemoryError)
+_KINDS = (Opcode.SCHEMA, Schema), (Opcode.CHANNEL, Channel), (Opcode.METADATA, Metadata)
+_OUTSIDE = {opcode: kind.read for opcode, kind in _KINDS}
 
 
 class ScannedChunk(NamedTuple):
     """One whole chunk.
 
-    offset, end: where it stands in the file, message indexes not included [B].
-    chunk: as stored. schemas, channels: declared in it. messages: in it.
+    offset: where it stands in the file. end: of the chunk and of the indexes after it [B].
+    chunk: as it should stand there. schemas, channels: declared in it. messages: in it.
     index: per channel, log time [ns] and offset in the chunk of each message, alternating.
+    sound: whether its head is as it was written. indexed: whether the indexes are.
     """
 
     offset: int
@@ -41,101 +58,243 @@ class ScannedChunk(NamedTuple):
     channels: list[Channel]
     messages: list[Message]
     index: dict[int, list[int]]
+    sound: bool
+    indexed: bool = True
 
 
-def data_start(buffer: memoryview) -> int:
-    """Return where the data of the file begins.
+class Damage(NamedTuple):
+    """Bytes of the file, from `start` to `end`, in which nothing can be read."""
 
-    Raises BagReadError when this is no MCAP file of this recorder.
+    start: int
+    end: int
+
+
+class Outside(NamedTuple):
+    """A record outside of the chunks: its opcode, where it ends, and itself where it is read."""
+
+    opcode: int
+    end: int
+    record: McapRecord | None
+
+
+def has_sound_head(source: Source, vouched: bool) -> bool:
+    """Whether the file begins as this recorder begins a file; False when that much is damaged.
+
+    vouched: whether something else, like metadata.yaml, tells that this recorder wrote the file.
+    Raises BagReadError when it did not.
     """
-    if bytes(buffer[: len(MAGIC)]) != MAGIC:
-        raise BagReadError("no MCAP file: the first bytes are not those of one")
-    record = _record_at(buffer, len(MAGIC))
-    if record is None or record[0] != Opcode.HEADER:
-        raise BagReadError("no MCAP file: it has no header")
-    library = Header.read(_stream(buffer, record)).library
-    if library != LIBRARY:
-        raise BagReadError(f"recorded by {library!r}, not by this recorder: try `mcap recover`")
-    return record[2]
-
-
-def chunks(buffer: memoryview, position: int) -> Iterator[ScannedChunk]:
-    """Yield the whole chunks from `position` on; end at the first thing that is none."""
-    while True:
-        record = _record_at(buffer, position)
-        if record is None or record[0] not in (Opcode.CHUNK, Opcode.MESSAGE_INDEX):
-            return
-        if record[0] == Opcode.CHUNK:
-            found = _chunk(buffer, position, record)
-            if found is None:
-                return
-            yield found
-        position = record[2]
-
-
-def metadata_records(buffer: memoryview, position: int) -> dict[str, dict[str, str]]:
-    """Return the metadata records of a complete file from `position` on, by name."""
-    found = {}
-    while (record := _record_at(buffer, position)) is not None and record[0] != Opcode.FOOTER:
-        if record[0] == Opcode.METADATA:
-            metadata = Metadata.read(_stream(buffer, record))
-            found[metadata.name] = metadata.metadata
-        position = record[2]
-    return found
-
-
-def is_complete(buffer: memoryview) -> bool:
-    """Whether the file has its footer and the index before it is sound."""
-    start = len(buffer) - FOOTER_BYTES
-    if start < len(MAGIC) or bytes(buffer[-len(MAGIC) :]) != MAGIC:
+    head = source.read(0, len(HEAD))
+    if head == HEAD:
+        return True
+    if len(head) == len(HEAD) and sum(a != b for a, b in zip(head, HEAD, strict=True)) <= _FEW:
         return False
-    opcode, length, summary, offsets, crc = struct.unpack_from("<BQQQI", buffer, start)
-    if opcode != Opcode.FOOTER or length != 20 or not summary <= offsets <= start:
-        return False
-    return zlib.crc32(buffer[summary : start + _RECORD.size + 16]) == crc
+    library = _library(source)
+    if library and library != LIBRARY:
+        other = f"recorded by {library[:80]!r}, not by this recorder: try `mcap recover`"
+        raise BagReadError(f"{source.path}: {other}")
+    if not vouched:
+        raise BagReadError(f"{source.path}: no MCAP file: the first bytes are not those of one")
+    return False
 
 
-def _record_at(buffer: memoryview, position: int) -> tuple[int, int, int] | None:
-    """Return (opcode, start of the content, end) of a record, None when it is cut off."""
-    start = position + _RECORD.size
-    if start > len(buffer):
-        return None
-    opcode, length = _RECORD.unpack_from(buffer, position)
-    return (opcode, start, start + length) if start + length <= len(buffer) else None
-
-
-def _stream(buffer: memoryview, record: tuple[int, int, int]) -> ReadDataStream:
-    return ReadDataStream(BytesIO(buffer[record[1] : record[2]]))
-
-
-def _chunk(buffer: memoryview, position: int, record: tuple[int, int, int]) -> ScannedChunk | None:
+def _library(source: Source) -> str:
+    if source.read(0, len(MAGIC)) != MAGIC:
+        return ""
+    opcode, start, end = _record_at(source, len(MAGIC)) or (0, 0, 0)
     try:
-        chunk = Chunk.read(_stream(buffer, record))
-        data = chunk.data
-        if chunk.compression == "zstd":
-            data = zstandard.decompress(data, chunk.uncompressed_size)
-    except (McapError, zstandard.ZstdError, struct.error, UnicodeDecodeError, MemoryError):
-        return None
-    if len(data) != chunk.uncompressed_size or zlib.crc32(data) != chunk.uncompressed_crc:
-        return None
-    found = ScannedChunk(position, record[2], chunk, [], [], [], {})
-    _unpack(data, found)
-    return found
+        return Header.read(_stream(source.read(start, end - start))).library if opcode == 1 else ""
+    except _MALFORMED:
+        return ""
 
 
-def _unpack(data: bytes, found: ScannedChunk) -> None:
+def parts(source: Source) -> Iterator[ScannedChunk | Damage]:
+    """Yield what is whole and what is not, from the first chunk to the end of the last.
+
+    What follows a sound last chunk (metadata, index, footer) is not part of it when it is sound.
+    """
+    summary = summary_start(source)
+    position = data_start(source)
+    while position < source.size:
+        found = chunk_at(source, position)
+        if found is None:
+            if _is_end(source, position, summary):
+                return
+            behind = _next_chunk(source, position + 1)
+            yield Damage(position, behind)
+            position = behind
+            continue
+        indexes = message_indexes(found.index)
+        if source.read(found.end, len(indexes)) == indexes:
+            found = found._replace(end=found.end + len(indexes))
+        else:
+            expected, found = found.end + len(indexes), found._replace(indexed=False)
+            if chunk_at(source, expected) or _is_end(source, expected, summary):
+                found = found._replace(end=expected)
+        yield found
+        position = found.end
+
+
+def data_start(source: Source) -> int:
+    """Return where the first chunk should be: behind the header and what was declared there.
+
+    It is 0 where the header is damaged and may have lost or won bytes: there is only searching.
+    """
+    end = len(HEAD)
+    if source.read(0, end) != HEAD and chunk_at(source, end) is None:
+        return 0
+    for found in outside(source, end):
+        if found.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            break
+        end = found.end
+    return end
+
+
+def outside(source: Source, position: int) -> Iterator[Outside]:
+    """Yield the records from `position` on, up to the footer or one that is malformed."""
+    while (place := _record_at(source, position)) is not None:
+        opcode, start, position = place
+        if opcode in (0, Opcode.FOOTER):
+            return
+        read, record = _OUTSIDE.get(opcode), None
+        if read is not None:
+            try:
+                record = read(_stream(source.read(start, position - start)))
+            except _MALFORMED:
+                return
+        yield Outside(opcode, position, record)
+
+
+def summary_start(source: Source) -> int:
+    """Return where the index begins, -1 when it or the footer is not sound: the file is torn."""
+    start = source.size - FOOTER_BYTES
+    footer = source.read(start, FOOTER_BYTES)
+    if start < len(HEAD) or footer[-len(MAGIC) :] != MAGIC:
+        return -1
+    opcode, length, summary, offsets, crc = struct.unpack_from("<BQQQI", footer)
+    if opcode != Opcode.FOOTER or length != 20 or not 0 < summary <= offsets <= start:
+        return -1
+    found = 0
+    for position in range(summary, start, _BLOCK):
+        found = zlib.crc32(source.read(position, min(_BLOCK, start - position)), found)
+    return summary if zlib.crc32(footer[: _RECORD.size + 16], found) == crc else -1
+
+
+def _is_end(source: Source, position: int, summary: int) -> bool:
+    """Whether nothing but metadata stands between `position` and a sound index."""
+    if summary < 0:
+        return False
+    for found in outside(source, position):
+        if found.opcode == Opcode.DATA_END:
+            return found.end == summary
+        if found.opcode != Opcode.METADATA:
+            return False
+    return False
+
+
+def _record_at(source: Source, position: int) -> tuple[int, int, int] | None:
+    """Return (opcode, start of the content, end) of a record, None when it is cut off."""
+    head = source.read(position, _RECORD.size)
+    if len(head) < _RECORD.size:
+        return None
+    opcode, length = _RECORD.unpack(head)
+    start = position + _RECORD.size
+    return (opcode, start, start + length) if length <= min(_MOST, source.size - start) else None
+
+
+def _stream(content: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(content))
+
+
+def _next_chunk(source: Source, position: int) -> int:
+    """Return where the next whole chunk begins, the end of the file when there is none."""
+    while position < source.size:
+        block = source.read(position, _BLOCK + _LOOK_AHEAD)
+        place = 0
+        while (match := _CANDIDATE.search(block, place)) and match.start() < _BLOCK:
+            place = match.start() + 1
+            if _promising(block, match.start()) and chunk_at(source, position + match.start()):
+                return position + match.start()
+        position += _BLOCK
+    return source.size
+
+
+def _promising(block: bytes, place: int) -> bool:
+    """Whether it is worth reading on: bytes that look like the head of a chunk are everywhere."""
+    _, length, _, _, _, _, name = _CHUNK.unpack_from(block, place)
+    start = place + _CHUNK.size + name
+    if name:
+        return block.startswith(_ZSTD_MAGIC, start + _LENGTH.size)
+    return len(block) >= start + 8 and length == 40 + _LENGTH.unpack_from(block, start)[0]
+
+
+def chunk_at(source: Source, position: int) -> ScannedChunk | None:
+    """Return the chunk that begins at `position`, without its indexes; None when it is not whole.
+
+    Damage to its opcode, times, compression, size or one of its two lengths is made good.
+    """
+    head = source.read(position, _LOOK_AHEAD)
+    if len(head) < _CHUNK.size + 12:
+        return None
+    _, length, _, _, _, crc, _ = _CHUNK.unpack_from(head)
+    for compression in ("zstd", ""):
+        start = _CHUNK.size + len(compression)
+        (told,) = _LENGTH.unpack_from(head, start)
+        start += position + _LENGTH.size
+        for size in dict.fromkeys((told, length - 40 - len(compression))):
+            if not 0 < size <= min(_MOST, source.size - start):
+                continue
+            data = source.read(start, size)
+            records = _uncompressed(data) if compression else data
+            if records is not None and zlib.crc32(records) == crc:
+                chunk = Chunk(compression, data, 0, 0, crc, len(records))
+                return _scanned(position, head, chunk, records)
+    return None
+
+
+def _uncompressed(data: bytes) -> bytes | None:
+    try:
+        # The frame's own word, as the chunk's may be damaged; what no frame can hold is refused.
+        if not 0 < zstandard.frame_content_size(data) <= min(_MOST, _MOST_RATIO * len(data)):
+            return None
+        return zstandard.ZstdDecompressor().decompress(data, allow_extra_data=False)
+    except (zstandard.ZstdError, MemoryError):
+        return None
+
+
+def _scanned(position: int, head: bytes, chunk: Chunk, records: bytes) -> ScannedChunk | None:
+    try:
+        schemas, channels, messages, index = _unpacked(records)
+    except _MALFORMED:
+        return None
+    if not messages:
+        return None
+    times = [message.log_time for message in messages]
+    chunk.message_start_time, chunk.message_end_time = min(times), max(times)
+    end = position + chunk_length(chunk)
+    sound = head.startswith(chunk_head(chunk))
+    return ScannedChunk(position, end, chunk, schemas, channels, messages, index, sound)
+
+
+def _unpacked(
+    records: bytes,
+) -> tuple[list[Schema], list[Channel], list[Message], dict[int, list[int]]]:
+    schemas, channels, messages = [], [], []
+    index: dict[int, list[int]] = {}
     position = 0
-    while position < len(data):
-        opcode, length = _RECORD.unpack_from(data, position)
+    while position < len(records):
+        opcode, length = _RECORD.unpack_from(records, position)
         start = position + _RECORD.size
         end = start + length
+        if end > len(records):
+            raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.MESSAGE:
-            channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, start)
-            content = data[start + _MESSAGE.size : end]
-            found.messages.append(Message(channel, log_time, publish_time, sequence, content))
-            found.index.setdefault(channel, []).extend((log_time, position))
+            channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(records, start)
+            content = records[start + _MESSAGE.size : end]
+            messages.append(Message(channel, log_time, publish_time, sequence, content))
+            index.setdefault(channel, []).extend((log_time, position))
         elif opcode == Opcode.SCHEMA:
-            found.schemas.append(Schema.read(ReadDataStream(BytesIO(data[start:end]))))
+            schemas.append(Schema.read(_stream(records[start:end])))
         elif opcode == Opcode.CHANNEL:
-            found.channels.append(Channel.read(ReadDataStream(BytesIO(data[start:end]))))
+            channels.append(Channel.read(_stream(records[start:end])))
         position = end
+    return schemas, channels, messages, index

@@ -12,6 +12,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 
+from .audit import byte_order
+
 Sections = Mapping[str, Mapping[str, str]]
 
 HASHES = "hashes"
@@ -65,5 +67,4 @@ def disowned(told: Sections, newest: Mapping[str, bytes]) -> Iterator[str]:
 def _holds(data: bytes, text: str) -> bool:
     """Whether a CDR message holds exactly this string: its length, itself, and a zero."""
     content = text.encode() + b"\0"
-    order = "little" if data[1] & 1 else "big"
-    return len(content).to_bytes(4, order) + content in data
+    return len(content).to_bytes(4, byte_order(data)) + content in data

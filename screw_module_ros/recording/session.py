@@ -20,7 +20,8 @@ from typing import NamedTuple
 
 from .audit import Counts
 from .bag import BagWriter, Topic
-from .errors import BagWriteError
+from .errors import BagReadError, BagWriteError
+from .files import refuse_special
 from .mcap_file import Message
 from .storage import StorageSettings
 
@@ -203,8 +204,12 @@ def file_hashes(names: Sequence[str]) -> dict[str, str]:
     found = {}
     for name in filter(None, names):
         try:
-            content = Path(name).expanduser().read_bytes()
+            path = Path(name).expanduser()
+            refuse_special(path)
+            content = path.read_bytes()
             found[name] = f"sha256:{hashlib.sha256(content).hexdigest()}"
         except OSError as error:
             found[name] = f"unreadable: {error.strerror}"
+        except (BagReadError, RuntimeError, ValueError) as error:  # or nobody has that home folder
+            found[name] = f"unreadable: {error}"
     return found

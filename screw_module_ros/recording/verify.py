@@ -8,23 +8,22 @@ What cannot be counted is named: a verdict covers no more than it says.
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-from mcap.records import Schema
-
 from .audit import Counts, TopicAudit, layout, monotonic_of, sequence_of
-from .bag import AUDIT, CLOSED, METADATA_FILE, PREFIX, REFUSED, STATE
+from .bag import CLOSED, METADATA_FILE, REFUSED
+from .catalogue import resolved
 from .errors import BagReadError
 from .expected import TICKED, absent, stride_of, wrong_rate
-from .recovery import files_of, mapped
-from .scan import chunks, data_start, is_complete, metadata_records
-from .seal import PARAMETERS, broken, disowned
+from .files import Source, files_of
+from .noted import Noted, own, read_noted
+from .seal import PARAMETERS, Sections, broken, disowned
+from .survey import Survey, chunks, survey
 
 _SHOWN = 5  # gaps told per topic
 _END_S = 1.0  # a topic with ticks that is silent for longer at an end of the bag is named
@@ -93,7 +92,7 @@ class _Track:
         self.numbered = False
         self.first = self.last = 0
         self.oldest = b""
-        self.times = array("q")
+        self.times = array("Q")
         self.sequences = array("I")
         self.newest = b""
 
@@ -131,75 +130,77 @@ def verify(folder: Path | str) -> Report:
     folder = Path(folder)
     tracks: dict[str, _Track] = {}
     problems: list[str] = []
-    inside: dict[str, Any] | None = None
+    noted, unreadable = _noted(folder)
+    inside: Sections | None = None
     for path in files_of(folder):
-        with mapped(path) as buffer:
-            start = _walk(buffer, path, tracks)
-            inside = metadata_records(buffer, start) if is_complete(buffer) else None
-            if inside is None:
-                problems.append(f"{path.name} was cut off; run: session recover {folder}")
-    information = _information(folder, problems)
-    notes = _notes(information)
-    for topic in _topics(information):  # a file does not tell of the last that never spoke
-        tracks.setdefault(topic["name"], _Track(topic["type"], ""))
+        with Source(path) as source:
+            found = survey(source, bool(noted.state))
+            _walk(source, found, noted, tracks)
+        inside = own(found.metadata) if found.complete else None
+        problems += _damage(found, folder)
+    if unreadable:
+        problems.append(
+            f"{METADATA_FILE} cannot be read ({unreadable}); run: session recover {folder}"
+        )
+    notes = noted.sections
+    for topic in noted.topics:  # a file does not tell of the last that never spoke
+        tracks.setdefault(topic.name, _Track(topic.type, ""))
     tracks = dict(sorted(tracks.items()))
     for track in tracks.values():
         track.audit.stride = stride_of(track.type, notes.get(PARAMETERS))
     counts = {name: track.audit.counts() for name, track in tracks.items()}
-    counts = _with_noted(counts, information)
+    counts = _with_noted(counts, noted)
     remarks = [*_uncounted(counts, tracks), *_ends(tracks), *_unexpected(tracks, notes)]
     counts = _with_numbers(counts, tracks)
-    problems += _compared(counts, information)
     problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
     problems += _suspect(tracks, notes)
-    if information:
-        problems += broken(notes, None if inside is None else _own(inside))
+    if not unreadable:
+        problems += _compared(counts, noted)
+        problems += broken(notes, inside)
         problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
-    gaps = {name: list(_first(track.gaps())) for name, track in tracks.items()}
+    gaps = {name: list(islice(track.gaps(), _SHOWN)) for name, track in tracks.items()}
     return Report(counts, {n: g for n, g in gaps.items() if g}, problems, notes, remarks)
 
 
-def _walk(buffer: memoryview, path: Path, tracks: dict[str, _Track]) -> int:
-    """Take in one file; return where its data begins."""
+def _noted(folder: Path) -> tuple[Noted, str]:
+    """Return what metadata.yaml tells, and why it cannot be read."""
     try:
-        start = data_start(buffer)
+        return read_noted(folder), ""
     except BagReadError as error:
-        raise BagReadError(f"{path}: {error}") from None
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, _Track] = {}
-    for found in chunks(buffer, start):
-        schemas.update((schema.id, schema) for schema in found.schemas)
-        for channel in found.channels:
-            schema = schemas[channel.schema_id]
-            track = tracks.setdefault(channel.topic, _Track(schema.name, schema.data.decode()))
-            channels[channel.id] = track
-        for message in found.messages:
-            channels[message.channel].add(message.log_time, message.sequence, message.data)
-    return start
+        return Noted(), str(error)
 
 
-def _information(folder: Path, problems: list[str]) -> dict[str, Any]:
-    try:
-        text = (folder / METADATA_FILE).read_text(encoding="utf-8")
-        return yaml.safe_load(text)["rosbag2_bagfile_information"]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
-        problems.append(f"{METADATA_FILE} cannot be read ({error}); run: session recover {folder}")
-        return {}
+def _walk(source: Source, found: Survey, noted: Noted, tracks: dict[str, _Track]) -> None:
+    """Take in one file."""
+    channels = resolved(found.channels, {}, noted.topics, sorted(found.counts))
+    track_of = {
+        number: tracks.setdefault(d.channel.topic, _Track(d.schema.name, d.text))
+        for number, d in channels.items()
+    }
+    for chunk in chunks(source, found):
+        for message in chunk.messages:
+            track_of[message.channel].add(message.log_time, message.sequence, message.data)
 
 
-def _topics(information: dict[str, Any]) -> list[dict[str, Any]]:
-    lines = information.get("topics_with_message_count") or ()
-    return [line["topic_metadata"] for line in lines]
+def _damage(found: Survey, folder: Path) -> Iterator[str]:
+    """Say what of a file cannot be read."""
+    way_out = f"run: session recover {folder}"
+    name = found.path.name
+    if found.orderly and not found.complete:
+        yield f"{name} was cut off; {way_out}"
+    elif not found.whole:
+        lost = sum(damage.end - damage.start for damage in found.cut)
+        where = f" from byte {found.cut[0].start} on" if found.cut else ""
+        yield f"{name} is damaged: {lost} bytes cannot be read{where}; {way_out}"
 
 
-def _with_noted(counts: dict[str, Counts], information: dict[str, Any]) -> dict[str, Counts]:
+def _with_noted(counts: dict[str, Counts], noted: Noted) -> dict[str, Counts]:
     """Add what only the recorder knew: messages it could not write, topics with two publishers."""
-    audit = json.loads((information.get("custom_data") or {}).get(AUDIT, "{}"))
     found = {}
     for name, count in counts.items():
-        noted = Counts(**audit.get(name, {}))
-        missed = -1 if noted.missed < 0 else count.missed
-        found[name] = count._replace(dropped=noted.dropped, missed=missed)
+        told = noted.audit(name)
+        missed = -1 if told.missed < 0 else count.missed
+        found[name] = count._replace(dropped=told.dropped, missed=missed)
     return found
 
 
@@ -259,17 +260,14 @@ def _suspect(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
             yield f"{name}: {why}"
 
 
-def _compared(counts: dict[str, Counts], information: dict[str, Any]) -> Iterator[str]:
-    if not information:
-        return
-    state = (information.get("custom_data") or {}).get(STATE)
-    if state != CLOSED:
-        yield f"the recording was not closed in good order (state: {state})"
-    for line in information["topics_with_message_count"]:
-        name, noted = line["topic_metadata"]["name"], line["message_count"]
-        found = counts[name].messages if name in counts else 0
-        if noted != found:
-            yield f"{name}: {METADATA_FILE} tells {noted} messages, the files hold {found}"
+def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:
+    if noted.state != CLOSED:
+        yield f"the recording was not closed in good order (state: {noted.state or None})"
+    for line in noted.topics:
+        found = counts[line.name].messages
+        if line.messages != found:
+            told = f"{METADATA_FILE} tells {line.messages} messages"
+            yield f"{line.name}: {told}, the files hold {found}"
 
 
 def _missing(name: str, count: Counts) -> str:
@@ -284,30 +282,3 @@ def _missing(name: str, count: Counts) -> str:
         if number > 0
     ]
     return f"{name}: of {count.messages} messages " + ", ".join(parts)
-
-
-def _first(gaps: Iterator[Gap]) -> Iterator[Gap]:
-    for _, gap in zip(range(_SHOWN), gaps, strict=False):
-        yield gap
-
-
-def _notes(information: dict[str, Any]) -> dict[str, Any]:
-    custom = _own(information.get("custom_data") or {})
-    return {name: _values(text) for name, text in custom.items()}
-
-
-def _values(text: Any) -> dict[str, str]:
-    """Return one entry of custom_data; one that cannot be read is empty, and so found out."""
-    try:
-        return {str(key): str(value) for key, value in json.loads(text).items()}
-    except (TypeError, ValueError, AttributeError):
-        return {}
-
-
-def _own(custom: dict[str, Any]) -> dict[str, Any]:
-    """Return the recorder's own notes among `custom`, without their prefix."""
-    return {
-        key.removeprefix(PREFIX): value
-        for key, value in custom.items()
-        if key.startswith(PREFIX) and key not in (STATE, AUDIT)
-    }

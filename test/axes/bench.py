@@ -15,15 +15,17 @@ from typing import NamedTuple
 import can
 
 from screw_module_ros.axes.controller import VerticalController
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
-from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
+from screw_module_ros.axes.vertical import VerticalAxis
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.gate import OPEN, GateSettings
-from screw_module_ros.control.limits import TorqueLimits
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.devices.drive import Drive
@@ -34,6 +36,7 @@ from screw_module_ros.devices.errors import BusError
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.devices.port import Port
+from screw_module_ros.geometry import SCREW
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.rig import Rig, RigSettings
@@ -77,7 +80,7 @@ class Row(NamedTuple):
 class Bench:
     """One robot. `tick` is one period; `rows` is what happened."""
 
-    def __init__(self, seed: int = 1):
+    def __init__(self, seed: int = 1, drive: DriveSettings | None = None):
         name = uuid.uuid4().hex
         self._buses = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
@@ -90,12 +93,13 @@ class Bench:
         self.home = self.world.settings.start.position
         self.encoder = Encoder(self.ports["encoder"], EncoderSettings(home_position=self.home))
         self.force_sensor = ForceSensor(self.ports["force_sensor"], ForceSensorSettings())
-        self.drive = Drive(self.ports["drive"], DriveSettings())
+        self.drive = Drive(self.ports["drive"], drive or DriveSettings(), per_turn=SCREW.lead)
         beat = Heartbeat(self.ports["planar"], 113, 0.025)
         self.planar_drives = tuple(
             Drive(
                 self.ports["planar"],
-                DriveSettings(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0),
+                DriveSettings(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0,
+                              counts_per_turn=65536),  # fmt: skip
                 f"{label} drive",
                 beat,
             )
@@ -112,9 +116,7 @@ class Bench:
             self.drive,
             PERIOD_NS,
             GateSettings(),
-            TorqueLimits(),
-            ForceLimits(),
-            default_linearization(),
+            torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
         )
         self.axes = PlanarAxes(
             self.planar_drives, PERIOD_NS, PlanarSettings(), JointSettings(), GateSettings()
@@ -125,6 +127,7 @@ class Bench:
         self.commanding = True
         self.rows: list[Row] = []
         self._readings: list = []
+        self._hand = math.nan, math.nan
         self._sequence = 0
         self.devices = (self.encoder, self.force_sensor, self.drive, *self.planar_drives)
 
@@ -226,9 +229,10 @@ class Bench:
         force = self.force_sensor.reading()
         if force is not None:
             self._readings.append(force)
+            self._hand = force.fx, force.fy
             controller.force(force, now)
         reading = self.drive.reading
-        metres = reading.position * 0.01905 / 20000 if reading else 0.0
+        metres = reading.position if reading else 0.0
         controller.amplifier(axis.drives.enabled, metres, now)
         sample = self.encoder.reading()
         output = controller.act(sample, self.setpoint, now) if sample else controller.idle(now)
@@ -250,7 +254,7 @@ class Bench:
 
     def _act_in_plane(self, now: int) -> None:
         if self.axes.answered(self._answered_since()):
-            self.axes.act(self.planar_setpoint, now)
+            self.axes.act(self.planar_setpoint, now, self._hand)
         else:
             self.axes.idle(now)
 

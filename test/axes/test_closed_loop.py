@@ -7,8 +7,11 @@ import math
 
 import numpy as np
 import pytest
+from bench import Bench
 
 from screw_module_ros.control import modes
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.geometry import Screw
 from screw_module_ros.plant.world import ArmSettings
 
 SPRING, CENTRE = 100.0, 0.18
@@ -122,6 +125,32 @@ def test_a_frozen_encoder_shows_in_motion(enabled):
     assert "disagree" in enabled.rows[-1].reason
 
 
+@pytest.mark.parametrize("counts", [4096, 262_144])
+def test_a_drive_of_another_resolution_agrees_with_the_encoder(monkeypatch, counts):
+    """Drives count as they like: 4 096 or 262 144 per turn, told by the drive's own parameter."""
+    monkeypatch.setattr("screw_module_ros.rig.build._VERTICAL_COUNTS_PER_TURN", counts)
+    bench = Bench(drive=DriveSettings(counts_per_turn=counts))
+    bench.ready()
+    bench.controller.mode = modes.IMPEDANCE
+    assert bench.enable() == ""
+    swing(bench, 1.0)
+    assert bench.torque_passes
+    bench.close()
+
+
+def test_encoder_and_drive_on_different_leads_are_noticed(monkeypatch):
+    """One of two nodes got the new screw's lead: said in a sentence before it goes far."""
+    monkeypatch.setattr("bench.SCREW", Screw(lead=0.0127))
+    bench = Bench()
+    bench.ready()
+    bench.controller.mode = modes.IMPEDANCE
+    assert bench.enable() == ""
+    swing(bench, 1.0)
+    assert bench.rows[-1].torque == 0.0
+    assert "compare `lead`" in bench.rows[-1].reason
+    bench.close()
+
+
 def test_no_permission_no_torque(enabled):
     """The supervisor's word ends the torque at once; its return does not bring it back."""
     enabled.permitted = False
@@ -190,7 +219,7 @@ def test_plane_follows_its_set_point(bench):
 
 def test_plane_needs_its_home(bench):
     """Without absolute angles there is no planar force."""
-    bench.axes.homed = False
+    bench.axes.joints[1].restart()
     assert "home" in bench.enable_plane()
 
 

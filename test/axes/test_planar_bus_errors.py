@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control import gate
 from screw_module_ros.control.gate import GateSettings

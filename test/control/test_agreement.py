@@ -29,7 +29,18 @@ def test_ages_of_two_hundredths_of_a_second_apart_agree():
 def test_a_frozen_encoder_is_noticed():
     step, reason = run([(0.1, 0.1 + 0.0009 * k, 0.0) for k in range(50)])
     assert step == 8  # more than 2 mm after three steps, and 50 ms of patience
-    assert "disagree by -7.2 mm" in reason
+    assert reason.endswith("disagree by -7.2 mm"), "nothing moved that could be compared"
+
+
+def test_positions_on_different_leads_name_the_parameter():
+    """The amplifier was told the new screw, the encoder was not."""
+    _, reason = run([(0.1 + 0.0019 * k, 0.1 + 0.00127 * k, 0.0) for k in range(50)])
+    assert "mm after " in reason and "compare `lead`" in reason
+
+
+def test_positions_that_move_apart_name_the_direction():
+    _, reason = run([(0.1 + 0.001 * k, 0.1 - 0.001 * k, 0.0) for k in range(50)])
+    assert "compare `direction`" in reason
 
 
 def test_a_single_disagreement_is_tolerated():

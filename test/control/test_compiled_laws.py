@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control import planar, vertical
-from screw_module_ros.control.friction import load_friction_model
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
 

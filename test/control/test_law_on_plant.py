@@ -10,9 +10,11 @@ import math
 import pytest
 
 from screw_module_ros import filters, geometry
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control import modes
-from screw_module_ros.control.friction import load_friction_model
-from screw_module_ros.control.linearization import default_linearization, torque_command
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.torque_chain import COLD, commanded, on_the_wire, torque_chain
 from screw_module_ros.control.vertical import (
     VerticalInput,
     VerticalSettings,
@@ -24,7 +26,9 @@ from screw_module_ros.resources import resource_path
 
 DT, DELAY = 0.001, 0.0007  # [s] sample to drive write
 SETTINGS = VerticalSettings()
-AMPLIFIER = default_linearization()
+CHAIN = torque_chain(
+    CommandLimits(), TorqueLimits(), default_linearization(), geometry.SCREW, 0.42
+)
 AMPERES_PER_TORQUE = 1.0 / 0.16  # [A/Nm] (thesis 3.1.6)
 STAY = math.nan
 
@@ -45,21 +49,19 @@ def offsets(mode, model, seconds=9.0):
             target=(STAY, STAY, 0.18), duration=2.0, amplitude=(0.0, 0.0, 0.15), omega=(0, 0, 0.8)
         )
     )
-    state, felt, largest = initial_state(SETTINGS), [], 0.0
+    state, heat, felt, largest = initial_state(SETTINGS), COLD, [], 0.0
     zero, start = world.encoder_count, world.truth().nut_position
-    smooth, lowpass = filters.lowpass_coefficients(30.0, DT), filters.lowpass_settled(0.0)
-    height = start
+    smooth, motion = filters.lowpass_coefficients(30.0, DT), filters.velocity_settled(start)
     for tick in range(round(seconds / DT)):
-        before, height = height, start + geometry.counts_to_height(world.encoder_count - zero)
-        rate = filters.back_difference(before, height, DT)
-        velocity, lowpass = filters.lowpass_step(smooth, lowpass, rate)
+        height = start + geometry.counts_to_height(world.encoder_count - zero)
+        velocity, motion = filters.velocity_step(smooth, motion, height, DT)
         inp = VerticalInput(mode, height, velocity, world.wrench()[2] - bias, 0.18, 0.0, True)
         previous = state.force
         output, state = vertical_step(SETTINGS, model, state, inp, DT)
         largest = max(largest, abs(output.force - previous))
         world.advance(DELAY)
-        torque = geometry.force_to_torque(output.force)
-        world.vertical_command = torque_command(AMPLIFIER, torque) * AMPERES_PER_TORQUE
+        made, heat = commanded(CHAIN, heat, output.force, 1.0, DT)
+        world.vertical_command = on_the_wire(CHAIN, made.command) * AMPERES_PER_TORQUE
         world.advance(DT - DELAY)
         if tick * DT > 4.0 and abs(velocity) > 0.01:
             felt.append(world.truth().patient_force - 100.0 * (height - 0.18))

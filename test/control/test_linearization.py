@@ -9,24 +9,13 @@ from hypothesis import strategies as st
 
 from screw_module_ros.control.linearization import (
     IDENTITY,
-    LinearizationFileError,
     default_linearization,
-    load_linearization,
     torque_command,
     validated_linearization,
 )
 
 DEFAULT = default_linearization()
 torques = st.floats(-1.6, 1.6)
-
-GOOD = """
-format: screw_module_ros/linearization
-version: 1
-joints_Nm: [-0.025, 0.025]
-lower: {slope: 1.0, offset_Nm: -0.025}
-middle: [-880.0, 0.0, 2.55, 0.0]
-upper: {slope: 1.0, offset_Nm: 0.025}
-"""
 
 
 def dead_zone(command, width=0.025):
@@ -125,29 +114,3 @@ def test_a_command_far_from_its_torque_is_refused(other, told):
 @pytest.mark.parametrize("other", [lifted(0.07), lifted(-0.07), tilted(1.08), tilted(0.9)])
 def test_a_map_that_some_amplifier_needs_is_taken(other):
     assert validated_linearization(other) is other
-
-
-def test_file_gives_the_default_map(tmp_path):
-    path = tmp_path / "amplifier.yaml"
-    path.write_text(GOOD)
-    loaded = load_linearization(path)
-    for torque in (-1.0, -0.02, 0.0, 0.01, 0.5):
-        assert torque_command(loaded, torque) == pytest.approx(torque_command(DEFAULT, torque))
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "named"),
-    [
-        ("middle: [-880.0, 0.0, 2.55, 0.0]", "middle: [1.0, 2.0]", "middle: 2 numbers"),
-        ("offset_Nm: 0.025", "offset_Nm: 0.1", "upper.offset_Nm"),
-        ("joints_Nm", "joints", "joints_Nm: missing"),
-        ("slope: 1.0, offset_Nm: -0.025", "slope: steep, offset_Nm: -0.025", "lower.slope"),
-    ],
-)
-def test_a_broken_file_is_refused_by_key(tmp_path, old, new, named):
-    path = tmp_path / "amplifier.yaml"
-    assert old in GOOD
-    path.write_text(GOOD.replace(old, new))
-    with pytest.raises(LinearizationFileError, match=named) as caught:
-        load_linearization(path)
-    assert str(path) in str(caught.value)

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control import modes
-from screw_module_ros.control.friction import friction_force, load_friction_model
+from screw_module_ros.control.friction import friction_force
 from screw_module_ros.control.vertical import (
     LONGEST_STEP,
     VerticalInput,
@@ -115,7 +116,7 @@ def test_total_command_stays_within_the_handle_limits(target, limit):
     law = SETTINGS._replace(stiffness=5000.0)
     output, _ = run(REST._replace(position=0.18, setpoint_position=target), 12.0, law)
     assert output.saturated
-    assert output.force == pytest.approx(min(65.0, limit + 10.0))
+    assert output.force == pytest.approx(limit + 10.0), "the weight comes on top"
     assert output.impedance == pytest.approx(limit)
 
 
@@ -184,7 +185,7 @@ def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, d
         for _ in range(repeats):
             output, state = vertical_step(law, MODEL, state, inp, dt)
             assert all(math.isfinite(value) for value in output)
-            assert -law.force_down <= output.force <= law.force_up
+            assert -law.command_down <= output.force <= law.command_up
             assert abs(output.friction) <= law.friction_limit
             assert abs(output.feedback) <= law.feedback_limit
             assert law.travel_low <= output.desired_position <= law.travel_high

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import can
@@ -93,9 +94,31 @@ def test_torque_is_signed_and_follows_the_direction(wire, drive_end):
     assert commands(wire)[-1] == "0f 00 9c ff"  # -100 per mille
     wire.emit(0x181, "37 02 FF FF FF FF 32 00")  # position -1, torque +50 per mille
     wire.port.pump()
-    assert drive.reading.position == -1
+    assert drive.reading.position == pytest.approx(2.0 * math.pi / 20000)  # radians, sign turned
     assert drive.reading.torque == pytest.approx(-0.021)
     assert drive.reading.statusword == 0x0237
+
+
+def test_the_position_is_metres_of_the_nut_by_the_drive_s_own_resolution(wire, drive_end):
+    """A drive of 4096 counts per turn: one turn of the screw is 19.05 mm whoever counts it."""
+    drive = Drive(wire.port, SETTINGS._replace(counts_per_turn=4096), per_turn=0.01905)
+    drive.configure()
+    drive.start()
+    wire.emit(0x181, "37 02 00 10 00 00 00 00")
+    wire.port.pump()
+    assert drive.reading.position == pytest.approx(0.01905)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_the_position_is_continuous_where_6064_wraps(wire, drive_end, direction):
+    settings = SETTINGS._replace(direction=direction, counts_per_turn=4)
+    drive = started(wire, drive_end, settings)
+    places = []
+    for raw in ("FE FF FF 7F", "01 00 00 80", "FD FF FF 7F"):  # 2^31 - 2, then 3 on, 4 back
+        wire.emit(0x181, f"37 02 {raw} 00 00")
+        wire.port.pump()
+        places.append(drive.reading.position * direction / (0.5 * math.pi))
+    assert [b - a for a, b in itertools.pairwise(places)] == pytest.approx([3.0, -4.0])
 
 
 def test_slow_status_layout(wire, drive):

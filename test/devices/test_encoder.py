@@ -415,3 +415,21 @@ def test_on_a_shared_bus_the_sync_seen_is_the_request(wire, encoder_end):
     assert sample.sequence == 2000
     assert sample.stamp_ns - sample.monotonic_ns == 500
     assert sample.count == 42
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_a_tick_without_a_sample_is_missing_also_when_the_bus_fails(
+    wire, encoder, encoder_end, monkeypatch, answered
+):
+    def fails(timeout_s=0.0):
+        raise BusError("the cable is out")
+
+    encoder_end.answering = answered
+    assert (tick(wire, encoder) is not None) == answered
+    monkeypatch.setattr(wire.port, "pump", fails)
+    for _ in range(3):
+        with pytest.raises(BusError):
+            encoder.request(2, wire.advance(), 0)
+    # The third one has not ended yet.
+    assert encoder.counters.missing_in_a_row == (2 if answered else 3)
+    assert encoder.counters.requests == 4

@@ -485,19 +485,22 @@ def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, sensor, senso
     assert (sensor.counters.missing, sensor.counters.late) == (1, 2)
 
 
+@pytest.mark.parametrize("answered", [True, False])
 def test_a_tick_without_a_sample_is_missing_also_when_the_bus_fails(
-    wire, sensor, sensor_end, monkeypatch
+    wire, sensor, sensor_end, monkeypatch, answered
 ):
     def fails(timeout_s=0.0):
         raise BusError("the cable is out")
 
-    sensor_end.answers_polls = False
-    assert tick(wire, sensor, 1) is None
+    sensor_end.answers_polls = answered
+    assert (tick(wire, sensor, 1) is not None) == answered
     monkeypatch.setattr(wire.port, "pump", fails)
     for _ in range(3):
         with pytest.raises(BusError):
             sensor.request(2, wire.advance(), 0)
-    assert (sensor.counters.missing_in_a_row, sensor.counters.bus_errors) == (3, 3)
+    # The third one has not ended yet.
+    assert sensor.counters.missing_in_a_row == (2 if answered else 3)
+    assert (sensor.counters.requests, sensor.counters.bus_errors) == (4, 3)
 
 
 def test_one_pair_too_many_does_not_make_all_later_samples_old(wire, sensor, sensor_end):

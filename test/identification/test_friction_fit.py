@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from screw_module_ros.control.friction import (
-    FORMAT,
-    friction_force,
-    load_friction_model,
-)  # fmt: skip
+from screw_module_ros.calibration.friction import FORMAT, load_friction_model
+from screw_module_ros.control.friction import friction_force
 from screw_module_ros.identification import friction_fit, friction_map, gravity
 from screw_module_ros.identification.figures.friction_model import friction_model_figures
 from screw_module_ros.identification.friction_fit import Settings, friction_model_of

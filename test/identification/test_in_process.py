@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The in-process bench does what the world of the rig does, in any pieces, its zero taken off."""
 
+import itertools
 import math
 
 import numpy as np
@@ -60,6 +61,34 @@ def test_compiled_loop_is_the_plain_one(bench):
     run_ticks([params], start, plain)
     bench._run(packed(params), start, quick)
     assert quick == pytest.approx(plain, abs=1e-9)
+
+
+@pytest.mark.parametrize("periods", [1, 2, 20])
+def test_a_delay_of_whole_periods_is_kept_whole(module, periods):
+    """A sine asked for later by n periods comes n samples later, by the current's own sensor."""
+    trial = TorqueTrial(40.0, 0.1, 0.1)
+    prompt, late = (
+        InProcessBench(module, LoopSettings(command_delay=100e-6 + n * 500e-6)).record(
+            trial, quietly
+        )
+        for n in (0, periods)
+    )
+    shifted = late.current[periods:]
+    assert np.abs(prompt.current).max() > 1e-3
+    assert shifted == pytest.approx(prompt.current[: len(shifted)], abs=1e-9)
+
+
+def test_longer_delays_make_other_motion(module):
+    """1.0, 1.2, 2 and 10 ms: the thesis asks how much the delay costs, so each must count."""
+    trial = MotionTrial(modes.FORCE_FEEDBACK, VerticalSettings(), duration=0.5)
+    found = [
+        InProcessBench(module, LoopSettings(rate=1000.0, command_delay=delay))
+        .record(trial, quietly)
+        .force
+        for delay in (1.0e-3, 1.2e-3, 2e-3, 10e-3)
+    ]
+    for one, other in itertools.pairwise(found):
+        assert np.abs(one - other).max() > 0.01
 
 
 def test_chunks_do_not_matter(bench, monkeypatch):

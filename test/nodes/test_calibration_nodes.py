@@ -13,10 +13,11 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.control.friction import load_friction_model
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.module import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.module_calibration import ModuleCalibration, write_calibration
 from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.module_node import Done
 from screw_module_ros.nodes.support.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path
@@ -147,7 +148,7 @@ def graph(tmp_path_factory, calibration):
 
 @pytest.fixture(scope="module")
 def robot(graph):
-    with Robot("tester", watch=graph.watch) as operator:
+    with Robot("tester", watch=graph.watch, simulated=True) as operator:
         graph.wait_until_ready(operator, told=lambda waiting: None)
         yield operator
 
@@ -199,7 +200,7 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
     node.trigger_configure()
     node.trigger_activate()
-    assert node._on_start(Trigger.Request(), Trigger.Response()).success
+    assert isinstance(node._on_start(Trigger.Request()), Done)
 
     def recorded() -> int:
         publisher.publish(AmplifierState(calibration=calibration.identity))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`characterize` beside the running graph, all as separate processes at slow ticks, on the rig."""
+"""`characterize` beside the running graph, all as separate processes in simulated time at 1 kHz."""
 
 from __future__ import annotations
 
@@ -21,36 +21,15 @@ from screw_module_msgs.srv import SetFixture
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.live.graph import ACTIVE, lifecycle_state, parameters
-from screw_module_ros.nodes.support.graph import patience
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot
 
 pytestmark = pytest.mark.graph
 
-TICKS = 200.0
-AMPLIFIER = ("linearize", "force_up", "force_down")
-TRIES = 4
-BUSY = ("samples were lost", "no sample for", "took the torque off")  # of a guard that has struck
+AMPLIFIER = ("linearize", "command_up", "command_down")
+SIMULATED = ["-p", "use_sim_time:=true"]
+AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
 CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")
-
-
-def slow_ticks() -> list[str]:
-    """Return --ros-args with ticks and guards that a busy machine keeps up with."""
-    words = []
-    for node in ("encoder", "force_sensor", "impedance_controller", "amplifier"):
-        words += ["-p", f"{node}:rate:={TICKS}"]
-    given = {
-        "manus:rate": 100.0,
-        "characterize:watch.stale_periods": 60.0,
-    }
-    for drive in ("amplifier:", "manus:shoulder.", "manus:elbow."):
-        given |= {
-            f"{drive}command_timeout": 1.0,
-            f"{drive}heartbeat_timeout": 1.0,
-            f"{drive}drive_heartbeat": 0.5,
-        }
-    words += patience()
-    return words + [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
 
 
 class Goal:
@@ -96,13 +75,9 @@ class Bench:
         return Goal(self.robot, self.client, name, folder, **settings)
 
     def done(self, name: str, folder: Any, **settings: Any) -> tuple[RunExperiment.Result, Goal]:
-        """Let an experiment succeed, trying again as a user would when the machine was too busy."""
-        for _ in range(TRIES):
-            goal = self.goal(name, folder, **settings)
-            status, result = goal.result()
-            if not any(reason in result.message for reason in BUSY):
-                break
-            self.make_ready()
+        """Let an experiment succeed."""
+        goal = self.goal(name, folder, **settings)
+        status, result = goal.result()
         assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
         return result, goal
 
@@ -123,9 +98,16 @@ class Bench:
             **parameters(self.robot, "impedance_controller", CONTROLLER),
         }
 
+    def goals_in_time(self) -> list[str]:
+        """Return the threads of experiments that simulated time may still wait for."""
+        page = self.robot.clock.page
+        names = [page.name(slot) for slot in range(len(page.slot_pid)) if page.slot_pid[slot]]
+        return [name for name in names if name.endswith("/goal")]
+
     def check_put_back(self) -> None:
         """Everything as found: nodes, parameters, who commands; torque off, nothing latched."""
         robot = self.robot
+        robot.wait_until(lambda: not self.goals_in_time(), 10.0, "an experiment holds time")
         assert self.settings() == self.found
         for node in ("amplifier", "impedance_controller"):
             assert lifecycle_state(robot, node) == ACTIVE
@@ -180,8 +162,8 @@ def bench(running: Bench) -> Bench:
 @pytest.fixture(scope="module")
 def running() -> Iterator[Bench]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
-    with GraphRun(extra=slow_ticks(), without=["session_recorder"]) as graph:
-        ours = bringup.Process("characterize", ["--ros-args", *slow_ticks()])
+    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=["session_recorder"]) as graph:
+        ours = bringup.Process("characterize", ["--ros-args", *SIMULATED])
         try:
             with own_node() as (node, executor):
 
@@ -189,7 +171,7 @@ def running() -> Iterator[Bench]:
                     graph.watch()
                     executor.spin_once(timeout_sec=0.0)
 
-                with Robot("tester", watch=watch) as robot:
+                with Robot("tester", watch=watch, simulated=True) as robot:
                     robot.wait_until_ready([*graph.names, "characterize"])
                     graph.wait_until_ready(robot, lambda waiting: None)
                     robot.clear_faults()
@@ -264,6 +246,7 @@ def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
     bench.fix("locked_rotor")
     goal = bench.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
     goal.wait_for("sine of")
+    assert bench.goals_in_time() == ["characterize/goal"]
     robot.wait_until(
         lambda: (state := robot.state(AmplifierState)) and state.commanded_torque > 0.1,
         10.0,

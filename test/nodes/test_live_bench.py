@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from screw_module_msgs.action import RunExperiment
 
+from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import Cancelled, NotPossible, TorqueTrial
+from screw_module_ros.nodes.live import session as live_session
 from screw_module_ros.nodes.live import trials as live_trials
 from screw_module_ros.nodes.live.feedback import Feedback
 from screw_module_ros.nodes.live.samples import (
@@ -211,6 +213,13 @@ class TestRefusals:
             live_trials._sine(self.session, trial)
 
 
+    def test_sensors_with_another_clock(self, monkeypatch):
+        given = {"rate": 1000.0, "use_sim_time": True}
+        monkeypatch.setattr(live_session, "parameters", lambda *asked: given)
+        with pytest.raises(NotPossible, match="encoder runs with use_sim_time true"):
+            live_session.common_rate(SimpleNamespace(clock=WallClock()))
+
+
 class TestFeedback:
     @pytest.fixture
     def told(self):
@@ -218,16 +227,16 @@ class TestFeedback:
 
     @pytest.fixture
     def feedback(self, told):
-        self.now = 100.0
+        self.clock = ManualClock(100_000_000_000)
         goal = SimpleNamespace(
             publish_feedback=lambda m: told.append((m.progress, m.remaining, m.doing))
         )
-        return Feedback(goal, RunExperiment.Feedback, lambda: None, lambda: self.now)
+        return Feedback(goal, RunExperiment.Feedback, lambda: None, self.clock)
 
     def test_estimates_from_the_pace_so_far(self, feedback, told):
         feedback.say("stage")
         feedback.progress("map", 0.0, 40.0)
-        self.now += 30.0
+        self.clock.sleep(30.0)
         feedback.progress("map", 10.0, 40.0)
         progress, remaining, doing = told[-1]
         assert (progress, doing) == (0.25, "stage")
@@ -235,13 +244,13 @@ class TestFeedback:
 
     def test_what_was_kept_from_before_does_not_count(self, feedback, told):
         feedback.progress("map", 20.0, 40.0)
-        self.now += 10.0
+        self.clock.sleep(10.0)
         feedback.progress("map", 25.0, 40.0)
         assert told[-1][1] == pytest.approx(15.0 * (10.0 + 10.0) / (5.0 + 10.0))
 
     def test_is_not_told_too_often(self, feedback, told):
         for step in range(100):
-            self.now += 0.01
+            self.clock.sleep(0.01)
             feedback.progress("map", step, 100.0)
         assert 4 <= len(told) <= 6
 

@@ -10,6 +10,7 @@ import pytest
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.module import ModuleLoop, Parts
+from screw_module_ros.nodes.support.flat import COMMAND
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MS = 1_000_000
@@ -23,7 +24,7 @@ class Axis:
         node.begin()
         self.node = node
         self.told: list = []
-        node._publish = lambda command: self.told.append((command.sequence, command.force))
+        node._publish = lambda data: self.told.append(COMMAND.unpack(data)[::2])
         self.tick = 100
 
     @property

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.axes.controller import VerticalController
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
@@ -54,7 +54,7 @@ class Controller(RuleBasedStateMachine):
         if output is None:
             return
         assert math.isfinite(output.force)
-        assert -settings.force_down <= output.force <= settings.force_up
+        assert -settings.command_down <= output.force <= settings.command_up
         step = abs(output.force - self.sent)
         assert output.force == 0.0 or step <= settings.force_rate * self.elapsed() + ROUNDING
         if controller.reason or enabled is False:

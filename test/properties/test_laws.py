@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
+from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control import vertical as vertical_law
-from screw_module_ros.control.friction import load_friction_model
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical import VerticalInput, vertical_step
@@ -73,7 +73,7 @@ class VerticalLaw(RuleBasedStateMachine):
     def judge(self, inp, dt, output):
         settings = self.settings
         assert all_finite(output) and all_finite(self.state)
-        assert -settings.force_down <= output.force <= settings.force_up
+        assert -settings.command_down <= output.force <= settings.command_up
         believable = all_finite(inp[1:4]) and dt > 0.0
         if not (inp.active and believable):
             assert output.force == 0.0

@@ -17,7 +17,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
-from screw_module_ros.axes.planar import JointSettings, PlanarAxes
+from screw_module_ros.axes.joint import JointSettings
+from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.planar import LONGEST_STEP
@@ -37,8 +38,9 @@ FRESH_NS = 10 * PERIOD_NS
 REFUSAL_NS = 200 * MS
 DRIVES = DriveSettings(
     master_id=113, rate=500.0, rated_torque=10.0, max_torque=25.0, enable_timeout=0.1, listen=0.0,
-    sdo_timeout=0.02,
+    sdo_timeout=0.02, counts_per_turn=65536,
 )  # fmt: skip
+COUNT = 2.0 * math.pi / DRIVES.counts_per_turn  # [rad]
 names = (f"planar axes {number}" for number in itertools.count())
 
 which = st.integers(0, 1)
@@ -204,7 +206,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         moved = abs(position - self.ends[drive].position)
         self.ends[drive].position = position
         self.work(1)
-        far = min(moved, 2**32 - moved) * JOINTS.resolution > 30.0 * JOINTS.jump  # late ticks count
+        far = min(moved, 2**32 - moved) * COUNT > 30.0 * JOINTS.jump  # late ticks count
         assert not (far and self.answered and self.axes.drives.enabled)
 
     @rule(speeds=st.tuples(*[st.integers(-120, 120)] * 2), count=st.integers(1, 150))

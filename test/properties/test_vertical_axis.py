@@ -17,19 +17,21 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 from scripted import Wire
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
-from screw_module_ros.axes.vertical import ForceLimits, VerticalAxis
+from screw_module_ros.axes.vertical import VerticalAxis
 from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
-from screw_module_ros.control.limits import TorqueLimits
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
+from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotEnabled
-from screw_module_ros.geometry import force_to_torque
+from screw_module_ros.geometry import SCREW, force_to_torque
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
-GATE, LIMITS, FORCES = GateSettings(), TorqueLimits(), ForceLimits()
+GATE, LIMITS, FORCES = GateSettings(), TorqueLimits(), CommandLimits()
 PER_MILLE = 0.42 / 1000.0
 LINEARIZATION = default_linearization()
+CHAIN = torque_chain(FORCES, LIMITS, LINEARIZATION, SCREW, 0.42)
 names = (f"vertical axis {number}" for number in itertools.count())
 
 words = st.one_of(st.sampled_from(sorted(STATUSWORDS.values())), st.integers(0, 0xFFFF))
@@ -41,7 +43,7 @@ garbage = st.tuples(
 
 def largest_torque(scale: float, upward: bool) -> float:
     """Return the largest torque that way at a scale of the gate [Nm]."""
-    force = FORCES.force_up if upward else FORCES.force_down
+    force = FORCES.command_up if upward else FORCES.command_down
     return min(scale * force_to_torque(force), LIMITS.peak)
 
 
@@ -202,7 +204,7 @@ class AxisMachine(Machine):
 
     def __init__(self):
         super().__init__()
-        self.axis = VerticalAxis(self.drive, MS, GATE, LIMITS, FORCES, LINEARIZATION)
+        self.axis = VerticalAxis(self.drive, MS, GATE, CHAIN)
         self.sequence = 0
         self.open_ns = None
         self.permitted, self.safety_ns = False, 0

@@ -11,15 +11,15 @@ from bench import Bench
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from screw_module_ros.axes.vertical import ForceLimits
 from screw_module_ros.control.gate import CLOSED, OPEN
+from screw_module_ros.control.limits import CommandLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 
-LARGEST = torque_command(default_linearization(), force_to_torque(max(ForceLimits()))) + 0.001
+LARGEST = torque_command(default_linearization(), force_to_torque(max(CommandLimits()))) + 0.001
 FORCE_RATE = VerticalSettings().force_rate
 ROUNDING = 1e-9
 FAULTS = st.sampled_from(

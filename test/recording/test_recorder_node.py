@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -249,6 +250,11 @@ def test_full_disk_is_told_and_the_recorder_lives_on(graph, recorder, tmp_path):
 def test_bag_torn_by_a_power_failure_is_repaired_at_the_next_start(graph, recorder, bag, tmp_path):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(60_000)
+    for path in (bag / "bag_0.mcap", bag / "metadata.yaml", bag):
+        os.utime(path, (0, 0))  # a bag changed just now may still be copied
+    odd = tmp_path / "aa"  # and one that nobody can read must not be in the way
+    odd.mkdir()
+    os.mkfifo(odd / "aa_0.mcap")
     recorder(name="next")
     assert graph.call("start").success
     assert metadata(bag)["state"] == "recovered"

@@ -11,9 +11,10 @@ from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
 from screw_module_ros.recording import BagBusyError, BagReadError, BagWriter
+from screw_module_ros.recording.files import Source
 from screw_module_ros.recording.reader import metadata
-from screw_module_ros.recording.recovery import is_torn, mapped, recover, recover_all
-from screw_module_ros.recording.scan import chunks, data_start
+from screw_module_ros.recording.recovery import is_torn, recover, recover_all
+from screw_module_ros.recording.survey import chunks, survey
 from screw_module_ros.recording.verify import verify
 
 
@@ -25,8 +26,8 @@ def sequences(folder):
 def whole_chunks(path):
     """Return (end, messages up to there) of each chunk of a file."""
     found, total = [], 0
-    with mapped(path) as buffer:
-        for chunk in chunks(buffer, data_start(buffer)):
+    with Source(path) as source:
+        for chunk in chunks(source, survey(source, vouched=False)):
             total += len(chunk.messages)
             found.append((chunk.end, total))
     return found
@@ -128,6 +129,9 @@ def test_all_torn_bags_of_a_folder(bag):
     cut(bag, 30_000)
     (bag.parent / "something else").mkdir()
     (bag.parent / "file").write_text("")
+    old = os.stat(bag).st_mtime - 3600
+    for path in (bag, bag / "bag_0.mcap"):
+        os.utime(path, (old, old))
     assert set(recover_all(bag.parent)) == {bag}
     assert recover_all(bag.parent) == {}
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages handed over by one thread reach the bag; what does not is counted."""
 
+import os
 import threading
 
 import pytest
@@ -118,3 +119,11 @@ def test_hashes_of_configuration_files(tmp_path):
     # FIPS 180-2, appendix B.1.
     wanted = "sha256:ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     assert list(found.values()) == [wanted, "unreadable: No such file or directory"]
+
+
+@pytest.mark.timeout(60)
+def test_a_device_or_an_unknown_home_is_no_configuration(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    found = file_hashes(["/dev/zero", str(tmp_path / "fifo"), "~nosuchuser/x"])
+    assert all(text.startswith("unreadable: ") for text in found.values())
+    assert len(found) == 3

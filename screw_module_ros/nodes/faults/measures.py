@@ -16,8 +16,8 @@ LARGEST_STEP = 5.0
 """Allowed change of the force on the resting hand within `STEP_S` [N]."""
 SILENT_S = 2.5
 """Without a diagnostics entry for so long, a node no longer speaks [s]."""
-LARGEST_TORQUE = 0.25
-"""65 N at the handle and the linearization's 0.025 Nm [Nm]."""
+LARGEST_TORQUE = 0.34
+"""A command of 95 N and the linearization's 0.025 Nm [Nm]."""
 LARGEST_JOINT_TORQUE = 26.0
 """Limit of the planar drives [Nm]."""
 

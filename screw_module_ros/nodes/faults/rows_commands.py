@@ -219,7 +219,7 @@ def _services() -> Iterator[Row]:
 
 def _parameters() -> Iterator[Row]:
     """One of each kind: unit tests go through them all."""
-    yield _refuses("amplifier", "force_up", 100.0, "set to 100 in motion, where it is fixed")
+    yield _refuses("amplifier", "command_up", 100.0, "set to 100 in motion, where it is fixed")
     yield _refuses("impedance_controller", "stiffness", _NAN, "set to NaN in motion")
     yield _refuses("impedance_controller", "mode", 7, "set to 7 in motion")
 

@@ -130,7 +130,7 @@ def _topics() -> Iterator[Row]:
                apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
-               "amplifier limits it to 65 N; the next true one follows", None,
+               "amplifier limits it to 95 N; the next true one follows", None,
                "amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
                apart=True)  # fmt: skip
     x, y, z, *_ = SPRING

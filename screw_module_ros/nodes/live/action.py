@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 
@@ -45,7 +46,7 @@ class OneGoalServer(ActionServer):
         self._work, self._refusal, self._cancelling = work, refusal, cancelling
         self._thread: threading.Thread | None = None
         super().__init__(
-            node,
+            _BySystemTime(node),
             kind,
             name,
             _never,
@@ -89,6 +90,19 @@ class OneGoalServer(ActionServer):
             return outcome.result
 
         super().notify_execute(goal, finish)
+
+
+class _BySystemTime:
+    """A node with the system's clock, by which results are kept: ROS time may stand."""
+
+    def __init__(self, node: Node):
+        self._node, self._clock = node, Clock(clock_type=ClockType.SYSTEM_TIME)
+
+    def get_clock(self) -> Clock:
+        return self._clock
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._node, name)
 
 
 def _never(goal: ServerGoalHandle) -> None:

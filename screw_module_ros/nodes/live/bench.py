@@ -12,6 +12,8 @@ in `left`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
+from typing import Any
 
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 
@@ -38,10 +40,22 @@ from .trials import stage_trial, torque_trial
 _HEARD_S = 2.0
 
 
+def _in_time(method: Callable) -> Callable:
+    """Let the thread take part in the time while it works here; what it computes takes none."""
+
+    @wraps(method)
+    def working(bench: LiveBench, *args: Any) -> Any:
+        with bench.clock.working():
+            return method(bench, *args)
+
+    return working
+
+
 class LiveBench:
     """A `trials.Bench` on the live graph, for one experiment; one thread calls it.
 
-    left: after leaving, what could not be put back, as sentences; notes: for the result.
+    left: after leaving, what could not be put back, as sentences; notes: for the result; clock: the
+    graph's.
     """
 
     def __init__(
@@ -58,7 +72,9 @@ class LiveBench:
         say: tells people what is being done; hurried: whether putting back must be quick.
         """
         self.left: list[str] = []
-        self._session = Session(robot, loop, stand, watch, say, hurried)
+        self.clock = robot.clock
+        with self.clock.working():
+            self._session = Session(robot, loop, stand, watch, say, hurried)
         self._takeover = Takeover(robot, loop)
         self._motion = Motion(self._session)
         self.rate = self._session.rate
@@ -70,6 +86,7 @@ class LiveBench:
         """Sentences about the graph that a reader of the result must know."""
         return tuple(self._session.notes)
 
+    @_in_time
     def fingerprint(self) -> str:
         """Return what the graph runs with, so that parts measured otherwise are not taken up."""
         robot = self._session.robot
@@ -78,6 +95,7 @@ class LiveBench:
         states = [robot.state(kind) for kind in kinds]
         return ", ".join(state.calibration if state else "unknown" for state in states)
 
+    @_in_time
     def record(self, trial: Trial, told: Told) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, SamplesLost."""
         told(0.0)
@@ -99,6 +117,7 @@ class LiveBench:
             "have: run the experiment in process"
         )
 
+    @_in_time
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return what the transducer shows with nothing at the handle, beyond its tare."""
         session, stand = self._session, self._session.stand
@@ -124,6 +143,7 @@ class LiveBench:
     def __enter__(self) -> LiveBench:
         return self
 
+    @_in_time
     def __exit__(self, *_: object) -> None:
         self._torque_off()
         self._give_back()

@@ -3,25 +3,30 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
+
+from screw_module_ros.clock import Clock, WallClock
 
 _EVERY_S = 0.2
 _GOOD_S = 10.0
 
 
 class Feedback:
-    """Publishes feedback of one goal; `watch` is called each time and may raise to end it."""
+    """Publishes feedback of one goal; `watch` is called each time and may raise to end it.
+
+    clock: of those who wait for the result, by default wall clock also in simulated time.
+    """
 
     def __init__(
         self,
         goal: Any,
         kind: type,
         watch: Callable[[], None],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock | None = None,
     ):
-        self._goal, self._message, self._watch, self._clock = goal, kind(), watch, clock
+        self._goal, self._message, self._watch = goal, kind(), watch
+        self._clock = clock or WallClock()
         self._due = 0.0
         self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
 
@@ -33,7 +38,7 @@ class Feedback:
     def progress(self, experiment: str, done: float, total: float) -> None:
         """Take seconds of excitation done and all there are, as `Lab` tells them."""
         self._watch()
-        now = self._clock()
+        now = self._clock.now_ns() * 1e-9
         if self._first is None or done < self._first[1]:
             self._first = (now, done)
         self._message.progress = min(done / total, 1.0) if total > 0.0 else 1.0

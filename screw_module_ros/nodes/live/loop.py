@@ -8,10 +8,7 @@ hands over one object at a time and reads what comes back.
 from __future__ import annotations
 
 import threading
-import time
-from typing import Any
 
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, ImpedanceState
 
@@ -19,7 +16,8 @@ from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 
 from ..support import qos
-from ..support.realtime import Inbox
+from ..support.module_node import ModuleNode
+from ..support.realtime import BETWEEN_TICKS_NS, Inbox, Outlet, Ticker
 from .samples import Recording
 from .torque_source import TorqueSource
 
@@ -31,6 +29,8 @@ EVERY_SAMPLE = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 _STATE_PERIOD_NS = 10_000_000
+_LOOK_NS = 5_000_000  # between looks for samples that nobody waits for
+_SILENT_NS = 2_000_000
 _PASS_S = 2.0
 _IDLE_S = 0.05
 
@@ -41,19 +41,20 @@ class LiveLoop:
     sample: the newest EncoderSample, None before the first.
     """
 
-    def __init__(self, node: Node):
+    def __init__(self, node: ModuleNode):
         self.sample: EncoderSample | None = None
-        self._node = node
-        self._inbox = inbox = Inbox(node)
+        self._node, self._clock = node, node.clock
+        self._inbox = inbox = Inbox(node, node.clock)
         self._takes = (
             inbox.subscribe(EncoderSample, "screw/encoder", EVERY_SAMPLE, wakes=True),
             inbox.subscribe(ForceSample, "handle/force", EVERY_SAMPLE, wakes=True),
             inbox.subscribe(ForceCommand, "screw/force_command", EVERY_SAMPLE),
         )
+        self._ticker = Ticker(node.clock, _LOOK_NS, BETWEEN_TICKS_NS)
         self._awake = threading.Event()
         self._recording: Recording | None = None
         self._source: TorqueSource | None = None
-        self._publishers: tuple[Any, Any] | None = None
+        self._outlets: tuple[Outlet, Outlet] | None = None
         self._command = ForceCommand(mode=OFF)
         self._state = ImpedanceState(mode=OFF, calibration="characterize")
         self._state.header.frame_id = "manus_base"
@@ -64,14 +65,19 @@ class LiveLoop:
 
     def step(self) -> None:
         """One pass: wait for samples, at most some periods, and do with them what is wanted."""
-        if not self._awake.wait(_IDLE_S):
-            return
-        self._inbox.wait(2_000_000)
+        if not self._awake.is_set():
+            self._clock.idle()
+            if not self._awake.wait(_IDLE_S):
+                return
+        if self._source is None:
+            self._ticker.sleep()
+        else:
+            self._inbox.wait(self._clock.now_ns() + _SILENT_NS)
         recording, source = self._recording, self._source
         self._take_forces(recording, source)
         newest = self._take_encoder(recording)
         if source is not None:
-            self._answer(source, newest, time.monotonic_ns())
+            self._answer(source, newest, self._clock.now_ns())
         self._take_commands(recording)
         self._passes += 1
 
@@ -80,7 +86,7 @@ class LiveLoop:
             if recording is not None:
                 recording.note_force(force)
             if source is not None:
-                source.force(force, time.monotonic_ns())  # one that came just now is not ahead
+                source.force(force, self._clock.now_ns())  # one that came just now is not ahead
 
     def _take_encoder(self, recording: Recording | None) -> EncoderSample | None:
         newest = None
@@ -114,22 +120,22 @@ class LiveLoop:
         command.stamp = sample.stamp
         command.sequence, command.monotonic_ns = sample.sequence, sample.monotonic_ns
         command.force = force
-        self._publishers[0].handle.publish(command)
+        self._outlets[0].publish(command)
 
     def _publish_state(self, source: TorqueSource) -> None:
         message, sample = self._state, self.sample
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._node.stamp(message.header)
         message.faulted, message.reason = bool(source.fault), source.fault
         message.active = source.out != 0.0
         message.commanded_force = source.out
         if sample is not None:
             message.position, message.velocity = sample.position, sample.velocity
-        self._publishers[1].publish(message)
+        self._outlets[1].publish(message)
 
     def close(self) -> None:
         """Leave the topics; the loop no longer runs."""
         self._inbox.close()
-        self._destroy_publishers()
+        self._close_outlets()
 
     # The experiment's thread ---------------------------------------------------------------
 
@@ -148,9 +154,10 @@ class LiveLoop:
 
     def take_place(self, watch: WatchSettings, period_ns: int) -> TorqueSource:
         """Be the one who commands the amplifier, for now with zero; return the source to ask."""
-        self._publishers = (
-            self._node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND),
-            self._node.create_publisher(ImpedanceState, "screw/controller_state", qos.STATE),
+        node, clock = self._node, self._clock
+        self._outlets = (
+            Outlet(node, clock, ForceCommand, "screw/force_command", qos.COMMAND),
+            Outlet(node, clock, ImpedanceState, "screw/controller_state", qos.STATE),
         )
         self._source = source = TorqueSource(watch, period_ns)
         return source
@@ -164,17 +171,11 @@ class LiveLoop:
     def leave_place(self) -> None:
         """Send no more commands and give the topics back."""
         self._source = None
-        self._wait_for_a_pass()
-        self._destroy_publishers()
+        seen = self._passes  # two passes later the loop has surely seen it
+        self._clock.wait_for(lambda: self._passes >= seen + 2, _PASS_S)
+        self._close_outlets()
 
-    def _wait_for_a_pass(self) -> None:
-        """Wait until the loop has surely seen what was changed before."""
-        seen, end = self._passes, time.monotonic() + _PASS_S
-        while self._passes < seen + 2 and time.monotonic() < end:
-            time.sleep(0.002)
-
-    def _destroy_publishers(self) -> None:
-        if self._publishers is not None:
-            for publisher in self._publishers:
-                self._node.destroy_publisher(publisher)
-            self._publishers = None
+    def _close_outlets(self) -> None:
+        for outlet in self._outlets or ():
+            outlet.close()
+        self._outlets = None

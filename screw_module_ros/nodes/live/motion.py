@@ -7,17 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from screw_module_ros.control.friction import FrictionModel, load_friction_model
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.linearization import load_linearization
+from screw_module_ros.calibration.module import load_module_calibration
+from screw_module_ros.control.friction import FrictionModel
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import (
     Linearization,
     default_linearization,
-    load_linearization,
-    torque_command,
 )
 from screw_module_ros.control.modes import COMBINED, FRICTION_COMPENSATION, MODE_NAMES, OFF
-from screw_module_ros.control.module_calibration import load_module_calibration
+from screw_module_ros.control.torque_chain import (
+    COLD,
+    commanded,
+    on_the_wire,
+    torque_chain,
+)
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import force_to_torque
+from screw_module_ros.geometry import Screw
 from screw_module_ros.identification.trials import MotionTrial, NotPossible, Samples, Told
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import declared
@@ -182,15 +189,21 @@ class Motion:
         """Return forces asked for [N] as torque commands to the drive [Nm]."""
         if mode == OFF:
             return np.zeros(len(force))
-        given = parameters(
-            self._session.robot, AMPLIFIER, ("force_up", "force_down", "rated_torque")
+        names = CommandLimits._fields + Screw._fields + ("rated_torque",)
+        limits = [f"torque.{name}" for name in TorqueLimits._fields]
+        given = parameters(self._session.robot, AMPLIFIER, [*names, *limits])
+        chain = torque_chain(
+            CommandLimits(given["command_up"], given["command_down"]),
+            TorqueLimits(*(given[name] for name in limits)),
+            linearization,
+            Screw(given["lead"]),
+            given["rated_torque"],
         )
-        torque = force_to_torque(np.clip(force, -given["force_down"], given["force_up"]))
-        if linearization is not None:
-            undone = (torque_command(linearization, float(t)) if t else 0.0 for t in torque)
-            torque = np.fromiter(undone, float, len(torque))
-        rated = given["rated_torque"]
-        return np.round(torque / rated * 1000.0) * rated * 1e-3
+        heat, commands = COLD, np.empty(len(force))
+        for row, newtons in enumerate(force):
+            made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / self._session.rate)
+            commands[row] = on_the_wire(chain, made.command)
+        return commands
 
 
 def linearization_of(robot: Robot) -> tuple[Linearization | None, str]:

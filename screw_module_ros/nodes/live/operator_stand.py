@@ -108,3 +108,6 @@ class OperatorStand:
 
     def put_back(self) -> None:
         """Leave the mounting to the operator."""
+
+    def close(self) -> None:
+        """There is nothing to close."""

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import statistics
-import time
 
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import SetFixture
@@ -14,6 +13,7 @@ from screw_module_msgs.srv import SetFixture
 from screw_module_ros.identification.trials import Arm, MotionTrial, NotPossible
 
 from ..support import qos
+from ..support.realtime import Inbox
 from ..support.robot import Robot, arm
 from .graph import topic_of
 
@@ -23,7 +23,7 @@ FIXTURES = {
     "human_arm": "no hand holds the handle",
 }
 _HEARD_S = 5.0
-_FRESH_S = 1.0
+_FRESH_NS = 1_000_000_000
 _PLACING_S = 20.0
 _SETTLE_S = 0.3
 _RETURN_S = 1.0
@@ -46,25 +46,31 @@ class RigStand:
     def __init__(self, robot: Robot):
         self._robot = robot
         self._truth: SimTruth | None = None
-        self._heard = 0.0
+        self._heard_ns = 0
         self._found: SimTruth | None = None
         self._upside_down = False
         self._speed, self._begin = 0.0, 0.0
         self._way: list[tuple[int, float]] = []  # when [ns since the epoch] the stage was where
-        robot.node.create_subscription(SimTruth, "sim/truth", self._note, qos.STATE)
+        self._inbox = Inbox(robot.node, robot.clock)
+        self._take = self._inbox.subscribe(SimTruth, "sim/truth", qos.STATE)
 
-    def _note(self, truth: SimTruth) -> None:
-        self._truth, self._heard = truth, time.monotonic()
-        if len(self._way) < _LONGEST_WAY:
-            stamp = truth.header.stamp
-            self._way.append((stamp.sec * 10**9 + stamp.nanosec, truth.handle_position))
+    def close(self) -> None:
+        """Hear no more of the rig."""
+        self._inbox.close()
 
     def truth(self) -> SimTruth:
         """Return the newest sim/truth. Raises RobotError when the rig is silent."""
-        self._robot.wait_until(
-            lambda: time.monotonic() - self._heard < _FRESH_S, _HEARD_S, "sim_rig is silent"
-        )
+        self._robot.wait_until(self._is_heard, _HEARD_S, "sim_rig is silent")
         return self._truth
+
+    def _is_heard(self) -> bool:
+        now_ns = self._robot.clock.now_ns()
+        while (truth := self._take()) is not None:
+            self._truth, self._heard_ns = truth, now_ns
+            if len(self._way) < _LONGEST_WAY:
+                stamp = truth.header.stamp
+                self._way.append((stamp.sec * 10**9 + stamp.nanosec, truth.handle_position))
+        return self._truth is not None and now_ns - self._heard_ns < _FRESH_NS
 
     def require(self, fixture: str) -> None:
         """Raise NotPossible with the way out when the rig is mounted otherwise."""
@@ -143,8 +149,9 @@ class RigStand:
             for at, height in self._way
             if abs(height - self._begin) > max(1e-5, speed**2 / _ACCELERATION)
         ]
-        clocks = time.time_ns() - time.monotonic_ns()
-        return statistics.median(begun) - clocks if begun else None
+        clock = self._robot.clock
+        stamps_ahead_ns = clock.stamp_ns() - clock.now_ns()
+        return statistics.median(begun) - stamps_ahead_ns if begun else None
 
     def stage_halt(self) -> None:
         """Stop where it is."""

@@ -126,7 +126,7 @@ class Track(NamedTuple):
         return (tick - self.begin + _ROUND // 2) % _ROUND - _ROUND // 2
 
     def row_at(self, time_ns: float, rate: float) -> int:
-        """Return the first row not before a time on CLOCK_MONOTONIC [ns]."""
+        """Return the first row not before a time of the clock [ns]."""
         return min(max(0, int(np.ceil((time_ns - self.begin_ns) * 1e-9 * rate))), len(self.force))
 
 

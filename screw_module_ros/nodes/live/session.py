@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Iterator
 
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
 
+from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import NotPossible, Told
@@ -27,6 +27,7 @@ _PERMIT_S = 10.0
 _POLL_S = 0.05
 _CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
 _SENSORS = ("encoder", "force_sensor")
+_WALL = WallClock()  # whoever ends the process does not wait by the robot's time
 
 
 class Session:
@@ -71,11 +72,12 @@ class Session:
 
         Raises RobotError when samples stay away or the deadline passes, and what `told` raises.
         """
-        begun = heard = time.monotonic()
+        clock = self.robot.clock
+        begun = heard = clock.now_ns() * 1e-9
         count = recording.encoder.count
         while not done():
             self.robot.pause(_POLL_S)
-            now = time.monotonic()
+            now = clock.now_ns() * 1e-9
             told(now - begun)
             if recording.encoder.count != count:
                 count, heard = recording.encoder.count, now
@@ -169,11 +171,11 @@ class Session:
 
         Raises RobotError when it takes too long.
         """
-        watch, begun = self.robot.watch, time.monotonic()
+        watch, begun_ns = self.robot.watch, _WALL.now_ns()
 
         def in_time() -> None:
             patience = _HURRIED_S if self._hurried() else _CLEAN_UP_S
-            if time.monotonic() - begun > patience:
+            if (_WALL.now_ns() - begun_ns) * 1e-9 > patience:
                 raise RobotError("putting things back took too long")
 
         self.robot.watch = in_time
@@ -184,8 +186,18 @@ class Session:
 
 
 def common_rate(robot: Robot) -> float:
-    """Return the tick rate of both sensors [1/s]. Raises NotPossible when they differ."""
-    rates = [parameters(robot, node, ("rate",))["rate"] for node in _SENSORS]
+    """Return the tick rate of both sensors [1/s].
+
+    Raises NotPossible when they differ, or have another clock than this node.
+    """
+    given = [parameters(robot, node, ("rate", "use_sim_time")) for node in _SENSORS]
+    for node, values in zip(_SENSORS, given, strict=True):
+        if values["use_sim_time"] != robot.clock.simulated:
+            raise NotPossible(
+                f"{node} runs with use_sim_time {str(values['use_sim_time']).lower()}, "
+                "characterize does not: start it with the same"
+            )
+    rates = [values["rate"] for values in given]
     if rates[0] != rates[1]:
         raise NotPossible(
             f"encoder at {rates[0]:g} and force_sensor at {rates[1]:g} samples per second: start "

@@ -56,7 +56,7 @@ class Stand(Protocol):
         """Tell whether the stage has come to `end` [m]."""
 
     def stage_began_ns(self) -> float | None:
-        """Return when the stage began to move, CLOCK_MONOTONIC; None where nobody can tell."""
+        """Return when the stage began to move [ns] by the clock; None where nobody can tell."""
 
     def stage_halt(self) -> None:
         """Stop the stage where it is."""
@@ -76,6 +76,9 @@ class Stand(Protocol):
     def put_back(self) -> None:
         """Leave pin and mounting as they were found, everything at rest."""
 
+    def close(self) -> None:
+        """Leave the graph."""
+
 
 def stand_of(
     node: Node,
@@ -90,6 +93,10 @@ def stand_of(
     EncoderSample, None before the first.
     """
     rig = topic_of(robot, "sim_rig/set_fixture")
-    if robot.met(lambda: rig in dict(node.get_service_names_and_types()), _LOOK_S):
+
+    def is_there() -> bool:
+        return rig in dict(node.get_service_names_and_types())
+
+    if robot.clock.simulated or robot.met(is_there, _LOOK_S):
         return RigStand(robot)
     return OperatorStand(robot, confirmed, say, newest)

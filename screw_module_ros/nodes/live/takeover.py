@@ -65,7 +65,7 @@ class Takeover:
         if not self._begun:
             self._check_robot()
             self._found = parameters(
-                self._robot, AMPLIFIER, ("linearize", "force_up", "force_down")
+                self._robot, AMPLIFIER, ("linearize", "command_up", "command_down")
             )
             self._begun = True
             bring(self._robot, CONTROLLER, UNCONFIGURED)
@@ -74,7 +74,7 @@ class Takeover:
         bring(self._robot, AMPLIFIER, UNCONFIGURED)
         wide = min(LARGEST_FORCE, _MARGIN * force)
         widened = {
-            name: max(float(self._found[name]), wide) for name in ("force_up", "force_down")
+            name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
         }
         set_parameters(self._robot, AMPLIFIER, {"linearize": False, **widened})
         bring(self._robot, AMPLIFIER, ACTIVE)
@@ -82,7 +82,7 @@ class Takeover:
         return self.source
 
     def _limits(self) -> list[float]:
-        return list(parameters(self._robot, AMPLIFIER, ("force_up", "force_down")).values())
+        return list(parameters(self._robot, AMPLIFIER, ("command_up", "command_down")).values())
 
     def _check_robot(self) -> None:
         robot = self._robot

@@ -16,6 +16,7 @@ from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +29,7 @@ from screw_module_ros.lockstep.wires import Hop
 from . import qos
 from .freshness import Newest
 from .module_node import answer_topic, request_topic
-from .realtime import Inbox
+from .realtime import BREATH_S, Inbox
 from .transport import choose_transport
 
 _POLL_NS = 20_000_000
@@ -37,6 +38,7 @@ ANSWER_S = 10.0
 _LOST_S = 1.0
 _CREEP_NS = 5_000_000
 _READY_S = 90.0
+_STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
@@ -112,7 +114,10 @@ class Client:
     def _serve(self) -> None:
         # Not `spin`: shutting it down from another thread destroys what it is about to use.
         while not self._closing.is_set():
-            self._executor.spin_once(timeout_sec=_SERVE_S)
+            try:
+                self._executor.spin_once(timeout_sec=_SERVE_S)
+            except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
+                self._closing.wait(BREATH_S)
 
     # Waiting -------------------------------------------------------------------------------
 
@@ -125,15 +130,22 @@ class Client:
             self._sleep(min(end_ns, now_ns + _POLL_NS))
 
     def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
-        """Wait until `until_ns`, or for a message on `hops`. Raises RobotError when time stands."""
-        try:
-            if hops:
-                self.clock.member.wait(until_ns, hops=hops)
-            else:
-                self.clock.sleep_until(until_ns)
-        except TimeStandsStill as error:
-            self.watch()  # a process that has ended says more
-            raise RobotError(str(error)) from None
+        """Wait until `until_ns`, or for a message on `hops`.
+
+        Raises RobotError when simulated time stands because its rig has ended, or for long.
+        """
+        end_ns = _WALL.now_ns() + _STANDS_NS
+        while True:
+            try:
+                if hops:
+                    self.clock.member.wait(until_ns, hops=hops)
+                else:
+                    self.clock.sleep_until(until_ns)
+                return
+            except TimeStandsStill as error:
+                self.watch()  # a process that has ended says more
+                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
+                    raise RobotError(str(error)) from None
 
     def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
         """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""

@@ -105,9 +105,11 @@ class ModuleNode(LifecycleNode):
 
     # What subclasses use -------------------------------------------------------------------
 
-    def outlet(self, kind: type, topic: str, qos: QoSProfile) -> Callable[[Any], None]:
-        """Return what publishes on a topic until `disconnect`."""
-        outlet = Outlet(self, self.clock, kind, topic, qos)
+    def outlet(
+        self, kind: type, topic: str, qos: QoSProfile, raw: bool = False
+    ) -> Callable[[Any], None]:
+        """Return what publishes on a topic until `disconnect`; raw: serialized bytes."""
+        outlet = Outlet(self, self.clock, kind, topic, qos, raw)
         self._outlets.append(outlet)
         return outlet.publish
 

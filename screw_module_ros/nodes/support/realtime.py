@@ -26,6 +26,8 @@ from screw_module_ros.clock import Clock
 from screw_module_ros.lockstep.wires import Hop, Source
 from screw_module_ros.settings import Setting
 
+from .flat import Flat
+
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
 BETWEEN_TICKS_NS = 500_000
@@ -200,8 +202,12 @@ class Inbox:
         self._wakers: list[Hop] = []
         self._wait_set: Any = None
 
-    def subscribe(self, kind: type, topic: str, qos: QoSProfile, wakes: bool = False):
-        """Subscribe; return a function that takes the newest message or None.
+    def subscribe(
+        self, kind: type | Flat, topic: str, qos: QoSProfile, wakes: bool = False
+    ) -> Callable[[], Any]:
+        """Subscribe; return a function that takes the newest message, or a record of a `Flat`.
+
+        It returns None when there is none.
 
         `wakes`: `wait` returns when a message of this subscription is there. Of the others simulated
         time gives only what was published before the time of now: what two loops tell each other on
@@ -209,45 +215,48 @@ class Inbox:
         """
         if topic in self._direct:
             return _nothing
+        message_type = kind.kind if isinstance(kind, Flat) else kind
         subscription = self._node.create_subscription(
-            kind, topic, _never, qos, callback_group=self._group
+            message_type, topic, _never, qos, callback_group=self._group
         )
         self._subscriptions.append(subscription)
         handle = subscription.handle
         if wakes:
             self._waking.append(handle)
+        take_one = _taker(handle, kind)
         if self._clock.simulated:
             hop = self._clock.hop(subscription.topic_name)
             self._hops.append(hop)
             if not wakes:
-                return _Settled(self, handle, kind, hop, qos.depth == 1).take
+                return _Settled(self, take_one, handle, hop, qos.depth == 1).take
             self._wakers.append(hop)
-            return lambda: self._take_counted(handle, kind, hop)
-        take_message = handle.take_message
+            return lambda: self._take_counted(take_one, handle, hop)
 
-        def take():
-            taken = take_message(kind, False)
+        def take() -> Any:
+            taken = take_one()
             return taken[0] if taken is not None else None
 
         return take
 
-    def _take_counted(self, handle: Any, kind: type, hop: Hop) -> Any:
+    def _take_counted(self, take: Callable, handle: Any, hop: Hop) -> Any:
         """Take the newest message; one that was published and is still on its way is waited for."""
         newest = None
         while True:
-            taken = self.take_one(handle, kind, hop, hop.pending)
+            taken = self.take_one(take, handle, hop, hop.pending)
             if taken is None:
                 return newest
             newest = taken
             if not hop.pending():
                 return newest
 
-    def take_one(self, handle: Any, kind: type, hop: Hop, is_due: Callable[[], bool]) -> Any:
+    def take_one(
+        self, take: Callable, handle: Any, hop: Hop, is_due: Callable[[], bool]
+    ) -> Any:
         """Take one message, None without one; is_due: it must be there, or in a moment."""
-        taken = handle.take_message(kind, False)
+        taken = take()
         if taken is None and is_due():
             self._await(handle)
-            taken = handle.take_message(kind, False)
+            taken = take()
             if taken is None:
                 hop.let_go()  # lost: not waited for until the next one has come
         if taken is None:
@@ -301,9 +310,11 @@ class Inbox:
 class _Settled:
     """A subscription whose messages of the tick that runs are kept for the next one."""
 
-    def __init__(self, inbox: Inbox, handle: Any, kind: type, hop: Hop, only_newest: bool):
+    def __init__(
+        self, inbox: Inbox, take: Callable, handle: Any, hop: Hop, only_newest: bool
+    ):
         self._inbox, self._hop, self._only_newest = inbox, hop, only_newest
-        self._from = (handle, kind, hop, hop.unsettled)
+        self._from = (take, handle, hop, hop.unsettled)
         self._early: tuple[int, Any] | None = None
 
     def take(self) -> Any:
@@ -331,13 +342,16 @@ class _Settled:
 class Outlet:
     """A publisher of the hot loop; in simulated time its messages are counted.
 
-    publish: takes a message.
+    publish: takes a message; serialized bytes where the outlet is raw.
     """
 
-    def __init__(self, node: Node, clock: Clock, kind: type, topic: str, qos: QoSProfile):
+    def __init__(
+        self, node: Node, clock: Clock, kind: type, topic: str, qos: QoSProfile, raw: bool = False
+    ):
         self._node = node
         self._publisher = node.create_publisher(kind, topic, qos)
-        self._send = self._publisher.handle.publish
+        handle = self._publisher.handle
+        self._send = handle.publish_raw if raw else handle.publish
         self._source: Source | None = None
         self.publish = self._send
         if clock.simulated:
@@ -354,6 +368,20 @@ class Outlet:
         if self._source is not None:
             self._source.close()
         self._node.destroy_publisher(self._publisher)
+
+
+def _taker(handle: Any, kind: type | Flat) -> Callable[[], Any]:
+    """Return what takes a message, or a record, and what the middleware knows of it."""
+    take_message = handle.take_message
+    if not isinstance(kind, Flat):
+        return lambda: take_message(kind, False)
+    message_type, unpack = kind
+
+    def take() -> Any:
+        taken = take_message(message_type, True)
+        return taken if taken is None else (unpack(taken[0]), taken[1])
+
+    return take
 
 
 def _nothing() -> None:

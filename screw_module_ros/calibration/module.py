@@ -31,14 +31,15 @@ from typing import Annotated, NamedTuple
 import yaml
 
 from ..settings import Setting
-from .calibration import VERSION, CalibrationError, Section, read_calibration
-from .calibration_content import (
+from .content import (
     FORMAT,
     ModuleCalibration,
     content_checksum,
     content_values,
     read_content,
 )
+from .file import VERSION, read_calibration
+from .section import CalibrationError, Section
 
 __all__ = [
     "CalibrationSettings",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a module's calibration holds, its keys in the file, their ranges and their checksum.
 
-The file itself is read and written by `module_calibration`, which shows it.
+The file itself is read and written by `module`, which shows it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .calibration import VERSION, Section
-from .friction import FrictionModel, friction_values, read_friction_model
-from .linearization import Linearization, linearization_values, read_linearization
+from ..control.friction import FrictionModel
+from ..control.linearization import Linearization
+from .file import VERSION
+from .friction import friction_values, read_friction_model
+from .linearization import linearization_values, read_linearization
+from .section import Section
 
 FORMAT = "screw_module_ros/calibration"
 _LONGEST_TEXT = 64
@@ -104,7 +107,7 @@ def read_content(top: Section) -> ModuleCalibration:
 
 
 def content_checksum(calibration: ModuleCalibration) -> str:
-    """Return the SHA-256 of the canonical content (see `module_calibration`), in hexadecimal.
+    """Return the SHA-256 of the canonical content (see `module`), in hexadecimal.
 
     Of the tuple instead of the file's keys: each key is read exactly once and unknown ones are
     refused, so the tuple holds all of the file.

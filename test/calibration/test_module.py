@@ -13,9 +13,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.control.friction import load_friction_model
-from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.module_calibration import (
+from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.module import (
     CalibrationSettings,
     ModuleCalibration,
     ModuleCalibrationError,
@@ -23,6 +22,7 @@ from screw_module_ros.control.module_calibration import (
     load_module_calibration,
     write_calibration,
 )
+from screw_module_ros.control.linearization import default_linearization
 
 SERIAL = "SIM-0001"
 FRICTION = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strict reading of calibration files: YAML mappings in which every key is known and checked.
+"""Strict reading of a mapping: every key is known, taken once and checked.
 
 A calibration decides forces on a patient, so nothing is guessed: a missing, unknown or doubled key,
 a wrong type, a number that is not finite or a list of the wrong length is refused in one sentence
@@ -8,15 +8,8 @@ that names the file, the key, the problem and the way out.
 
 from __future__ import annotations
 
-import hashlib
 import math
-from pathlib import Path
 from typing import Any, NoReturn
-
-import yaml
-
-VERSION = 1
-_LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
 
 
 class CalibrationError(ValueError):
@@ -25,22 +18,6 @@ class CalibrationError(ValueError):
     Example: ``friction.yaml: up.trend: 7 numbers found, 8 are needed; give the polynomial's
     coefficients from the highest power to the constant``
     """
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """SafeLoader that refuses a key written twice instead of keeping the last one."""
-
-    def construct_mapping(self, node, deep=False):
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, str) and key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} is written twice", key_node.start_mark
-                )
-            if isinstance(key, str):
-                seen.add(key)
-        return super().construct_mapping(node, deep)
 
 
 class Section:
@@ -70,7 +47,8 @@ class Section:
         """Return the mapping under a key."""
         value = self._take(key)
         if not isinstance(value, dict):
-            self.fail(key, f"a mapping is needed, found {_kind(value)}", "indent its keys below it")
+            problem = f"a mapping is needed, found {kind_of(value)}"
+            self.fail(key, problem, "indent its keys below it")
         name = f"{self._name}.{key}" if self._name else key
         return Section(self._file, name, value, self._error, self._way_out)
 
@@ -78,7 +56,7 @@ class Section:
         """Return the text under a key."""
         value = self._take(key)
         if not isinstance(value, str) or not value:
-            self.fail(key, f"text is needed, found {_kind(value)}", "put it in quotes")
+            self.fail(key, f"text is needed, found {kind_of(value)}", "put it in quotes")
         return value
 
     def number(self, key: str, low: float = -math.inf, high: float = math.inf) -> float:
@@ -91,7 +69,7 @@ class Section:
         """Return the list of exactly count numbers under a key; meaning says what they are."""
         values = self._take(key)
         if not isinstance(values, list):
-            self.fail(key, f"a list is needed, found {_kind(values)}", f"give {meaning}")
+            self.fail(key, f"a list is needed, found {kind_of(values)}", f"give {meaning}")
         if len(values) != count:
             self.fail(key, f"{len(values)} numbers found, {count} are needed", f"give {meaning}")
         return tuple(
@@ -117,7 +95,7 @@ class Section:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             self.fail(
                 key,
-                f"a number is needed, found {_kind(value)}",
+                f"a number is needed, found {kind_of(value)}",
                 "write it like 12.5 or 1.0e-5, with the decimal point and without quotes",
             )
         if not abs(value) <= 1e300:
@@ -127,53 +105,8 @@ class Section:
         return float(value)
 
 
-def read_calibration(
-    path: str | Path, kind: str, error: type[CalibrationError], way_out: str = ""
-) -> Section:
-    """Return the top mapping of a calibration file after checking its `format` and `version`.
-
-    kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
-    cannot be read, is not a YAML mapping, or is of another format or version.
-    """
-    file = str(path)
-    try:
-        content = Path(path).read_bytes()
-        if len(content) > _LARGEST_FILE:
-            raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
-        values = yaml.load(content.decode(), Loader=_StrictLoader)
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise error(f"{file}: cannot be read ({reason}); check path and permissions") from problem
-    except CalibrationError:
-        raise
-    except (yaml.YAMLError, RecursionError, ValueError) as problem:
-        reason = " ".join(str(problem).split())
-        way = way_out or "correct it at that place"
-        raise error(f"{file}: not a YAML file ({reason}); {way}") from problem
-    if not isinstance(values, dict):
-        way = way_out or "start from params/"
-        raise error(f"{file}: a YAML mapping is needed, found {_kind(values)}; {way}")
-    head = Section(file, "", values, error)
-    found = head.text("format")
-    if found != kind:
-        head.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
-    version = head.number("version")
-    if version != VERSION:
-        head.fail("version", f"{version:g} is not known here", "convert the file to version 1")
-    rest = {key: value for key, value in values.items() if key not in ("format", "version")}
-    return Section(file, "", rest, error, way_out)
-
-
-def calibration_identity(path: str | Path) -> str:
-    """Return the identity of a calibration for logs and bags: file name and hash of its bytes.
-
-    Raises OSError when the file cannot be read.
-    """
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-    return f"{Path(path).name} sha256:{digest[:12]}"
-
-
-def _kind(value: Any) -> str:
+def kind_of(value: Any) -> str:
+    """Return the type of a value and the value, for a message."""
     if value is None:
         return "nothing"
     text = repr(value)

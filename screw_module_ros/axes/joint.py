@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One planar joint: the position that its drive reports, and what can be believed of it."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..control.freeze import FreezeSettings, FreezeState, freeze_step
+from ..devices.motion import Motion
+from ..settings import Setting
+
+
+class JointSettings(NamedTuple):
+    """The joints' position sensors and what can be believed of them."""
+
+    velocity_cutoff: Annotated[
+        float, Setting("cutoff of the velocity filter", "Hz", 1.0, 240.0)
+    ] = 30.0
+    home_x: Annotated[float, Setting("reference mark, x from the workspace centre", "m", -1, 1)] = (
+        0.0
+    )
+    home_y: Annotated[float, Setting("reference mark, y from the workspace centre", "m", -1, 1)] = (
+        0.0
+    )
+    home_speed_limit: Annotated[
+        float, Setting("homing is refused while a joint moves faster", "rad/s", 0.0, 1.0)
+    ] = 0.02
+    speed: Annotated[float, Setting("fastest joint that is believed", "rad/s", 0.1, 50.0)] = 6.0
+    jump: Annotated[
+        float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)
+    ] = 0.02
+    silence: Annotated[
+        float, Setting("ticks without both positions that latch a fault", "periods", 2.0, 100.0)
+    ] = 5.0
+
+
+class Joint:
+    """Angle and velocity of one joint.
+
+    angle: absolute once homed [rad]; velocity [rad/s].
+    """
+
+    def __init__(self, settings: JointSettings, freeze: FreezeSettings, period_ns: int):
+        self._settings = settings
+        self._period_ns = period_ns
+        self._freeze = freeze
+        self._still = FreezeState(0.0, 0.0)
+        self._motion = Motion(settings.velocity_cutoff, period_ns)
+
+    @property
+    def angle(self) -> float:
+        """Absolute angle [rad], once homed."""
+        return self._motion.position
+
+    @property
+    def velocity(self) -> float:
+        """Filtered velocity [rad/s]."""
+        return self._motion.velocity
+
+    @property
+    def homed(self) -> bool:
+        """Whether the angle is absolute."""
+        return self._motion.homed
+
+    def restart(self) -> None:
+        """Forget the last position; the home position goes with it."""
+        self._motion.restart()
+
+    def home(self, angle: float) -> None:
+        """Say that the joint stands at `angle` [rad]."""
+        self._motion.home(angle)
+
+    def take(self, position: float, periods: int) -> str:
+        """Take the drive's position [rad], `periods` after the last; return what is wrong.
+
+        After a jump nobody knows where the joint is, it may be turns away: the home is lost.
+        """
+        motion, settings = self._motion, self._settings
+        before, seen = motion.position, motion.seen
+        motion.take(position, periods * self._period_ns)
+        step = motion.position - before
+        if seen and abs(step) > settings.jump * periods:
+            motion.homed = False
+            return f"jumped by {step:.3f} rad"
+        if abs(motion.velocity) > settings.speed:
+            return f"turns at {motion.velocity:.1f} rad/s"
+        return ""
+
+    def trust(self) -> None:
+        """Forget what was held against the position: nothing passes that would have to move it."""
+        self._still = self._still._replace(doubt=0.0)
+
+    def doubt(self, torque: float) -> str:
+        """Return what is wrong with a joint that stood still, a period after the last look.
+
+        torque: net, that must have moved it [Nm], NaN = not known. Of a frozen position nobody
+        knows how far it is off: the home is lost.
+        """
+        dt = self._period_ns * 1e-9
+        frozen, self._still = freeze_step(
+            self._freeze, self._still, self._motion.position, torque, dt
+        )
+        if not frozen:
+            return ""
+        self._motion.homed = False
+        self.trust()
+        return (
+            f"position (6064) has not changed by a count in {self._freeze.time:g} s of more than "
+            f"{self._freeze.torque:g} Nm on the joint: it is frozen, or something blocks the arm; "
+            "home the plane again"
+        )

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibration files: YAML of a known format and version, and their identity."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import yaml
+
+from .section import CalibrationError, Section, kind_of
+
+VERSION = 1
+_LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """SafeLoader that refuses a key written twice instead of keeping the last one."""
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, str) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key!r} is written twice", key_node.start_mark
+                )
+            if isinstance(key, str):
+                seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def read_calibration(
+    path: str | Path, kind: str, error: type[CalibrationError], way_out: str = ""
+) -> Section:
+    """Return the top mapping of a calibration file after checking its `format` and `version`.
+
+    kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
+    cannot be read, is not a YAML mapping, or is of another format or version.
+    """
+    file = str(path)
+    try:
+        content = Path(path).read_bytes()
+        if len(content) > _LARGEST_FILE:
+            raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
+        values = yaml.load(content.decode(), Loader=_StrictLoader)
+    except OSError as problem:
+        reason = problem.strerror or problem
+        raise error(f"{file}: cannot be read ({reason}); check path and permissions") from problem
+    except CalibrationError:
+        raise
+    except (yaml.YAMLError, RecursionError, ValueError) as problem:
+        reason = " ".join(str(problem).split())
+        way = way_out or "correct it at that place"
+        raise error(f"{file}: not a YAML file ({reason}); {way}") from problem
+    if not isinstance(values, dict):
+        way = way_out or "start from params/"
+        raise error(f"{file}: a YAML mapping is needed, found {kind_of(values)}; {way}")
+    head = Section(file, "", values, error)
+    found = head.text("format")
+    if found != kind:
+        head.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
+    version = head.number("version")
+    if version != VERSION:
+        head.fail("version", f"{version:g} is not known here", "convert the file to version 1")
+    rest = {key: value for key, value in values.items() if key not in ("format", "version")}
+    return Section(file, "", rest, error, way_out)
+
+
+def calibration_identity(path: str | Path) -> str:
+    """Return the identity of a calibration for logs and bags: file name and hash of its bytes.
+
+    Raises OSError when the file cannot be read.
+    """
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return f"{Path(path).name} sha256:{digest[:12]}"

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of a bag, opened with suspicion: whatever lies there may be damaged, or no file at all.
+
+A FIFO would block who opens it and a device may act on it, so anything but a regular file is
+refused before it is opened. A file is read piece by piece and not mapped into memory: a mapped file
+that another process shortens ends this one.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import signal
+import stat
+import time
+from itertools import count
+from pathlib import Path
+from types import TracebackType
+
+from .errors import BagBusyError, BagReadError
+
+_BLOCK = 2**20  # B copied at a time
+
+
+class Source:
+    """An open file: bytes by position, never more than the file holds. A context manager."""
+
+    def __init__(self, path: Path):
+        """Open `path` for reading. Raises BagReadError when it is no file that can be read."""
+        self.path = path
+        try:
+            refuse_special(path)
+            self.descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError as error:
+            raise BagReadError(f"{path} cannot be read: {error.strerror}") from None
+        self.stamp = _stamp(os.fstat(self.descriptor))
+        self.size = os.fstat(self.descriptor).st_size
+
+    def __enter__(self) -> Source:
+        return self
+
+    def __exit__(
+        self, kind: type | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self.descriptor)
+
+    def read(self, start: int, length: int) -> bytes:
+        """Return the bytes from `start` on, as many of `length` as there are.
+
+        Raises BagReadError when the disk does not give them.
+        """
+        if not 0 <= start < self.size:
+            return b""
+        try:
+            return os.pread(self.descriptor, min(length, self.size - start), start)
+        except OSError as error:
+            raise BagReadError(f"{self.path} cannot be read: {error.strerror}") from None
+
+    def check_unchanged(self) -> None:
+        """Raise BagBusyError when the file is another than when it was opened."""
+        if _stamp(os.stat(self.path)) != self.stamp:
+            raise BagBusyError(f"{self.path} has changed meanwhile: it was left alone")
+
+
+def _stamp(status: os.stat_result) -> tuple[int, int, int]:
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def refuse_special(path: Path) -> None:
+    """Raise BagReadError for anything but a file, OSError when there is nothing."""
+    try:
+        regular = stat.S_ISREG(path.stat().st_mode)
+    except FileNotFoundError:
+        if path.is_symlink():
+            raise BagReadError(f"{path} is a link to nothing") from None
+        raise
+    if not regular:
+        raise BagReadError(f"{path} is not a file but a folder, FIFO or device")
+
+
+def read_text(path: Path, limit: int) -> str:
+    """Return a file's text of at most `limit` bytes.
+
+    Raises BagReadError when it cannot be read, is longer, or is no UTF-8.
+    """
+    with Source(path) as source:
+        if source.size > limit:
+            raise BagReadError(f"{path} is larger than {limit} bytes")
+        try:
+            return source.read(0, limit).decode()
+        except UnicodeDecodeError:
+            raise BagReadError(f"{path} is no text in UTF-8") from None
+
+
+def files_of(folder: Path) -> list[Path]:
+    """Return the MCAP files of a bag in the order they were recorded.
+
+    Raises BagReadError when there is none.
+    """
+    numbers = {}
+    for path in folder.glob("*.mcap"):
+        number = path.stem.rpartition("_")[2]
+        if number.isdecimal() and number.isascii() and len(number) < 10:
+            numbers[path] = int(number)
+    if not numbers:
+        raise BagReadError(f"{folder} is no bag folder: it holds no NAME_0.mcap")
+    return sorted(numbers, key=lambda path: (numbers[path], path.name))
+
+
+def check_at_rest(source: Source, quiet: float) -> None:
+    """Raise BagBusyError when somebody records, copies or has just changed this file.
+
+    quiet: how long ago the last change must be [s]; 0 asks only who has it open.
+    """
+    try:
+        fcntl.flock(source.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(source.descriptor, fcntl.LOCK_UN)
+    except OSError:
+        raise BagBusyError(f"{source.path} is being written by another process") from None
+    if _open_for_writing(source.descriptor):
+        raise BagBusyError(f"{source.path} is being written by another process: still copied?")
+    for path in (source.path, source.path.parent):
+        age = time.time() - path.stat().st_mtime
+        if 0 <= age < quiet:  # one from the future tells of a clock that was set, not of a copy
+            raise BagBusyError(
+                f"{path} was changed {age:.0f} s ago, it may still be copied: when it is whole, "
+                f"run: session recover {source.path.parent}"
+            )
+
+
+def _open_for_writing(descriptor: int) -> bool:
+    """Whether any process has the file open for writing: then Linux grants no read lease.
+
+    False too where the file system or the rights do not allow to ask.
+    """
+    try:
+        # Who opens the file in this moment makes the kernel signal us; SIGIO would end the process.
+        fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
+    """Copy the bytes from `start` to `end` into a new file `name` beside `source`, onto the disk.
+
+    A name that is taken gets a number, unless it holds the same. Raises OSError when there is no
+    room; nothing is left then.
+    """
+    for number in count(1):
+        target = source.path.with_name(f"{name}_{number}" if number > 1 else name)
+        try:
+            file = target.open("xb")
+            break
+        except FileExistsError:
+            if _holds(target, source, start, end):  # a recovery that failed later left it
+                return target
+    try:
+        with file:
+            for position in range(start, end, _BLOCK):
+                file.write(source.read(position, min(_BLOCK, end - position)))
+            file.flush()
+            os.fsync(file.fileno())
+        sync_folder(target.parent)
+    except BaseException:
+        target.unlink()
+        raise
+    return target
+
+
+def _holds(target: Path, source: Source, start: int, end: int) -> bool:
+    try:
+        with Source(target) as kept:
+            return kept.size == end - start and all(
+                kept.read(at, _BLOCK) == source.read(start + at, min(_BLOCK, kept.size - at))
+                for at in range(0, kept.size, _BLOCK)
+            )
+    except BagReadError:
+        return False
+
+
+def write_all(descriptor: int, data: bytes, offset: int) -> None:
+    """Write `data` at `offset`. Raises OSError when the disk takes no more."""
+    view = memoryview(data)
+    while view:
+        written = os.pwrite(descriptor, view, offset)
+        view = view[written:]
+        offset += written
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace `path` by `text` in one step: a reader sees the old or the new, never a half."""
+    temporary = path.with_name(f".{path.name}.new")
+    temporary.unlink(missing_ok=True)  # whatever lies there is not written through
+    try:
+        with temporary.open("x", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""65 N up and 45 N down are what the robot presses on the hand (thesis 2.1.1), reached and kept."""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.control import modes
+from screw_module_ros.plant.world import ArmSettings
+
+HELD = 0.18
+NOISE = 0.5  # [N] of the sensor
+BLOW = 6.0  # [N] for less than 0.4 s: the mass that arrives at the far side of the nut's play
+
+
+@pytest.mark.parametrize(
+    ("mode", "friction"),
+    # The screw's friction stands between motor and hand; feedback of gain 5 leaves a sixth of it.
+    [(modes.IMPEDANCE, 16.0), (modes.FORCE_FEEDBACK, 3.0)],
+)
+@pytest.mark.parametrize(("aim", "largest"), [(0.34, 65.0), (0.02, -45.0)])
+def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
+    """A hand that does not give way, and a set point far beyond it: the spring presses its most."""
+    enabled.controller.settings = enabled.controller.settings._replace(stiffness=800.0, damping=5.0)
+    enabled.controller.mode = mode
+    enabled.setpoint = (HELD, 0.0)
+    enabled.world.set_arm(
+        ArmSettings(kind="active", stiffness=5000.0, damping=200.0, target=(0, 0, HELD),
+                    duration=0.8)
+    )  # fmt: skip
+    enabled.seconds(3.0)
+    enabled.setpoint = (aim, 0.0)
+    rows = enabled.seconds(2.0)
+    way = 1.0 if largest > 0.0 else -1.0
+    pressed = [-row.patient * way for row in rows]
+    assert rows[-1].reason == ""
+    assert max(pressed) <= abs(largest) + BLOW
+    assert max(pressed[400:]) <= abs(largest) + NOISE
+    assert sum(pressed[-500:]) / 500 >= abs(largest) - friction
+    parts = enabled.controller.output
+    assert parts.impedance == pytest.approx(largest)
+    assert parts.force == pytest.approx(parts.impedance + parts.gravity + parts.feedback)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A planar drive whose position stands still: found out in motion, never suspected at rest."""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.plant.world import ArmSettings
+
+
+def enabled_plane(bench, arm: ArmSettings):
+    bench.world.set_arm(arm)
+    assert bench.enable_plane() == ""
+    bench.seconds(1.0)
+    return bench
+
+
+@pytest.mark.parametrize(("joint", "aim"), [("shoulder", (0.09, -0.08)), ("elbow", (0.0, 0.12))])
+def test_a_spring_that_runs_away_on_a_frozen_joint_is_stopped(bench, joint, aim):
+    """The arm hangs in the handle; the set point is 12 cm away and never comes nearer."""
+    enabled_plane(bench, ArmSettings(kind="relaxed"))
+    bench.rig.inject(joint, "position_freeze", 0.0, 0.0, bench.now_ns)
+    bench.axes.settings = bench.axes.settings._replace(stiffness=200.0)
+    bench.planar_setpoint = (*aim, 0.0, 0.0)
+    bench.seconds(1.5)
+    assert f"{joint} drive: position (6064)" in bench.axes.drives.reason
+    assert not bench.axes.drives.enabled
+    assert bench.axes.written == (0.0, 0.0) and not bench.axes.homed
+
+
+def test_a_patient_who_moves_a_frozen_joint_is_noticed(bench):
+    arm = ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0))
+    enabled_plane(bench, arm)
+    bench.rig.inject("shoulder", "position_freeze", 0.0, 0.0, bench.now_ns)
+    bench.seconds(2.0)
+    assert "shoulder drive: position (6064)" in bench.axes.drives.reason
+
+
+@pytest.mark.parametrize(
+    "arm",
+    [
+        ArmSettings(kind="relaxed"),
+        ArmSettings(kind="active", target=(-0.06, -0.05, 0.25), duration=0.5),
+        ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0)),
+    ],
+)
+def test_healthy_joints_are_not_doubted(bench, arm):
+    """At rest, held away from the set point against 10 N, and in motion with its turning points."""
+    enabled_plane(bench, arm)
+    bench.planar_setpoint = (0.03, 0.05, 0.0, 0.0)
+    bench.axes.settings = bench.axes.settings._replace(stiffness=200.0)
+    bench.seconds(2.5)
+    assert bench.axes.drives.enabled, bench.axes.drives.reason

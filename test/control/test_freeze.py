@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A joint that stands still to the last count is doubted only while it cannot stand still."""
+
+import math
+
+import pytest
+
+from screw_module_ros.control.freeze import (
+    FreezeSettings,
+    FreezeState,
+    clear_of_stops,
+    freeze_step,
+    hand_torques,
+)
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.geometry import inverse
+
+SETTINGS = FreezeSettings()
+COUNT = 2.0 * math.pi / 65536
+DT = 0.002
+NEEDED = round(SETTINGS.time / DT)
+
+
+def frozen_at(steps):
+    """Return the step at which (position, torque) pairs are judged frozen, None when never."""
+    state = FreezeState(math.nan, 0.0)
+    for number, (position, torque) in enumerate(steps):
+        frozen, state = freeze_step(SETTINGS, state, position, torque, DT)
+        if frozen:
+            return number
+    return None
+
+
+def test_too_much_torque_on_an_exact_standstill():
+    assert frozen_at([(1.0, 3.1)] * 200) in (NEEDED, NEEDED + 1)
+    assert frozen_at([(1.0, -3.1)] * 200) is not None
+
+
+def test_the_sum_counts_motion_to_and_fro_has_moments_of_little_torque():
+    swing = [(1.0, 6.0 * math.sin(0.05 * k)) for k in range(1000)]
+    assert NEEDED < frozen_at(swing) < 4 * NEEDED
+
+
+@pytest.mark.parametrize("torque", [0.0, 2.9, math.nan])
+def test_rest_balance_and_the_unknown_are_no_reason(torque):
+    assert frozen_at([(1.0, torque)] * 5000) is None
+
+
+def test_one_count_takes_the_doubt_away():
+    held = [(1.0 + COUNT * (k // (NEEDED - 2) % 2), 20.0) for k in range(5000)]
+    assert frozen_at(held) is None
+
+
+def test_off():
+    state = FreezeState(1.0, 0.0)
+    frozen, _ = freeze_step(SETTINGS._replace(time=0.0), state, 1.0, 50.0, 1.0)
+    assert not frozen
+
+
+def test_a_hand_s_force_does_its_work_at_the_joints():
+    """Power at the handle is power at the joints: F v = tau w, for a small turn of each."""
+    s, e = inverse(0.05, 0.03)
+    torques = hand_torques(s, e, 7.0, -3.0)
+    from screw_module_ros.geometry import forward
+
+    (x, y), turn = forward(s, e), 1e-6
+    for torque, (ds, de) in zip(torques, ((turn, 0.0), (0.0, turn)), strict=True):
+        moved_x, moved_y = forward(s + ds, e + de)
+        assert 7.0 * (moved_x - x) - 3.0 * (moved_y - y) == pytest.approx(torque * turn, rel=1e-4)
+
+
+def test_nothing_is_judged_near_the_stops():
+    law = PlanarSettings()
+    s, e = inverse(0.0, 0.0)
+    assert clear_of_stops(law, s, e)
+    assert not clear_of_stops(law, law.shoulder_low - 0.01, e)
+    assert not clear_of_stops(law, s, s + law.between_low)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Position and velocity of the nut and of the joints: one implementation, homed on the host."""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.devices.motion import Motion
+from screw_module_ros.filters import LONGEST_GAP
+
+MS = 1_000_000
+
+
+def moving(samples: int, speed: float = 0.1) -> Motion:
+    motion = Motion(30.0, MS)
+    for sample in range(samples):
+        motion.take(5.0 + speed * sample * 1e-3, MS)
+    return motion
+
+
+def test_at_rest_until_the_second_sample():
+    motion = Motion(30.0, MS)
+    assert not motion.seen
+    motion.take(5.0, MS)
+    assert (motion.seen, motion.position, motion.velocity, motion.homed) == (True, 5.0, 0.0, False)
+
+
+def test_the_filter_lags_by_its_time_constant_and_arrives():
+    assert 0.05 < moving(6).velocity < 0.07  # 5.3 ms at 30 Hz
+    assert moving(100).velocity == pytest.approx(0.1, rel=1e-6)
+
+
+def test_homing_moves_the_position_and_not_the_velocity():
+    motion = moving(100)
+    velocity = motion.velocity
+    motion.home(0.25)
+    assert (motion.position, motion.homed) == (0.25, True)
+    motion.take(5.0 + 0.1 * 0.1, MS)
+    assert motion.position == pytest.approx(0.2501)
+    assert motion.velocity == pytest.approx(velocity)
+
+
+def test_lost_samples_are_filtered_through_and_a_long_gap_starts_anew():
+    motion = moving(100)
+    motion.take(motion.position + 0.2 * 3e-3, 3 * MS)
+    assert 0.1 < motion.velocity < 0.2
+    motion.take(motion.position + 0.3 * 1e-3 * (LONGEST_GAP + 1), (LONGEST_GAP + 1) * MS)
+    assert motion.velocity == pytest.approx(0.3)
+
+
+def test_restart_forgets_the_home_position():
+    motion = moving(3)
+    motion.home(0.2)
+    motion.restart()
+    assert not motion.homed and not motion.seen

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An idle thread that says so again and again is no sign that time will move on."""
+
+from __future__ import annotations
+
+import os
+
+from screw_module_ros.lockstep.member import Member
+from screw_module_ros.lockstep.page import Page
+
+
+def test_to_be_idle_again_is_no_progress():
+    page = Page(f"test_idle_{os.getpid()}")
+    try:
+        member = Member(page, "loop", lambda: False)
+        member.idle()
+        declared = page.slot_declared[member.slot]
+        member.idle()
+        assert page.slot_declared[member.slot] == declared
+        member.busy()
+        member.idle()
+        assert page.slot_declared[member.slot] == declared + 1
+    finally:
+        page.close()

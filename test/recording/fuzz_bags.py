@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fuzzer for bags: `tools/run python test/recording/fuzz_bags.py --seed 1 --count 1000`.
+
+Damages a bag at random, runs `session verify|info|recover` on it, and checks that each ends with a
+sentence, that what `recover` keeps is never less than what the mcap library or a plain scan for
+chunks finds, that nothing is invented, and that what was cut out lies beside. A seed and a number
+give the same case again: `--only`. Exit code 1 when a case failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import random
+import shutil
+import signal
+import struct
+import sys
+import tempfile
+import time
+import traceback
+from collections import Counter
+from pathlib import Path
+from unittest.mock import patch
+
+from mcap.reader import make_reader
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from bag_counts import by_library, by_scan
+from bag_damage import CRAFTED, NOTES, PLAIN, ROUGH
+
+from screw_module_ros.recording import BagWriter, Definition, Message, StorageSettings, Topic
+from screw_module_ros.recording.cli import main as session
+
+START = 1_700_000_000_000_000_000
+LIMIT_S = 20  # a case that takes longer hangs
+TEXT = (
+    "builtin_interfaces/Time stamp\nuint32 sequence\nint64 monotonic_ns\n"
+    + "\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)  # fmt: skip
+TYPES = ("screw_module_msgs/msg/EncoderSample", "screw_module_msgs/msg/ForceSample")
+
+
+def make_bag(folder: Path, compression: str, files: int = 1) -> Path:
+    """Write a closed bag of two topics with 400 messages in each of `files` files."""
+    settings = StorageSettings(2048, compression, max_file_duration=0.15 if files > 1 else 0.0)
+    writer = BagWriter(folder, settings)
+    for number, kind in enumerate(TYPES):
+        writer.add_topic(Topic(f"/topic_{number}", kind, Definition("ros2msg", TEXT, "RIHS01_0")))
+    writer.add_topic(Topic("/silent", "own_msgs/msg/X", Definition("ros2msg", TEXT, "RIHS01_0")))
+    writer.add_metadata("parameters", {"/encoder": '{"rate": 1000.0}'})
+    writer.add_metadata("configuration", {"a": "b"})
+    rng = random.Random(0)
+    for tick in range(0, 200 * files, 100):
+        batch = []
+        for number in range(tick, tick + 100):
+            stamp = struct.pack("<BBHIIIxxxxQ", 0, 1, 0, 0, 0, number, number * 1_000_000)
+            time = START + number * 1_000_000
+            batch += [Message(c, time, time, number + 1, stamp + rng.randbytes(16)) for c in (1, 2)]
+        writer.write(batch)
+        writer.flush()
+    writer.close()
+    return folder
+
+
+class Fuzzer:
+    """Runs cases in a folder of its own; `counts` tells what came out."""
+
+    def __init__(self, folder: Path, seed: int):
+        self.folder, self.seed = folder, seed
+        self.counts: Counter[str] = Counter()
+        self.failures: list[str] = []
+        self._bags = [
+            make_bag(folder / "zstd", "zstd"),
+            make_bag(folder / "none", "none"),
+            make_bag(folder / "split", "zstd", files=3),
+        ]
+        self._messages = {
+            bag: Counter(m for path in bag.glob("*.mcap") for m in by_scan(path.read_bytes()))
+            for bag in self._bags
+        }
+
+    def run(self, numbers: range, plain: bool = False) -> bool:
+        """Run cases by their numbers; return whether all went well. plain: truncate, tear, flip."""
+        for number in numbers:
+            rng = random.Random(f"{self.seed} {number}")
+            case = self.folder / "case"
+            shutil.rmtree(case, ignore_errors=True)
+            signal.signal(signal.SIGALRM, _hangs)
+            signal.alarm(LIMIT_S)
+            try:
+                with patch.multiple(os, fsync=_not_now, fdatasync=_not_now):
+                    self._case(rng, case, plain)
+            except Exception:
+                self.counts["FAILED"] += 1
+                self.failures.append(
+                    f"case {number} of seed {self.seed}:\n{traceback.format_exc()}"
+                )
+            finally:
+                signal.alarm(0)
+            self.counts["cases"] += 1
+        return not self.failures
+
+    def _case(self, rng: random.Random, case: Path, plain: bool) -> None:
+        origin = rng.choice(self._bags)
+        shutil.copytree(origin, case)
+        files = sorted(case.glob("*.mcap"))
+        path = rng.choice(files)
+        damage = rng.choice(PLAIN if plain else PLAIN + ROUGH + CRAFTED)
+        path.write_bytes(damage(rng, path.read_bytes()))
+        self.counts[damage.__name__] += 1
+        notes = case / "metadata.yaml"
+        lost_notes = not plain and rng.random() < 0.3
+        if lost_notes:
+            alter = rng.choice(NOTES)
+            notes.write_bytes(alter(rng, notes.read_bytes()))
+            self.counts[f"metadata.yaml {alter.__name__}"] += 1
+        before = {path: path.read_bytes() for path in case.iterdir()}
+        wanted = 0
+        if damage not in CRAFTED:
+            wanted = sum(max(len(by_scan(before[f])), by_library(before[f])) for f in files)
+        codes = {command: said(command, case) for command in ("verify", "info")}
+        self.counts.update(f"{command}: {code}" for command, code in codes.items())
+        if damage not in CRAFTED and codes["verify"] == 0:
+            assert wanted == self._messages[origin].total(), "called complete and is not"
+        assert {path: path.read_bytes() for path in case.iterdir()} == before
+        code = said("recover", case)
+        self.counts[f"recover: {code}"] += 1
+        if code:
+            assert {path: path.read_bytes() for path in case.iterdir()} == before
+            assert lost_notes or damage in CRAFTED + ROUGH, "a damaged bag was refused"
+        elif damage not in CRAFTED:
+            self._check(case, wanted, self._messages[origin])
+            self._check_kept(case, before)
+        if not code:
+            after = {path: path.read_bytes() for path in case.iterdir()}
+            assert said("recover", case) == 0
+            assert {path: path.read_bytes() for path in case.iterdir()} == after, "not stable"
+
+    def _check(self, case: Path, wanted: int, original: Counter) -> None:
+        found: Counter = Counter()
+        for path in case.glob("*.mcap"):
+            with path.open("rb") as file:
+                reader = make_reader(file, validate_crcs=True)
+                for _, channel, message in reader.iter_messages():
+                    found[channel.id, message.data] += 1
+            assert by_library(path.read_bytes()) == len(by_scan(path.read_bytes()))
+        assert found.total() >= wanted, f"{found.total()} of {wanted} messages kept"
+        assert not found - original, "messages that were never recorded"
+        self.counts["messages kept"] += found.total()
+        self.counts["messages others find"] += wanted
+
+    def _check_kept(self, case: Path, before: dict[Path, bytes]) -> None:
+        """What was cut out must lie beside, byte by byte."""
+        for path in case.iterdir():
+            name, cut, span = path.name.partition(".cut_")
+            if cut:
+                start, end = map(int, span.split("_"))
+                assert path.read_bytes() == before[case / name][start:end]
+                self.counts["pieces beside"] += 1
+
+
+def said(command: str, bag: Path) -> int:
+    """Run `session` in this process; return its exit code."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), "ascii", newline="") for _ in range(2))
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = session([command, str(bag)])
+    err.flush()
+    told = err.buffer.getvalue()
+    assert code in (0, 1), f"session {command}: exit code {code}"
+    assert len(told) < 1000, f"session {command}: {len(told)} bytes of complaint"
+    assert code == 0 or command == "verify" or told.startswith(b"session: ")
+    return code
+
+
+def _not_now(descriptor: int) -> None:
+    """Stand in for waiting for the disk: what these bags hold need not outlive the run."""
+
+
+def _hangs(number: int, frame: object) -> None:
+    raise TimeoutError(f"longer than {LIMIT_S} s")
+
+
+def main() -> int:
+    """Run as a program."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=int(time.time()))
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--only", type=int, help="number of the one case to run")
+    parser.add_argument(
+        "--plain", action="store_true", help="one cut, one torn write or one flipped bit only"
+    )
+    options = parser.parse_args()
+    numbers = range(options.count)
+    if options.only is not None:
+        numbers = range(options.only, options.only + 1)
+    with tempfile.TemporaryDirectory() as folder:
+        fuzzer = Fuzzer(Path(folder), options.seed)
+        fuzzer.run(numbers, options.plain)
+    for failure in fuzzer.failures[:5]:
+        print(failure, file=sys.stderr)
+    print(f"seed {options.seed}")
+    for name, number in sorted(fuzzer.counts.items()):
+        print(f"  {name}: {number}")
+    return 1 if fuzzer.failures else 0
+
+
+if __name__ == "__main__":
+    os.umask(0o077)
+    sys.exit(main())
