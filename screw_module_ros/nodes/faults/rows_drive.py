@@ -13,7 +13,7 @@ from .row import GOES_ON, OFF, Alarm, Failed, Row
 
 GROUP = "drives"
 _SILENT = COMMAND + 4 + DYING
-_BEAT = HEARTBEAT + 10 + DYING
+_BEAT = HEARTBEAT + 2 + DYING
 _MODE = 100 + AT_ONCE
 """Samples: the mode is told with the drive's second PDO, each 100 ms."""
 _STUCK = 400
