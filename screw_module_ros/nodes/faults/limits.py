@@ -12,8 +12,8 @@ STALE = 5
 """Samples after which a silent sensor or controller is noticed."""
 COMMAND = 20
 """Samples without an RPDO after which a drive drops its torque by itself."""
-HEARTBEAT = 100
-"""Samples without a heartbeat after which either end of a drive's bus stops."""
+HEARTBEAT = 150
+"""Samples in which three of a drive's heartbeats are missed."""
 SAFETY = 100
 """Samples without safety_state after which the drives' nodes stop."""
 LOST = 200

@@ -52,6 +52,8 @@ _STAMPED = (
 )
 _WITHIN = BY_SERVICE + TOLD
 """Samples: the first comes after 7 of them; a state is heard by the supervisor."""
+_COUNTED = 100 + _WITHIN
+"""Samples: who sends safety_state is counted each 0.1 s."""
 _TRUE_GAME = game(*SPRING)
 _LATE_NS = 3_600_000_000_000
 
@@ -153,12 +155,14 @@ def _states() -> Iterator[Row]:
         name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
         text = f"{what} on {topic}, from a foreign sender"
         # Who permits is told of as long as there are two of them.
-        count = 0 if topic == "safety_state" else _COUNT
-        act = published(kind, topic, count, _EVERY_S, **fields)
+        count = 0 if topic == "safety_state" else _MANY
+        act = published(kind, topic, count, _TICK_S, **fields)
         if alarm is None:
             yield _goes_on(name, text, act, who, nothing)
         else:
-            yield _stops(name, text, act, who, alarm)
+            row = _stops(name, text, act, who, alarm)
+            counted = row._replace(within=_COUNTED, plane_within=_COUNTED)
+            yield counted if topic == "safety_state" else row
     smoke = DiagnosticStatus(name="encoder", level=DiagnosticStatus.ERROR, message="smoke")
     yield _stops("diagnostics-error", "an error of the encoder on /diagnostics, from a foreign "
                  "sender", published(DiagnosticArray, "/diagnostics", _COUNT, _EVERY_S,

@@ -13,7 +13,7 @@ from .row import GOES_ON, OFF, Alarm, Failed, Row
 
 GROUP = "drives"
 _SILENT = COMMAND + 4 + DYING
-_BEAT = HEARTBEAT + 10 + DYING
+_BEAT = HEARTBEAT + 2 + DYING
 _MODE = 100 + AT_ONCE
 """Samples: the mode is told with the drive's second PDO, each 100 ms."""
 _STUCK = 400
@@ -32,7 +32,7 @@ _FAULTS = (
     ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
     ("pdos_lost", "its PDOs stop, all else goes on", _SILENT, "drive|position"),
     ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
-     _SILENT, "RPDO|8250|8130|heartbeat|position"),
+     _SILENT, "RPDO|8250|8130|heartbeat|position|PRE-OPERATIONAL"),
     ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", _SILENT,
      "RPDO|8250|position"),
     ("reset", "it restarts in mid-run", AT_ONCE, "restarted|boot-up|position"),

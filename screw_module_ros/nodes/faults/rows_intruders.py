@@ -17,15 +17,16 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, called, published, refused
-from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, PERIOD_NS, STALE, TOLD
+from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, LOST, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 
 GROUP = "intruders"
-_TWO = r"second node|nodes publish|is a second"
 _FUTURE = 1_000_000
+_FOREIGN_TORQUE = 300  # per mille of the rated torque; any torque would act, for up to a period
 _LATER = TOLD + 2 * DYING
-_MATCHED = 50  # samples: the true controller's commands hide some of the second one's
+_MISSED = LOST + 2 * 20 + 20 + DYING
+"""Samples in which the supervisor misses a node that left in order."""
 
 
 def rows() -> Iterator[Row]:
@@ -55,9 +56,9 @@ def _row(
 
 def _twins() -> Iterator[Row]:
     yield _row("two-controllers", "a second impedance_controller under another name",
-        _second_controller, "amplifier",
-        Alarm("amplifier", _TWO, "amplifier"), "stop it; amplifier/clear_fault, reset, enable",
-        within=AT_ONCE + _MATCHED, apart=True)  # fmt: skip
+        _second_controller, "amplifier, unless the true commands hide all of the second one's",
+        None, "stop it; amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
+        watch=0.5, apart=True)  # fmt: skip
     for node in ("amplifier", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
@@ -151,10 +152,11 @@ def _future_commands(stand) -> float:
 
 
 def _frames() -> Iterator[Row]:
-    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, 1000)
+    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
     yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
-               _frames_on("amplifier", 0x601, sdo, 0.01), "nobody: the next RPDO overrides it",
-               None, "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
+               _frames_on("amplifier", 0x601, sdo, 0.01),
+               "nobody: the next RPDO overrides it, 1 ms later", None,
+               "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
     wrong = struct.pack(">Hh", 0x000F, 0)
     yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
@@ -164,12 +166,13 @@ def _frames() -> Iterator[Row]:
     yield _row("foreign-nmt-preoperational", "a foreign master sends all devices of the drive's "
                "bus to PRE-OPERATIONAL", _frames_on("amplifier", 0x000, nmt, 0.05), "amplifier",
                Alarm("amplifier", "drive", "amplifier"),
-               "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 51)  # fmt: skip
+               "stop it; amplifier/clear_fault, reset, enable",
+               within=51 + COMMAND + 4 + DYING)  # fmt: skip
     yield _row("foreign-sync", "a foreign master sends SYNC on the encoder's bus",
                _frames_on("encoder", 0x080, b"", 0.005), "encoder",
                Alarm("encoder", "somebody else sends SYNC", "encoder"),
                f"stop it; encoder/home, {MISSED}, reset, enable",
-               within=STALE + 10 + DYING)  # fmt: skip
+               within=STALE + 10 + DYING, apart=True)  # fmt: skip
 
 
 def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
@@ -203,7 +206,7 @@ def _storms() -> Iterator[Row]:
                Alarm("supervisor", "amplifier", "amplifier"),
                "lifecycle activate; clear_fault, reset, enable",
                _transition("amplifier", Transition.TRANSITION_ACTIVATE),
-               within=COMMAND + 20 + DYING)  # fmt: skip
+               within=COMMAND + 20 + DYING)._replace(plane_within=_MISSED)  # fmt: skip
     yield _row("tare-in-motion", "force_sensor/tare and untare in motion",
                both(refused("force_sensor/tare", said="enabled"),
                     refused("force_sensor/untare", said="enabled")),

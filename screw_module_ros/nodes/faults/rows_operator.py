@@ -26,6 +26,7 @@ _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "man
 _BY_CHANCE = TOLD + 2 * DYING
 _BOTTOM, _TOP = 0.005, 0.355  # the end stops are at 0 and 0.36 [m]
 _FAST = 0.5  # [m/s]
+_HEARD_S = 0.02
 _ENDING = 100  # samples in which nodes that end in order have all heard of it
 _BAG_LIMIT = 200_000  # [B]
 
@@ -61,7 +62,7 @@ def _operator() -> Iterator[Row]:
                  both(estop, reset), "supervisor", Alarm("", "", "emergency stop"),
                  "reset where it was refused, enable")  # fmt: skip
     yield _stops("estop-enable-without-reset", "enable after an emergency stop, without reset",
-                 both(estop, refused("amplifier/enable", SetBool, data=True),
+                 both(estop, _heard, refused("amplifier/enable", SetBool, data=True),
                       refused("manus/enable", SetBool, data=True)),
                  "amplifier, manus refuse", _ESTOP, _RESET)  # fmt: skip
     yield _stops("reset-while-cause-persists", "cable out, reset again and again",
@@ -100,6 +101,11 @@ def _operator() -> Iterator[Row]:
     yield _stops("disable", "both drives disabled by their services, in motion",
                  both(switched("amplifier/enable", False), switched("manus/enable", False)),
                  "amplifier, manus", None, "enable")  # fmt: skip
+
+
+def _heard(stand) -> None:
+    """Let the drives hear of it: what is asked at the same time meets drives that are enabled."""
+    stand.robot.pause(_HEARD_S)
 
 
 def _still_estopped(stand) -> None:
