@@ -26,7 +26,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--loops", type=int, default=2, help="busy loops beside the command")
-    parser.add_argument("--every", type=float, default=1.0, help="seconds between two stops, 0 = none")
+    parser.add_argument("--every", type=float, default=1.0, help="seconds between stops, 0 = none")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("command", nargs=argparse.REMAINDER)
     options = parser.parse_args()

@@ -2,8 +2,7 @@
 """`make test`: pytest in a ROS domain of its own; a run that leaves something behind has failed.
 
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
-is the whole suite, in two parts: the tests that start nodes, one after the other, as a busy machine
-rightly stops a robot; then all others by two workers.
+is the whole suite, by two workers: simulated time waits for whoever is slow.
 """
 
 from __future__ import annotations
@@ -14,18 +13,13 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterable
 from pathlib import Path
 
 import isolation
 import leftovers
 
 LEAVE_S = 3.0
-INTERRUPTED = 2  # exit code of pytest
-WHOLE_SUITE = (
-    ["-m", "graph"],
-    ["-m", "not graph", "-p", "xdist", "-n", "2", "--dist", "loadfile"],
-)
+WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile"]
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -36,22 +30,10 @@ def main() -> int:
         env = {**os.environ, **isolation.variables(domain), leftovers.MARK: mark}
         # Plugins by name only: a sourced ROS brings some that do not fit this pytest.
         env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
-        parts = [sys.argv[1:]] if sys.argv[1:] else WHOLE_SUITE
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
-            code = run_all(parts, env)
+            code = run(sys.argv[1:] or WHOLE_SUITE, env)
         clean = clean_up(watch)
     return code if clean else code or 1
-
-
-def run_all(parts: Iterable[list[str]], env: dict[str, str]) -> int:
-    """Run the parts, also after a failure; return the first exit code that is not 0."""
-    first = 0
-    for part in parts:
-        code = run(part, env)
-        first = first or code
-        if code == INTERRUPTED:
-            break
-    return first
 
 
 def run(arguments: list[str], env: dict[str, str]) -> int:

@@ -24,15 +24,15 @@ _LAST_STANDARD_ID = 0x7FF
 _LONGEST_DATA = 8
 _DATA_KEY = b"\xa4data\xc4"  # msgpack: the key, then the mark of up to 255 bytes
 _MOST_TEMPLATES = 256
-_MARKS = (struct.unpack(">d", b"\x7e" + bytes(7))[0], struct.unpack(">d", b"\x7e" + b"\xff" * 7)[0])
+_MARKS = tuple(struct.unpack(">d", b"\x7e" + byte * 7)[0] for byte in (b"\0", b"\xff"))
 """Time stamps that no clock shows: our own senders mark their frames with one each (see `echo`)."""
 
 
 class LeanUdpBus(UdpMulticastBus):
     """`can.interface.udp_multicast`, leaner; see there for the arguments.
 
-    members_bus: what both ends call it. members_frames: frames read so far that another process of this project sent; simulated time
-    waits for these.
+    members_bus: what both ends call it. members_frames: frames read so far that another process of
+    this project sent; simulated time waits for these.
     """
 
     def __init__(self, channel: str, port: int = 43113, **kwargs):

@@ -7,8 +7,8 @@
         if due is not None: conductor.move(...); timers of the devices; conductor.release()
         else: conductor.sleep()
 
-A member that makes no progress for `PATIENCE_S` of wall clock while the others wait for it, or whose
-process has ended, is no longer waited for until it follows again.
+A member that makes no progress for `PATIENCE_S` of wall clock while the others wait for it, or
+whose process has ended, is no longer waited for until it follows again.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class Conductor:
 
     def _look_after(self) -> None:
         """Give up who has ended, or who makes no progress while the others wait for him."""
-        now_s, page = time.monotonic(), self._page
+        now_s = time.monotonic()
         if now_s - self._looked_s < _LOOK_S:
             return
         self._looked_s = now_s

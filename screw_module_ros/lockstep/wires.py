@@ -40,7 +40,7 @@ class Line:
     def pending(self) -> int:
         """Return how many frames for this end are under way."""
         page = self._page
-        sent = sum([page.line_sent[row] for row in self.peers])
+        sent = sum(page.line_sent[row] for row in self.peers)
         return sent - page.line_base[self.row] - page.line_handled[self.row]
 
     def sent(self) -> None:
@@ -159,7 +159,7 @@ class Hop:
         page.hop_follows[row] = 1
 
     def hold(self, slot: int) -> None:
-        """Follow from here on for good: time waits for what is published, whether or not `slot` waits."""
+        """Follow for good: time waits for what is published, whether or not `slot` waits."""
         self._page.hop_waiter[self.row] = slot
         self.catch_up()
 

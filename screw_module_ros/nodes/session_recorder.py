@@ -141,7 +141,8 @@ class SessionRecorder(ModuleNode):
         session.add_metadata("configuration", file_hashes(settings.configuration))
         session.start()
         topics = tuple(t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics)
-        intake = Intake(self, self.clock, Selection(topics, settings.exclude, settings.include_hidden), session)
+        selection = Selection(topics, settings.exclude, settings.include_hidden)
+        intake = Intake(self, self.clock, selection, session)
         intake.discover()
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)

@@ -191,7 +191,8 @@ class SimRigNode(ModuleNode):
         if self._time is not None:
             counters["real-time factor"] = f"{self.clock.page.factor:.2f}"
             counters["given up"] = self._time.given_up
-            return Health(OK, f"simulating, real-time factor {self.clock.page.factor:.2f}", counters)
+            factor = f"simulating, real-time factor {self.clock.page.factor:.2f}"
+            return Health(OK, factor, counters)
         slipped = counters["slipped"] - self._slipped
         self._slipped = counters["slipped"]
         if slipped:

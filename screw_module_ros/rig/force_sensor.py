@@ -237,7 +237,7 @@ class ForceSensor:
 
 
 def _flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
-    """Return six standard normal numbers that belong to this microsecond, whoever asks how often."""
+    """Return six standard normal numbers that belong to this microsecond, however often asked."""
     first, second = advanced(*seeds, _GAUGES * (now_ns // 1000))
     numbers: list[float] = []
     for _ in range(_GAUGES // 2):

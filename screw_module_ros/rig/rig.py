@@ -3,8 +3,8 @@
 
 `process` is one pass without waiting, `run` serves the buses on the wall clock, `run_in_steps` in
 simulated time. The answer to SYNC comes first: frames are taken one from each bus in turn, and
-housekeeping waits for the quiet part of a period. Physics is brought up to date when something looks
-at it or acts on it.
+housekeeping waits for the quiet part of a period. Physics is brought up to date when something
+looks at it or acts on it.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Rig:
             conductor.look()
             now_ns = conductor.now_ns
             self._serve_requests()
-            while any([port.receive(now_ns) for port in self._distinct]):
+            while sum(port.receive(now_ns) for port in self._distinct):
                 pass
             content_ns = conductor.quiet()
             if content_ns is None:

@@ -20,6 +20,11 @@ from screw_module_ros.devices.port import MAX_FRAMES_PER_PUMP, Port
 GROUP = "239.74.163.2"
 
 
+def pumped(port) -> int:
+    """Wait 10 ms for frames; return how many came."""
+    return port.pump(port.clock.now_ns() + 10_000_000)
+
+
 @pytest.fixture
 def heard(wire):
     frames = []
@@ -162,7 +167,7 @@ def test_slow_polls_get_their_answers_through_the_loop(wire, encoder_end):
         while not done.is_set():
             tick += 1
             encoder.request(tick, wire.advance(), 0)
-            wire.port.pump(0.001)
+            wire.port.pump(wire.port.clock.now_ns() + 1)
 
     looping = threading.Thread(target=loop, name="loop")
     looping.start()
@@ -241,7 +246,7 @@ def test_own_echoes_do_not_count(udp, wait_until):
     port.send(0x120, b"")
     assert far.recv(1.0).arbitration_id == 0x120
     far.send(can.Message(arbitration_id=0x120, data=b"reply", is_extended_id=False))
-    wait_until(lambda: port.pump(port.clock.now_ns() + 10_000_000) and seen, what="the reply")
+    wait_until(lambda: pumped(port) and seen, what="the reply")
     assert seen == [b"reply"]
     assert port.counters.echoes == (not port._echo.in_kernel)
 
@@ -253,7 +258,7 @@ def test_reply_that_equals_its_request_is_no_echo(udp, wait_until):
     port.subscribe(0x126, lambda data, arrival: seen.append(bytes(data)))
     port.send(0x126, b"\x03")
     far.send(far.recv(1.0))
-    wait_until(lambda: port.pump(port.clock.now_ns() + 10_000_000) and seen, what="the reply")
+    wait_until(lambda: pumped(port) and seen, what="the reply")
     assert seen == [b"\x03"]
 
 
@@ -261,7 +266,7 @@ def test_strangers_sync_is_told_from_our_own(udp, wait_until):
     port, far = udp
     port.send_sync(0)
     far.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-    wait_until(lambda: port.pump(port.clock.now_ns() + 10_000_000) and port.counters.foreign_sync, what="the foreign SYNC")
+    wait_until(lambda: pumped(port) and port.counters.foreign_sync, what="the foreign SYNC")
     assert port.counters.foreign_sync == 1
 
 
@@ -273,7 +278,7 @@ def test_datagrams_that_are_no_frames_are_counted(udp, can_port_base, wait_until
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for datagram in (b"", b"nonsense", good[:-3], b"\x81\xa1x\x01", good):
             stranger.sendto(datagram, (GROUP, can_port_base))
-        wait_until(lambda: port.pump(port.clock.now_ns() + 10_000_000) and seen, what="the good frame")
+        wait_until(lambda: pumped(port) and seen, what="the good frame")
     assert seen == [b"ok"]
     assert port.counters.malformed >= 1  # the filter keeps the short ones out
 
@@ -285,7 +290,7 @@ def test_groups_on_one_udp_port_are_kept_apart(udp, can_port_base, wait_until):
     other = open_bus(BusSettings(channel="239.74.163.3", port=can_port_base))
     other.send(can.Message(arbitration_id=0x181, data=b"other", is_extended_id=False))
     far.send(can.Message(arbitration_id=0x181, data=b"ours", is_extended_id=False))
-    wait_until(lambda: port.pump(port.clock.now_ns() + 10_000_000) and seen, what="our frame")
+    wait_until(lambda: pumped(port) and seen, what="our frame")
     other.shutdown()
     assert seen == [b"ours"]
 

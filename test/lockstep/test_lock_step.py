@@ -11,7 +11,7 @@ import pytest
 
 from screw_module_ros.lockstep.conductor import Conductor, TimeTaken
 from screw_module_ros.lockstep.member import Member, TimeStandsStill
-from screw_module_ros.lockstep.page import FOREVER, START_NS, Page, TableFull, page_name
+from screw_module_ros.lockstep.page import FOREVER, SLOTS, START_NS, Page, TableFull, page_name
 from screw_module_ros.lockstep.wires import Hop, Line, Source
 
 MS = 1_000_000
@@ -253,9 +253,10 @@ def test_two_conductors_are_refused(conductor, page, monkeypatch):
 
 
 def test_a_full_table_is_told(page):
+    for _ in range(SLOTS):
+        Member(page, "one more", never)
     with pytest.raises(TableFull, match="thread"):
-        for _ in range(1000):
-            Member(page, "one more", never)
+        Member(page, "one too many", never)
 
 
 def test_each_domain_and_namespace_has_its_own_time():

@@ -29,9 +29,9 @@ _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 def measure(case: Case, seconds: float) -> Run:
     """Start the whole graph, enable the vertical axis, measure for `seconds`, end it.
 
-    In real time, with the guards' own limits: where the machine is too slow for them the torque goes
-    off, which is told, and what is measured goes on with commands of zero force. Raises RobotError when the graph does not come up or a node dies,
-    Interrupted after Ctrl-C.
+    In real time, with the guards' own limits: where the machine is too slow for them the torque
+    goes off, which is told, and what is measured goes on with commands of zero force. Raises
+    RobotError when the graph does not come up or a node dies, Interrupted after Ctrl-C.
     """
     load = os.getloadavg()[0]
     extra = [*_rates(case.rate), "--disable-stdout-logs"]

@@ -60,8 +60,8 @@ class ModuleNode(LifecycleNode):
     thread runs services, timers and the lifecycle, and reaches into the loop only by replacing
     whole values or by what the loop takes up itself (see `axes/gated_drives`).
 
-    clock: the one clock of this process. Subclasses override what they need of `connect`, `begin`, `step`, `end`, `disconnect` (each in
-    lifecycle order), `health` and `changed`.
+    clock: the one clock of this process. Subclasses override what they need of `connect`, `begin`,
+    `step`, `end`, `disconnect` (each in lifecycle order), `health` and `changed`.
     """
 
     def __init__(self, name: str):
@@ -101,7 +101,8 @@ class ModuleNode(LifecycleNode):
         for subscription in list(self.subscriptions):
             if subscription.topic_name == "/clock":
                 self.destroy_subscription(subscription)
-        return simulated_clock(self.get_name(), self.get_namespace(), lambda: self.stopping.is_set())
+        name, namespace = self.get_name(), self.get_namespace()
+        return simulated_clock(name, namespace, lambda: self.stopping.is_set())
 
     # What subclasses use -------------------------------------------------------------------
 

@@ -130,7 +130,7 @@ def _in_the_way_of_samples(thread: int) -> bool:
 
 
 class Tick(NamedTuple):
-    """One multiple of the period: its number, the time [ns], ROS time [ns], ticks left out before."""
+    """One multiple of the period: its number, the time and ROS time [ns], ticks left out before."""
 
     sequence: int
     monotonic_ns: int
@@ -209,9 +209,9 @@ class Inbox:
 
         It returns None when there is none.
 
-        `wakes`: `wait` returns when a message of this subscription is there. Of the others simulated
-        time gives only what was published before the time of now: what two loops tell each other on
-        the same tick is heard on the next, whoever is quicker.
+        `wakes`: `wait` returns when a message of this subscription is there. Of the others
+        simulated time gives only what was published before the time of now: what two loops tell
+        each other on the same tick is heard on the next, whoever is quicker.
         """
         if topic in self._direct:
             return _nothing
