@@ -11,6 +11,7 @@ from screw_module_ros.nodes.support.graph import (
     PACKAGE,
     SIMULATION_PARAMETERS,
     chosen,
+    simulated_arguments,
 )
 from screw_module_ros.resources import resource_path
 
@@ -20,6 +21,9 @@ ARGUMENTS = (
         "composed", default_value="false",
         description="One process `module` for encoder, force sensor, controller and amplifier.",
     ),  # fmt: skip
+    DeclareLaunchArgument(
+        "wall_clock", default_value="false", description="The simulated rig runs in real time.",
+    ),
     DeclareLaunchArgument("params", default_value="", description="Parameter file."),
     DeclareLaunchArgument("namespace", default_value="", description="For a second robot."),
     DeclareLaunchArgument("without", default_value="", description="Nodes to leave out, by comma."),
@@ -29,7 +33,9 @@ ARGUMENTS = (
 def nodes(context):
     """Return the Node actions the launch arguments ask for."""
     value = {a.name: LaunchConfiguration(a.name).perform(context) for a in ARGUMENTS}
-    bench, composed = (_is_true(value[name]) for name in ("bench", "composed"))
+    bench, composed, wall_clock = (
+        _is_true(value[name]) for name in ("bench", "composed", "wall_clock")
+    )
     packaged = BENCH_PARAMETERS if bench else SIMULATION_PARAMETERS
     params = value["params"] or str(resource_path(packaged))
     without = [name for name in value["without"].split(",") if name]
@@ -40,6 +46,7 @@ def nodes(context):
             name=None if entry.parts else entry.executable,  # a name given is given to every part
             namespace=value["namespace"],
             parameters=[params],
+            ros_arguments=[] if bench else simulated_arguments(composed, wall_clock),
             output="screen",
         )
         for entry in chosen(not bench, without=without, composed=composed)

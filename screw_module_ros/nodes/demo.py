@@ -81,9 +81,9 @@ def command(**given) -> None:
     run = options.folder / datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
     try:
         run.mkdir(parents=True)
-        bag, parts = record_session(run, options, console)
+        bag, parts, factor = record_session(run, options, console)
         with console.step("reading the bag, drawing"):
-            results = evaluated(bag, parts, SPRING, targets(), run, options.keep_bag)
+            results = evaluated(bag, parts, SPRING, targets(), run, options.keep_bag, factor)
     except (Interrupted, KeyboardInterrupt):
         console.fail("stopped; every node was ended in order")
         sys.exit(130)
@@ -96,8 +96,12 @@ def command(**given) -> None:
         sys.exit(3)
 
 
-def record_session(run: Path, options: Options, console: Console) -> tuple[Path, list[Part]]:
-    """Bring the robot up, let the patient work in each mode, stop all; return bag and parts.
+def record_session(
+    run: Path, options: Options, console: Console
+) -> tuple[Path, list[Part], float | None]:
+    """Bring the robot up, let the patient work in each mode, stop all.
+
+    Returns bag, parts, and simulated seconds per second (None with --wall-clock).
 
     Raises RobotError when something does not work, Interrupted after Ctrl-C; all nodes are
     stopped in either case.
@@ -113,7 +117,10 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
                 make_ready(robot, graph, console)
                 bag = robot.start_recording()
                 cycles = 1 if options.quick else 2
+                begun_s, begun_ns = time.monotonic(), robot.clock.now_ns()
                 parts = [work(robot, name, cycles, console) for name in MODES]
+                passed_s = (robot.clock.now_ns() - begun_ns) * 1e-9
+                factor = passed_s / (time.monotonic() - begun_s)
                 with console.step("torque off, recording closed"):
                     robot.enable_plane(False)
                     robot.enable(False)
@@ -122,7 +129,7 @@ def record_session(run: Path, options: Options, console: Console) -> tuple[Path,
             with console.step("stopping all nodes"):
                 graph.stop()
         graph.check_codes()
-    return bag, parts
+    return bag, parts, None if options.wall_clock else factor
 
 
 def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
