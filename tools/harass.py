@@ -18,6 +18,8 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -51,34 +53,45 @@ def harassed(
     command: list[str], loops: int, every: float, draw: random.Random
 ) -> tuple[int, int]:
     """Run the command once; return its exit code and how often a process was stopped."""
-    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(loops)]
-    try:
-        process = subprocess.Popen(command)
-        over = threading.Event()
-        stops: list[int] = []
-        thread = threading.Thread(target=_stop_some, args=(process.pid, every, draw, over, stops))
-        if every > 0.0:
-            thread.start()
+    with subprocess.Popen(command) as process, harassing(process.pid, loops, every, draw) as stops:
         try:
             code = process.wait()
         except KeyboardInterrupt:
             process.send_signal(signal.SIGINT)
             code = process.wait()
+    return code, len(stops)
+
+
+@contextmanager
+def harassing(root: int, loops: int, every: float, draw: random.Random) -> Iterator[list[int]]:
+    """Keep `loops` cores busy and stop processes that `root` started; yield whom so far."""
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(loops)]
+    spared = {process.pid for process in busy}
+    over, stops = threading.Event(), []
+    thread = threading.Thread(target=_stop_some, args=(root, every, draw, over, stops, spared))
+    if every > 0.0:
+        thread.start()
+    try:
+        yield stops
+    finally:
         over.set()
         if every > 0.0:
             thread.join()
-        return code, len(stops)
-    finally:
         for loop in busy:
             loop.kill()
             loop.wait()
 
 
 def _stop_some(
-    root: int, every: float, draw: random.Random, over: threading.Event, stops: list[int]
+    root: int,
+    every: float,
+    draw: random.Random,
+    over: threading.Event,
+    stops: list[int],
+    spared: set[int],
 ) -> None:
     while not over.wait(every):
-        found = descendants(root)
+        found = sorted(set(descendants(root)) - spared)
         if not found:
             continue
         pid = draw.choice(found)
