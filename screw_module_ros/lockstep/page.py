@@ -245,6 +245,16 @@ class Page:
         _libc.syscall(_FUTEX, address, _FUTEX_WAIT, expected, ctypes.byref(limit))
 
 
+def sweep(domain: str) -> None:
+    """Remove the pages of a ROS domain whose users were all killed."""
+    for path in _FOLDER.glob(f"screw_module_ros_{os.getuid()}_{int(domain or 0)}*"):
+        name = path.name.split("_", 4)[-1]
+        if name != str(int(domain or 0)) and not name.startswith(f"{int(domain or 0)}_"):
+            continue
+        with suppress(OSError):
+            Page(name).close()
+
+
 def page_name(domain: str, namespace: str) -> str:
     """Return the page's name for a ROS domain and a namespace."""
     return re.sub(r"[^A-Za-z0-9]+", "_", f"{int(domain or 0)}_{namespace.strip('/')}").rstrip("_")

@@ -8,6 +8,7 @@ for environments without the launch package.
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import click
 
+from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.resources import resource_path
 
 from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, simulated_arguments
@@ -174,6 +176,7 @@ def _watch(processes: list[Process], stopping: threading.Event) -> dict[str, int
     finally:
         begun = time.monotonic()
         codes = stop(processes)
+        sweep(os.environ.get("ROS_DOMAIN_ID", "0"))
         click.echo(f"bringup: all stopped in {time.monotonic() - begun:.1f} s", err=True)
     return codes
 

@@ -119,8 +119,8 @@ class Results(NamedTuple):
         table.add_row("lost", f"{t.lost} of {ticks} ticks ({_percent(t.lost, ticks)})")
         table.add_row(
             "inside the deadline of one period",
-            f"{_percent(ticks - t.late - t.lost, ticks)}, wanted: at least {100 * self._wanted_in_time:g} %: "
-            + _verdict(self._in_time),
+            f"{_percent(ticks - t.late - t.lost, ticks)}, wanted: at least "
+            f"{100 * self._wanted_in_time:g} %: {_verdict(self._in_time)}",
         )
         return table
 

@@ -11,7 +11,15 @@ import pytest
 
 from screw_module_ros.lockstep.conductor import Conductor, TimeTaken
 from screw_module_ros.lockstep.member import Member, TimeStandsStill
-from screw_module_ros.lockstep.page import FOREVER, SLOTS, START_NS, Page, TableFull, page_name
+from screw_module_ros.lockstep.page import (
+    FOREVER,
+    SLOTS,
+    START_NS,
+    Page,
+    TableFull,
+    page_name,
+    sweep,
+)
 from screw_module_ros.lockstep.wires import Hop, Line, Source
 
 MS = 1_000_000
@@ -257,6 +265,17 @@ def test_a_full_table_is_told(page):
         Member(page, "one more", never)
     with pytest.raises(TableFull, match="thread"):
         Member(page, "one too many", never)
+
+
+def test_pages_that_killed_processes_left_are_swept(monkeypatch, tmp_path):
+    monkeypatch.setattr("screw_module_ros.lockstep.page._FOLDER", tmp_path)
+    kept = Page("7")
+    Member(kept, "alive", never)
+    left = [Page(name) for name in ("77", "77_left")]
+    other = Page("777")
+    sweep("77")
+    assert kept.path.exists() and other.path.exists()
+    assert not any(page.path.exists() for page in left)
 
 
 def test_each_domain_and_namespace_has_its_own_time():

@@ -15,6 +15,8 @@ import signal
 import time
 from collections.abc import Callable, Sequence
 
+from screw_module_ros.lockstep.page import sweep
+
 from .. import bringup
 from .graph import nodes_of
 from .isolation import Place, own_place
@@ -77,6 +79,7 @@ class GraphRun:
     def _leave(self) -> None:
         self._stopping.release()
         if self._place is not None:
+            sweep(str(self._place.domain))
             self._place.release()
 
     @property
