@@ -114,7 +114,7 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     assert node._calibration == calibration.identity
     assert node.get_parameter("gravity").value == GRAVITY
     node.trigger_activate()
-    assert node._controller.settings.gravity == GRAVITY
+    assert node.part.settings.gravity == GRAVITY
     node.close()
 
 
@@ -125,7 +125,7 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     assert not node.parameters.write(gravity=8.0)
     assert node._calibration == f"{calibration.identity}, gravity 8 N by hand"
     node.trigger_activate()
-    assert node._controller.settings.gravity == 8.0
+    assert node.part.settings.gravity == 8.0
     assert not node.parameters.write(gravity=GRAVITY)
     assert node._calibration == calibration.identity
     node.close()
