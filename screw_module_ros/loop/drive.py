@@ -93,7 +93,7 @@ class VerticalDrive:
             self.drive.heartbeat(tick.monotonic_ns)
 
     def await_answer(self, tick: Tick) -> None:
-        """Give the drive a moment to answer SYNC: the command is then judged by its state of now."""
+        """Give the drive a moment to answer SYNC: its state of now then judges the command."""
         until_ns = tick.monotonic_ns + round(_ANSWER * self._period_ns)
         with suppress(DeviceError):
             while self._clock.now_ns() < until_ns:

@@ -110,7 +110,8 @@ class PlaneLoop:
         size = math.hypot(*hand)
         if fresh and not size <= limits.handle_force_limit:
             drives.fault = drives.fault or (
-                f"{size:.0f} N on the handle in the plane, more than {limits.handle_force_limit:g} N"
+                f"{size:.0f} N on the handle in the plane, more than "
+                f"{limits.handle_force_limit:g} N"
             )
         drives.missed(self.meter.missed_in_a_row(now_ns), limits.missed_limit)
         return hand

@@ -15,7 +15,7 @@ always ready would else make it spin, at a priority at which nobody else on its 
 
 
 class Tick(NamedTuple):
-    """One multiple of the period: its number, the time [ns], ROS time [ns], ticks left out before."""
+    """One multiple of the period: number, time [ns], ROS time [ns], ticks left out before."""
 
     sequence: int
     monotonic_ns: int

@@ -221,7 +221,7 @@ class VerticalLoop:
             self._follow(parts, now_ns)
 
     def _follow(self, parts: Parts, now_ns: int) -> None:
-        """Let the controller know of drive, set point and supervisor, where nothing waits for it."""
+        """Let the controller know of drive, set point and supervisor; no command waits for it."""
         controller, drive = parts.controller, parts.drive
         if drive is not None:
             controller.on_drive(drive.drives.enabled, drive.position, now_ns)

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import EndpointSetpoint, PlanarState
 from screw_module_msgs.srv import SetImpedance
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 
 from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
@@ -16,6 +15,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
+from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
 from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
@@ -24,13 +24,12 @@ from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.settings import Setting
 
 from .support import qos, topics
-from .support.driver import DriverNode, RateSettings, device_values
+from .support.drive_node import DriveNode
+from .support.driver import RateSettings, device_values
 from .support.flat import FORCE
-from .support.module_node import ERROR, OK, WARN, Done, Health
-from .support.permission import Permission
+from .support.module_node import Health
 from .support.runtime import main as run_node
 from .support.states import fill_plane
-from .support.timing_report import broken_contract
 
 JOINTS = ("shoulder", "elbow")
 
@@ -45,7 +44,7 @@ class ManusSettings(NamedTuple):
     ] = False
 
 
-class ManusNode(DriverNode):
+class ManusNode(DriveNode):
     """One tick: SYNC, both positions, law, both torques."""
 
     def __init__(self):
@@ -61,13 +60,10 @@ class ManusNode(DriverNode):
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
-        self.parameters.declare(GateSettings, "gate")
         self._state = PlanarState()
         self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
         self._axes: PlanarAxes | None = None
-        self.serve(SetBool, "~/enable", self._enable)
-        self.serve(Trigger, "~/clear_fault", self._clear_fault, "cleared; call ~/enable to enable")
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
 
@@ -86,19 +82,12 @@ class ManusNode(DriverNode):
             *(f"drive node {each.node_id}" for each in settings), f"master {own.master_id}"
         )
         beat = Heartbeat(port, own.master_id, settings[0].heartbeat_period)
-        self._drives = tuple(
-            Drive(port, each, f"{joint} drive", beat)
-            for joint, each in zip(JOINTS, settings, strict=True)
-        )
-        for drive in self._drives:
-            drive.configure()
-            for warning in drive.warnings:
-                self.get_logger().warning(warning)
-        self.hardware_id = ", ".join(drive.identity for drive in self._drives)
-        self.check_bus_load([*self._drives[0].traffic, *self._drives[1].traffic[1:]])
+        named = zip(JOINTS, settings, strict=True)
+        self.configure_drives(*(Drive(port, each, f"{joint} drive", beat) for joint, each in named))
+        self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])
         self._state_every = own.state_every
         self._axes = PlanarAxes(
-            self._drives,
+            self.drives,
             self.period_ns,
             law,
             self.parameters.read(JointSettings, "joints"),
@@ -112,7 +101,7 @@ class ManusNode(DriverNode):
         self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
         self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
         self._wanted = Wanted(axes=2)
-        self._permission = Permission(self, inbox, attrgetter("planar_permitted"))
+        self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
 
     def begin(self) -> None:
@@ -125,23 +114,18 @@ class ManusNode(DriverNode):
             PlaneWires(self._hear, self._tell_state),
         )
         self._loop.wanted = self._wanted
-        for drive in self._drives:
+        for drive in self.drives:
             drive.start()
         self.start_polls()
 
-    def end(self) -> None:
-        """Torque off and a clean exit of both drives."""
-        self.stop_polls()
-        problem = self._axes.shutdown(self.port)
-        if problem:
-            self.get_logger().warning(f"drives not left cleanly: {problem}")
+    def leave(self) -> str:
+        """Leave both drives cleanly."""
+        return self._axes.shutdown(self.port)
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self._inbox is not None:
-            self._permission.close()
+        super().disconnect()
         self._axes = None
-        self.close_port()
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
@@ -155,7 +139,7 @@ class ManusNode(DriverNode):
         self._loop.step()
 
     def _hear(self, now_ns: int) -> None:
-        self._permission.pass_on(self._axes.drives, now_ns)
+        self.permission(self._axes.drives, now_ns)
         force = self._take_force()
         if force is not None:
             self._loop.on_force(force.fx, force.fy, now_ns)
@@ -176,12 +160,17 @@ class ManusNode(DriverNode):
 
     # Services ------------------------------------------------------------------------------
 
-    def _enable(self, request: SetBool.Request) -> str:
-        if request.data:
-            return self._axes.enable(self.clock) or Done("enabled")
-        return self._axes.drives.disable(self.clock) or Done("disabled")
+    @property
+    def gated(self) -> GatedDrives:
+        """The gate with both drives."""
+        return self._axes.drives
 
-    def _clear_fault(self, request: Trigger.Request) -> str:
+    def enable(self) -> str:
+        """Enable, once homed; return why not."""
+        return self._axes.enable(self.clock)
+
+    def clear_fault(self) -> str:
+        """Recover; a drive that restarted must be homed again."""
         return self._axes.clear_fault(self.clock)
 
     def _home(self, request: Trigger.Request) -> str:
@@ -193,7 +182,7 @@ class ManusNode(DriverNode):
     def health(self) -> Health:
         """State of the drives, timing, counters."""
         # The meter belongs to the hot loop, this is another thread: what the loop told last.
-        now, state, drives = self.clock.now_ns(), self._state, self._axes.drives
+        now_ns, state = self.clock.now_ns(), self._state
         values = {
             "rate [1/s]": f"{state.rate:.0f}",
             "latency p99 [us]": f"{self._latency_p99 * 1e6:.0f}",
@@ -202,19 +191,11 @@ class ManusNode(DriverNode):
             "homed": self._axes.homed,
             **self.port_values(self._loop.skipped),
         }
-        for joint, drive in zip(JOINTS, self._drives, strict=True):
-            values[f"{joint} state"] = drive.state(now).text
+        for joint, drive in zip(JOINTS, self.drives, strict=True):
+            values[f"{joint} state"] = drive.state(now_ns).text
             counters = device_values(drive.snapshot())
             values.update({f"{joint} {name}": count for name, count in counters.items()})
-        if drives.faulted:
-            return Health(ERROR, drives.reason, values)
-        warnings = [self._permission.warning]
-        warnings += [warning for drive in self._drives for warning in drive.warnings]
-        if drives.enabled:
-            warnings.append(broken_contract(state))
-        if warning := next(filter(None, warnings), ""):
-            return Health(WARN, warning, values)
-        return Health(OK, "enabled" if drives.enabled else drives.reason, values)
+        return self.drive_health(values, state)
 
 
 def main() -> int:
