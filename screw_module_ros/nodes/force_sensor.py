@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick.
-
-It can be tared only while the vertical drive gives no torque: with force feedback the patient would
-feel what is removed, several times over and at once.
-"""
+"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick."""
 
 from __future__ import annotations
 
@@ -24,8 +20,8 @@ from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
 from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
-from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
+from .support.states import fill_wrench
 from .support.taring import Taring
 from .support.timing_report import latency_values
 
@@ -99,16 +95,9 @@ class ForceSensorNode(DriverNode):
         if reading.sequence % self._slow_every == 0:
             self._publish_slow(data)
         if reading.sequence % self._wrench_every == 0:
-            self._publish_wrench(reading)
+            fill_wrench(self._wrench, reading)
+            self._send_wrench(self._wrench)
         self._taring.note(reading)
-
-    def _publish_wrench(self, reading: ForceReading) -> None:
-        wrench = self._wrench
-        fill_stamp(wrench.header, reading.stamp_ns)
-        force, torque = wrench.wrench.force, wrench.wrench.torque
-        force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
-        torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
-        self._send_wrench(wrench)
 
     def _tare(self, request: Trigger.Request) -> str:
         self._taring.permitted()

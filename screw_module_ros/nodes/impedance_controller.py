@@ -8,22 +8,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import (
-    AmplifierState,
-    EndpointSetpoint,
-    ForceCommand,
-    ImpedanceState,
-    SafetyState,
-)
+from screw_module_msgs.msg import ForceCommand, ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
-from screw_module_ros.calibration.file import calibration_identity
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.module import (
-    CalibrationSettings,
-    ModuleCalibration,
-    chosen_calibration,
-)
+from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
+from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.control.vertical import VerticalOutput
@@ -32,24 +21,19 @@ from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
-from screw_module_ros.loop.wanted import Wanted
-from screw_module_ros.resources import resource_path
-from screw_module_ros.samples import EncoderReading, ForceReading
+from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
 from .support import qos
+from .support.controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
-from .support.flat import ENCODER, FORCE, pack_command
-from .support.freshness import Newest
+from .support.flat import pack_command
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.realtime import Inbox
 from .support.runtime import main as run_node
 from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
-
-FRICTION_FILE = "params/friction_thesis.yaml"
-_SAFETY_AGE_NS = 200_000_000
 
 
 class ControllerSettings(NamedTuple):
@@ -82,8 +66,7 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(AgreementSettings, "agreement")
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
-        self._module: ModuleCalibration | None = None
-        self._calibration = ""
+        self._friction: ChosenFriction | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -95,66 +78,46 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.read(VerticalSettings).validated()
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
-        self._wanted = Wanted(axes=1)
-        inbox = self.new_inbox()
-        self._forces = Inbox(self, self.clock, self.direct)
-        self._take_encoder = inbox.subscribe(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
-        self._take_force = self._forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
-        self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self._take_amplifier = inbox.subscribe(
-            AmplifierState, "screw/amplifier_state", qos.NEWEST
-        )
-        take_safety = inbox.subscribe(SafetyState, "safety_state", qos.COMMAND)
-        self._safety = Newest(take_safety, _SAFETY_AGE_NS)
+        self._inputs = ControllerInputs(self.new_inbox(), Inbox(self, self.clock, self.direct))
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
     def _load(self, friction_file: str) -> None:
         settings = self.parameters.read(CalibrationSettings)
-        self._module = chosen_calibration(settings, "friction_file", friction_file)
-        if self._module is None:
-            path = friction_file or resource_path(FRICTION_FILE)
-            self._friction = load_friction_model(path)
-            self._calibration = calibration_identity(path)
-            return
-        self._friction = self._module.friction
-        self._file_identity = self._module.identity(settings.calibration_file)
-        before = self.parameters.read(VerticalSettings).gravity
-        refused = self.parameters.write(gravity=self._module.gravity)
-        if refused:
-            raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
-        self._follow_gravity()
-        self.get_logger().info(
-            f"calibration {self._file_identity}: gravity set to {self._module.gravity:g} N "
-            f"(the parameter was {before:g} N)"
-        )
+        chosen = self._friction = chosen_friction(settings, friction_file)
+        if chosen.gravity is not None:
+            before = self.parameters.read(VerticalSettings).gravity
+            refused = self.parameters.write(gravity=chosen.gravity)
+            if refused:
+                raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
+            self.get_logger().info(
+                f"calibration {chosen.identity}: gravity set to {chosen.gravity:g} N "
+                f"(the parameter was {before:g} N)"
+            )
+        self._name_calibration()
 
-    def _follow_gravity(self) -> None:
-        """Say in the identity when the calibration's gravity was replaced by hand."""
-        if self._module is None:
-            return
+    def _name_calibration(self) -> None:
         gravity = self.parameters.read(VerticalSettings).gravity
-        by_hand = "" if gravity == self._module.gravity else f", gravity {gravity:g} N by hand"
-        self._calibration = self._file_identity + by_hand
+        self._state_message.calibration = self._friction.told(gravity) if self._friction else ""
 
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
         self.part = VerticalController(
             self.parameters.read(VerticalSettings).validated(),
-            self._friction,
+            self._friction.model,
             self.parameters.read(WatchSettings, "watch"),
             self.parameters.read(AgreementSettings, "agreement"),
             self._period_ns,
             chosen.mode,
         )
-        self.part.wanted = self._wanted
+        self.part.wanted = self._inputs.wanted
+        self._inputs.restart()
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)
-        self._resets: int | None = None
         wires = Wires(
-            take_sample=self._next_sample,
-            take_force=self._next_force,
+            take_sample=self._inputs.next_sample,
+            take_force=self._inputs.next_force,
             command=self.tell,
             hear=self.hear,
             controller_state=self.tell_state,
@@ -169,12 +132,12 @@ class ImpedanceControllerNode(ModuleNode):
     def disconnect(self) -> None:
         """Remove the topics."""
         if self._inbox is not None:
-            self._forces.close()
+            self._inputs.close()
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
         if kind is VerticalSettings:
-            self._follow_gravity()
+            self._name_calibration()
         if self.part is None:
             return
         if kind is VerticalSettings:
@@ -188,45 +151,21 @@ class ImpedanceControllerNode(ModuleNode):
         """Wait for an encoder sample and answer it with a command."""
         self._loop.step(Parts(controller=self.part))
 
-    def _next_sample(self, until_ns: int) -> EncoderReading | None:
-        self._inbox.wait(until_ns)
-        return self._take_encoder()
-
-    def _next_force(self, until_ns: int) -> ForceReading | None:
-        if until_ns:
-            self._forces.wait(until_ns)
-        return self._take_force()
-
     def tell(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
         """Publish the answer to a sample."""
         self._publish(pack_command(sample, output, mode))
 
     def hear(self, now_ns: int) -> None:
         """Take set point and amplifier state, where they come by a topic."""
-        wanted = self._take_setpoint()
-        if wanted is not None:
-            self._wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
-        state = self._take_amplifier()
-        if state is not None:
-            self.part.on_drive(state.enabled, state.position, now_ns)
+        self._inputs.hear(self.part, now_ns)
 
     def tell_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""
         if self._state_due(now_ns):
-            self._follow_supervisor(now_ns)
+            self._inputs.follow_supervisor(self.part, now_ns)
             self.stamp(self._state_message.header)
             fill_controller(self._state_message, self.part, now_ns)
-            self._state_message.calibration = self._calibration
             self._publish_state(self._state_message)
-
-    def _follow_supervisor(self, now_ns: int) -> None:
-        """A reset there clears a fault here; one that was started anew counts from 0 again."""
-        safety = self._safety.fresh(now_ns)
-        if safety is None:
-            return
-        if self._resets is not None and safety.resets > self._resets:
-            self.part.reset(now_ns)
-        self._resets = safety.resets
 
     # Services ------------------------------------------------------------------------------
 
@@ -243,7 +182,7 @@ class ImpedanceControllerNode(ModuleNode):
             **timing_values(told, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
-            "calibration": self._calibration,
+            "calibration": told.calibration,
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)

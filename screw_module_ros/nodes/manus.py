@@ -12,9 +12,6 @@ from std_srvs.srv import Trigger
 from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
@@ -28,20 +25,15 @@ from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.flat import FORCE
 from .support.module_node import Health
+from .support.planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.runtime import main as run_node
 from .support.states import fill_plane
-
-JOINTS = ("shoulder", "elbow")
 
 
 class ManusSettings(NamedTuple):
     """What the node adds to drives and law."""
 
     state_every: Annotated[int, Setting("ticks per manus/state message", "", 1, 100)] = 4
-    master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 113
-    allow_unguarded: Annotated[
-        bool, Setting("DANGER: enable drives that do not stop by themselves when we hang")
-    ] = False
 
 
 class ManusNode(DriveNode):
@@ -51,12 +43,7 @@ class ManusNode(DriveNode):
         super().__init__("manus", port=43116, rate=500.0)
         self.parameters.declare(ManusSettings)
         self.parameters.declare(PlaneLimits)
-        shared = ("rate", "master_id", "allow_unguarded")
-        for joint, node_id in zip(JOINTS, (3, 4), strict=True):
-            self.parameters.declare(
-                DriveSettings, joint, shared, node_id=node_id, rated_torque=10.0, max_torque=25.0,
-                counts_per_turn=65536,
-            )  # fmt: skip
+        declare_drives(self.parameters)
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
@@ -71,21 +58,13 @@ class ManusNode(DriveNode):
 
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
-        own = self.parameters.read(ManusSettings)
-        rate = self.parameters.read(RateSettings).rate
-        common = {
-            "rate": rate, "master_id": own.master_id, "allow_unguarded": own.allow_unguarded
-        }
-        settings = [self.parameters.read(DriveSettings, j)._replace(**common) for j in JOINTS]
+        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate)
         law = self.parameters.read(PlanarSettings).validated()
-        port = self.open_port(
-            *(f"drive node {each.node_id}" for each in settings), f"master {own.master_id}"
-        )
-        beat = Heartbeat(port, own.master_id, settings[0].heartbeat_period)
-        named = zip(JOINTS, settings, strict=True)
-        self.configure_drives(*(Drive(port, each, f"{joint} drive", beat) for joint, each in named))
+        names = [f"drive node {each.node_id}" for each in settings]
+        port = self.open_port(*names, f"master {settings[0].master_id}")
+        self.configure_drives(*make_drives(port, settings))
         self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])
-        self._state_every = own.state_every
+        self._state_every = self.parameters.read(ManusSettings).state_every
         self._axes = PlanarAxes(
             self.drives,
             self.period_ns,

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State messages filled from the parts of the loops; for the loop's thread, times in [ns]."""
+"""Messages filled from the parts of the loops; for the loop's thread, times in [ns]."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
 
 from screw_module_ros.control.modes import OFF
@@ -13,6 +14,9 @@ from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.plane import PlaneLoop
+from screw_module_ros.samples import ForceReading
+
+from .realtime import fill_stamp
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
@@ -73,6 +77,14 @@ def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
     message.stiffness, message.damping = axes.settings.stiffness, axes.settings.damping
     message.samples = loop.meter.samples
     _fill_counts(message, loop.meter, now_ns)
+
+
+def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
+    """Write a force sample into the message for tools."""
+    fill_stamp(message.header, reading.stamp_ns)
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
+    torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
 
 
 def _fill_gate(message: Any, drives: GatedDrives) -> None:
