@@ -20,11 +20,12 @@ ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", 
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 FORBIDDEN_LAYERS = {
-    "plant": ("calibration", "control", "devices", "rig"),
-    "rig": ("calibration", "control", "devices"),
-    "devices": ("calibration", "control", "plant", "rig"),
-    "control": ("calibration", "devices", "plant", "rig"),
-    "calibration": ("devices", "plant", "rig"),
+    "plant": ("calibration", "control", "devices", "loop", "rig"),
+    "rig": ("calibration", "control", "devices", "loop"),
+    "devices": ("calibration", "control", "loop", "plant", "rig"),
+    "control": ("calibration", "devices", "loop", "plant", "rig"),
+    "calibration": ("devices", "loop", "plant", "rig"),
+    "loop": ("calibration", "identification", "plant", "recording", "rig"),
     "geometry": ("control", "devices", "plant", "rig"),
     "filters": ("control", "devices", "plant", "rig"),
     "units": ("control", "devices", "plant", "rig"),

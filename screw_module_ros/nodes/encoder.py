@@ -10,6 +10,8 @@ from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.geometry import Screw
+from screw_module_ros.loop.sensor import PolledSensor
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import EncoderReading
 
 from .support import qos, topics
@@ -48,11 +50,13 @@ class EncoderNode(DriverNode):
     def begin(self) -> None:
         """Let the samples flow."""
         self.device.start()
-        self.start_clock()
+        self.part = PolledSensor(self.device, self.port, self.clock)
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(sample=self.publish))
+        self.start_polls()
 
     def end(self) -> None:
         """Stop the samples."""
-        self.stop_clock()
+        self.stop_polls()
         try:
             self.device.stop()
         except DeviceError as error:
@@ -65,9 +69,7 @@ class EncoderNode(DriverNode):
 
     def step(self) -> None:
         """One tick: SYNC out, position in, sample out."""
-        reading = self.sample(self.device)
-        if reading is not None:
-            self.publish(reading)
+        self._loop.step(Parts(encoder=self.part))
 
     def publish(self, reading: EncoderReading) -> None:
         """Publish a reading."""
@@ -92,10 +94,10 @@ class EncoderNode(DriverNode):
         rate = self._rate.rate(counters.received, self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
-            **latency_values("answer", self.answers),
+            **latency_values("answer", self.part.answers),
             "homed": device.homed,
             **device_values(counters),
-            **self.port_values(),
+            **self.port_values(self.part.skipped),
         }
         if device.fault:
             return Health(ERROR, device.fault, values)

@@ -18,6 +18,7 @@ from screw_module_msgs.msg import (
 )
 from sensor_msgs.msg import JointState
 
+from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
@@ -26,7 +27,7 @@ from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import BETWEEN_TICKS_NS, Ticker, fill_stamp
+from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
 
 _NAN = math.nan

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick.
-
-It can be tared only while the vertical drive gives no torque: with force feedback the patient would
-feel what is removed, several times over and at once.
-"""
+"""`force_sensor`: the six-axis ATI sensor at the handle, polled on the tick."""
 
 from __future__ import annotations
 
-import threading
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
-from screw_module_msgs.msg import AmplifierState, ForceSample
+from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import Trigger
 
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
+from screw_module_ros.loop.sensor import PolledSensor
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
@@ -23,13 +20,10 @@ from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
 from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
-from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
+from .support.states import fill_wrench
+from .support.taring import Taring
 from .support.timing_report import latency_values
-
-_TARE_PATIENCE_S = 3.0
-_STATE_PATIENCE_S = 0.2
-_ENABLED = "the vertical drive is enabled and would jump: disable it first (/amplifier/enable)"
 
 
 class WrenchSettings(NamedTuple):
@@ -51,8 +45,6 @@ class ForceSensorNode(DriverNode):
         self._wrench.header.frame_id = "handle"
         self._rate = RateMeter()
         self.device: ForceSensor | None = None
-        self._taring: list[ForceReading] | None = None
-        self._tared = threading.Event()
         self.serve(Trigger, "~/tare", self._tare)
         self.serve(Trigger, "~/untare", self._untare)
 
@@ -71,20 +63,20 @@ class ForceSensorNode(DriverNode):
         self._publish_slow = self.outlet(ForceSample, topics.SLOW_FORCE, qos.SAMPLE, raw=True)
         self._slow_every = max(1, round(rate / topics.SLOW_RATE))
         self._send_wrench = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
-        self._take_amplifier = self.new_inbox().subscribe(
-            AmplifierState, "screw/amplifier_state", qos.NEWEST
-        )
+        self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Let the samples flow; a fault latched before is cleared, it was asked for."""
         if self.device.fault:
             self.device.clear_fault()
         self.device.start()
-        self.start_clock()
+        self.part = PolledSensor(self.device, self.port, self.clock)
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(force=self.publish))
+        self.start_polls()
 
     def end(self) -> None:
         """Stop asking."""
-        self.stop_clock()
+        self.stop_polls()
         self.device.stop()
 
     def disconnect(self) -> None:
@@ -94,9 +86,7 @@ class ForceSensorNode(DriverNode):
 
     def step(self) -> None:
         """One tick: ask, wait for both halves, publish."""
-        reading = self.sample(self.device)
-        if reading is not None:
-            self.publish(reading)
+        self._loop.step(Parts(force_sensor=self.part))
 
     def publish(self, reading: ForceReading) -> None:
         """Publish a reading, and collect it while taring."""
@@ -105,52 +95,20 @@ class ForceSensorNode(DriverNode):
         if reading.sequence % self._slow_every == 0:
             self._publish_slow(data)
         if reading.sequence % self._wrench_every == 0:
-            self._publish_wrench(reading)
-        taring = self._taring  # the service may end it meanwhile
-        if taring is not None:
-            taring.append(reading)
-            if len(taring) >= self.device.settings.tare_samples:
-                self._tared.set()
-
-    def _publish_wrench(self, reading: ForceReading) -> None:
-        wrench = self._wrench
-        fill_stamp(wrench.header, reading.stamp_ns)
-        force, torque = wrench.wrench.force, wrench.wrench.torque
-        force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
-        torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
-        self._send_wrench(wrench)
+            fill_wrench(self._wrench, reading)
+            self._send_wrench(self._wrench)
+        self._taring.note(reading)
 
     def _tare(self, request: Trigger.Request) -> str:
-        if self._torque_is_on():
-            return _ENABLED
+        self._taring.permitted()
         if self.device.fault:
             self.device.clear_fault()
-        return Done(f"tared, removing {_told(self.device.tare(self._gathered()))}")
+        readings = self._taring.gathered(self.device.settings.tare_samples)
+        return Done(f"tared, removing {_told(self.device.tare(readings))}")
 
     def _untare(self, request: Trigger.Request) -> str:
-        if self._torque_is_on():
-            return _ENABLED
+        self._taring.permitted()
         return Done(f"back to removing {_told(self.device.untare())}")
-
-    def _torque_is_on(self) -> bool:
-        """Return what the amplifier's next state says; one that is silent lets no torque pass."""
-        self._take_amplifier()  # what lies there may be old
-        states: list[AmplifierState] = []
-
-        def heard() -> bool:
-            state = self._take_amplifier()
-            states.extend([state] if state is not None else [])
-            return bool(states)
-
-        return self.clock.wait_for(heard, _STATE_PATIENCE_S) and states[0].enabled
-
-    def _gathered(self) -> list[ForceReading]:
-        """Return the readings of the next moments, from the loop's thread."""
-        self._tared.clear()
-        self._taring = []
-        self.clock.wait_for(self._tared.is_set, _TARE_PATIENCE_S)
-        readings, self._taring = self._taring, None
-        return readings[: self.device.settings.tare_samples]
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""
@@ -163,10 +121,10 @@ class ForceSensorNode(DriverNode):
         rate = self._rate.rate(counters.received, self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
-            **latency_values("answer", self.answers),
+            **latency_values("answer", self.part.answers),
             "bias": _told(device.bias),
             **device_values(counters),
-            **self.port_values(),
+            **self.port_values(self.part.skipped),
         }
         if device.fault:
             return Health(ERROR, device.fault, values)

@@ -6,48 +6,34 @@ Every number it computes comes from `control/`; here the samples come in and the
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import (
-    AmplifierState,
-    EndpointSetpoint,
-    ForceCommand,
-    ImpedanceState,
-    SafetyState,
-)
+from screw_module_msgs.msg import ForceCommand, ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
-from screw_module_ros.axes.controller import NO_FORCE, VerticalController
-from screw_module_ros.calibration.file import calibration_identity
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.module import (
-    CalibrationSettings,
-    ModuleCalibration,
-    chosen_calibration,
-)
+from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
+from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.modes import MODE_NAMES, OFF
-from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.control.modes import MODE_NAMES
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
-from screw_module_ros.resources import resource_path
-from screw_module_ros.samples import EncoderReading, ForceReading
+from screw_module_ros.loop.controller import NO_FORCE, VerticalController
+from screw_module_ros.loop.ticker import period_of
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
 from .support import qos
-from .support.driver import RateSettings, period_of
-from .support.flat import ENCODER, FORCE, pack_command
-from .support.freshness import MOVING_SETPOINT_NS, Newest
+from .support.controller_inputs import ControllerInputs
+from .support.driver import RateSettings
+from .support.due import Due
+from .support.flat import pack_command
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
-from .support.pace import Pace
-from .support.realtime import BREATH_S, Inbox
+from .support.realtime import Inbox
 from .support.runtime import main as run_node
+from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
-
-FRICTION_FILE = "params/friction_thesis.yaml"
-_AMPLIFIER_AGE_NS = 200_000_000
 
 
 class ControllerSettings(NamedTuple):
@@ -71,6 +57,7 @@ class ImpedanceControllerNode(ModuleNode):
 
     def __init__(self):
         super().__init__("impedance_controller")
+        self.part: VerticalController | None = None
         self.parameters.declare(ControllerSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(RateSettings)
@@ -79,8 +66,7 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(AgreementSettings, "agreement")
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
-        self._module: ModuleCalibration | None = None
-        self._calibration = ""
+        self._friction: ChosenFriction | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -92,211 +78,94 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.read(VerticalSettings).validated()
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
-        self._state_period_ns = round(1e9 / chosen.state_rate)
-        inbox = self.new_inbox()
-        self._take_encoder = inbox.subscribe(
-            ENCODER, "screw/encoder", qos.SAMPLE, wakes=True
-        )
-        self._forces = Inbox(self, self.clock, self.direct)
-        self._take_force = self._forces.subscribe(
-            FORCE, "handle/force", qos.SAMPLE, wakes=True
-        )
-        take = inbox.subscribe
-        self._setpoint = Newest(take(EndpointSetpoint, "setpoint", qos.COMMAND), MOVING_SETPOINT_NS)
-        self._amplifier = Newest(
-            take(AmplifierState, "screw/amplifier_state", qos.NEWEST), _AMPLIFIER_AGE_NS
-        )
-        self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), _AMPLIFIER_AGE_NS)
+        self._inputs = ControllerInputs(self.new_inbox(), Inbox(self, self.clock, self.direct))
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
     def _load(self, friction_file: str) -> None:
         settings = self.parameters.read(CalibrationSettings)
-        self._module = chosen_calibration(settings, "friction_file", friction_file)
-        if self._module is None:
-            path = friction_file or resource_path(FRICTION_FILE)
-            self._friction = load_friction_model(path)
-            self._calibration = calibration_identity(path)
-            return
-        self._friction = self._module.friction
-        self._file_identity = self._module.identity(settings.calibration_file)
-        before = self.parameters.read(VerticalSettings).gravity
-        refused = self.parameters.write(gravity=self._module.gravity)
-        if refused:
-            raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
-        self._follow_gravity()
-        self.get_logger().info(
-            f"calibration {self._file_identity}: gravity set to {self._module.gravity:g} N "
-            f"(the parameter was {before:g} N)"
-        )
+        chosen = self._friction = chosen_friction(settings, friction_file)
+        if chosen.gravity is not None:
+            before = self.parameters.read(VerticalSettings).gravity
+            refused = self.parameters.write(gravity=chosen.gravity)
+            if refused:
+                raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
+            self.get_logger().info(
+                f"calibration {chosen.identity}: gravity set to {chosen.gravity:g} N "
+                f"(the parameter was {before:g} N)"
+            )
+        self._name_calibration()
 
-    def _follow_gravity(self) -> None:
-        """Say in the identity when the calibration's gravity was replaced by hand."""
-        if self._module is None:
-            return
+    def _name_calibration(self) -> None:
         gravity = self.parameters.read(VerticalSettings).gravity
-        by_hand = "" if gravity == self._module.gravity else f", gravity {gravity:g} N by hand"
-        self._calibration = self._file_identity + by_hand
+        self._state_message.calibration = self._friction.told(gravity) if self._friction else ""
 
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
-        self._controller = VerticalController(
+        chosen = self.parameters.read(ControllerSettings)
+        self.part = VerticalController(
             self.parameters.read(VerticalSettings).validated(),
-            self._friction,
+            self._friction.model,
             self.parameters.read(WatchSettings, "watch"),
             self.parameters.read(AgreementSettings, "agreement"),
             self._period_ns,
-            self.parameters.read(ControllerSettings).mode,
+            chosen.mode,
         )
-        self._meter = DeadlineMeter(self._period_ns)
-        self._state_message.success_rate = self._meter.success_rate
-        self._force_pace = Pace(self._period_ns)
-        self._encoder: EncoderReading | None = None
-        self._resets: int | None = None
-        self._state_due_ns = 0
+        self.part.wanted = self._inputs.wanted
+        self._inputs.restart()
+        self._state_message.success_rate = self.part.meter.success_rate
+        self._state_due = Due(chosen.state_rate)
+        wires = Wires(
+            take_sample=self._inputs.next_sample,
+            take_force=self._inputs.next_force,
+            command=self.tell,
+            hear=self.hear,
+            controller_state=self.tell_state,
+        )
+        self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
         """Send one last zero, so that nobody goes on with the last force."""
-        if self._inbox is not None and self._encoder is not None:
-            self.tell(NO_FORCE)
+        if self._inbox is not None and self.part is not None and self.part.answered is not None:
+            self.tell(self.part.answered, NO_FORCE, self.part.mode)
 
     def disconnect(self) -> None:
         """Remove the topics."""
         if self._inbox is not None:
-            self._forces.close()
+            self._inputs.close()
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
         if kind is VerticalSettings:
-            self._follow_gravity()
-        if not hasattr(self, "_controller"):
+            self._name_calibration()
+        if self.part is None:
             return
         if kind is VerticalSettings:
-            self._controller.settings = self.parameters.read(VerticalSettings)
+            self.part.settings = self.parameters.read(VerticalSettings)
         elif kind is ControllerSettings:
-            self._controller.mode = self.parameters.read(ControllerSettings).mode
+            self.part.mode = self.parameters.read(ControllerSettings).mode
 
     # Hot loop ------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Wait for an encoder sample and answer it with a command."""
-        self._inbox.wait(self.clock.now_ns() + 2 * self._period_ns)
-        sample = self._take_encoder()
-        force = self._force_of(sample)
-        now = self.clock.now_ns()
-        if force is not None:
-            self.feel(force, now)
-        output = self.respond(sample, now) if sample is not None else None
-        if output is not None:
-            self.tell(output)
-            self.count()
-        elif (zero := self.idle(now)) is not None:
-            self.tell(zero)
-        if sample is None and force is None:
-            self.clock.sleep(BREATH_S)
-        self._hear_amplifier(now)
-        self.follow(now)
+        self._loop.step(Parts(controller=self.part))
 
-    def _force_of(self, sample: EncoderReading | None) -> ForceReading | None:
-        """Return the newest force sample; that of the encoder sample's tick is waited for a moment."""
-        force = self._take_force()
-        if sample is None or (force is not None and force.sequence == sample.sequence):
-            return force
-        if not self._force_pace.worth_waiting():
-            return force
-        self._forces.wait(self.clock.now_ns() + self._force_pace.wait_ns)
-        newer = self._take_force()
-        self._force_pace.came(newer is not None)
-        return newer or force
+    def tell(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
+        """Publish the answer to a sample."""
+        self._publish(pack_command(sample, output, mode))
 
-    def feel(self, force: ForceReading, now: int) -> None:
-        """Take a force sample."""
-        self._controller.force(force, now)
+    def hear(self, now_ns: int) -> None:
+        """Take set point and amplifier state, where they come by a topic."""
+        self._inputs.hear(self.part, now_ns)
 
-    def respond(self, sample: EncoderReading, now: int) -> VerticalOutput | None:
-        """Return the force for an encoder sample, None when it is not to be acted upon."""
-        wanted = self._setpoint.message
-        setpoint = (math.nan, 0.0)
-        if wanted is not None:
-            moving = not self._setpoint.stale(now)
-            setpoint = (wanted.position.z, wanted.velocity.z if moving else 0.0)
-        output = self._controller.act(sample, setpoint, now)
-        if output is not None:
-            self._encoder = sample
-        return output
-
-    @property
-    def answered(self) -> EncoderReading | None:
-        """The newest sample that was acted upon, None before the first."""
-        return self._encoder
-
-    def count(self) -> None:
-        """Count the newest sample as answered now."""
-        sample = self._encoder
-        self._meter.tick(sample.sequence, sample.monotonic_ns, self.clock.now_ns())
-
-    def idle(self, now: int) -> VerticalOutput | None:
-        """Return the zero to send when no sample came that can be acted upon, None when not due."""
-        return self._controller.idle(now)
-
-    def tell(self, output: VerticalOutput) -> None:
-        """Publish the answer to the newest sample."""
-        self._publish(pack_command(self._encoder, output, self._controller.mode))
-
-    def _hear_amplifier(self, now: int) -> None:
-        state = self._amplifier.update(now)
-        if state is not None:
-            self._controller.amplifier(state.enabled, state.position, now)
-
-    def hear_amplifier(self, state: AmplifierState, now: int) -> None:
-        """Take the amplifier's state as if it had come by the topic."""
-        self._amplifier.put(state, now)
-        self._controller.amplifier(state.enabled, state.position, now)
-
-    def follow(self, now: int) -> None:
-        """Follow set point, amplifier and supervisor; publish the state when due."""
-        self._setpoint.update(now)  # here, where no command waits for it
-        if self._amplifier.stale(now):
-            self._controller.amplifier(None, math.nan, now)
-        if now >= self._state_due_ns:
-            self._state_due_ns = (now // self._state_period_ns + 1) * self._state_period_ns
-            self._follow_supervisor(now)
-            self._show_state(now)
-
-    def _follow_supervisor(self, now: int) -> None:
-        """A reset there clears a fault here; one that was started anew counts from 0 again."""
-        safety = self._safety.fresh(now)
-        if safety is None:
-            return
-        if self._resets is not None and safety.resets > self._resets:
-            self._controller.reset(now)
-        self._resets = safety.resets
-
-    def _show_state(self, now: int) -> None:
-        message, meter, controller = self._state_message, self._meter, self._controller
-        output = controller.output
-        self.stamp(message.header)
-        message.mode = controller.mode
-        message.faulted = controller.faulted
-        message.reason = controller.reason
-        message.active = not controller.reason and controller.mode != OFF
-        if self._encoder is not None:
-            message.position = self._encoder.position
-            message.velocity = self._encoder.velocity
-        message.desired_position = output.desired_position
-        message.desired_velocity = output.desired_velocity
-        blend = controller.state.blend
-        message.stiffness, message.damping = blend.stiffness, blend.damping
-        message.force_gain = blend.gain
-        message.measured_force = controller.handle_force
-        message.commanded_force = output.force
-        message.rate = meter.rate(now)
-        message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
-        message.samples, message.late, message.lost = meter.samples, meter.late, meter.lost
-        message.consecutive_missed = meter.missed_in_a_row(now)
-        message.success_rate = meter.success_rate
-        message.calibration = self._calibration
-        self._publish_state(message)
+    def tell_state(self, now_ns: int) -> None:
+        """Follow the supervisor and publish the state, when it is due."""
+        if self._state_due(now_ns):
+            self._inputs.follow_supervisor(self.part, now_ns)
+            self.stamp(self._state_message.header)
+            fill_controller(self._state_message, self.part, now_ns)
+            self._publish_state(self._state_message)
 
     # Services ------------------------------------------------------------------------------
 
@@ -308,12 +177,12 @@ class ImpedanceControllerNode(ModuleNode):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        told, controller = self._state_message, self._controller
+        told, controller = self._state_message, self.part
         values = {
-            **timing_values(told, self._meter),
+            **timing_values(told, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
-            "calibration": self._calibration,
+            "calibration": told.calibration,
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
@@ -321,10 +190,9 @@ class ImpedanceControllerNode(ModuleNode):
             return Health(WARN, warning, values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
 
-    def _age_text(self, now: int) -> str:
-        if self._encoder is None:
-            return "never"
-        return f"{(now - self._encoder.monotonic_ns) * 1e-9:.4f}"
+    def _age_text(self, now_ns: int) -> str:
+        sample = self.part.answered
+        return "never" if sample is None else f"{(now_ns - sample.monotonic_ns) * 1e-9:.4f}"
 
 
 def main() -> int:

@@ -16,6 +16,7 @@ from typing import Annotated, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
+from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording import (
     BagError,
     BagFolderError,
@@ -34,7 +35,6 @@ from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .support import qos
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
-from .support.realtime import BETWEEN_TICKS_NS, Ticker
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05

@@ -28,6 +28,7 @@ from screw_module_ros.control.supervision import (
     SupervisorState,
     decide,
 )
+from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.settings import Setting
 
 from .support import qos, topics
@@ -36,7 +37,6 @@ from .support.freshness import Newest
 from .support.kept import Kept
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import BETWEEN_TICKS_NS, Ticker
 from .support.runtime import main as run_node
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"

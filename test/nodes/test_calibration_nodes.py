@@ -110,11 +110,11 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     assert node.get_parameter("gravity").value == 12.5
     node.set_parameters([Parameter("module_serial", value=SERIAL)])
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
-    assert node._friction == calibration.written.friction
-    assert node._calibration == calibration.identity
+    assert node._friction.model == calibration.written.friction
+    assert node._state_message.calibration == calibration.identity
     assert node.get_parameter("gravity").value == GRAVITY
     node.trigger_activate()
-    assert node._controller.settings.gravity == GRAVITY
+    assert node.part.settings.gravity == GRAVITY
     node.close()
 
 
@@ -123,11 +123,11 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     node = make_node("impedance_controller", *given(calibration.path))
     node.trigger_configure()
     assert not node.parameters.write(gravity=8.0)
-    assert node._calibration == f"{calibration.identity}, gravity 8 N by hand"
+    assert node._state_message.calibration == f"{calibration.identity}, gravity 8 N by hand"
     node.trigger_activate()
-    assert node._controller.settings.gravity == 8.0
+    assert node.part.settings.gravity == 8.0
     assert not node.parameters.write(gravity=GRAVITY)
-    assert node._calibration == calibration.identity
+    assert node._state_message.calibration == calibration.identity
     node.close()
 
 

@@ -17,7 +17,7 @@ METER = {"tick", "rate", "latency", "missed_in_a_row"}
 FILES = [
     file
     for file in sorted(Path(nodes.__file__).parent.glob("*.py"))
-    if "DeadlineMeter" in file.read_text(encoding="utf-8")
+    if ".meter" in file.read_text(encoding="utf-8")
 ]
 
 

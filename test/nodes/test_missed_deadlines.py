@@ -8,9 +8,9 @@ import threading
 import pytest
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 
+from screw_module_ros.loop.ticker import Ticker
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.realtime import Ticker
 from screw_module_ros.nodes.support.robot import Robot
 
 pytestmark = pytest.mark.graph

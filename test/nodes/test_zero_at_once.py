@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes.module import ModuleLoop, Parts
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.nodes.support.flat import COMMAND
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -44,8 +44,8 @@ def axis(make_node):
     made = Axis(make_node("impedance_controller"))
     for _ in range(700):
         sample = made.sample()
-        made.node.feel(made.force(), made.now)
-        output = made.node.respond(sample, made.now)
+        made.node.part.on_force(made.force(), made.now)
+        output = made.node.part.on_encoder(sample, made.now)
     assert output.force > 5.0
     yield made
     made.node.close()
@@ -53,41 +53,37 @@ def axis(make_node):
 
 def step(axis, sample) -> None:
     """One step of the node's loop with that sample on the topic."""
-    node = axis.node
-    node.clock = ManualClock(axis.now)
-    node._inbox = SimpleNamespace(wait=lambda until: None, close=node._inbox.close)
-    node._forces = SimpleNamespace(wait=lambda until: None, close=node._forces.close)
-    node._take_force = lambda: None
-    # A message of the topic: the field `stamp` is there, whatever it holds.
-    node._take_encoder = lambda: sample
-    node.follow = node._hear_amplifier = lambda now: None
-    node.step()
+    wires = Wires(take_sample=lambda until_ns: sample, command=axis.node.tell)
+    loop = VerticalLoop(ManualClock(axis.now), MS, wires)
+    loop.step(Parts(controller=axis.node.part))
 
 
 def test_the_node_sends_zero_for_a_sample_that_is_no_number(axis):
     step(axis, axis.sample(math.nan))
     assert axis.told == [(axis.tick - 1, 0.0)], "with the sample it last answered"
-    assert "not a finite number" in axis.node._controller.reason
+    assert "not a finite number" in axis.node.part.reason
     step(axis, axis.sample(math.nan))
     assert len(axis.told) == 1
 
 
 def test_the_node_goes_on_after_a_repeated_sample(axis):
-    step(axis, axis.node.answered)
-    assert axis.told == [] and axis.node._controller.reason == ""
+    step(axis, axis.node.part.answered)
+    assert axis.told == [] and axis.node.part.reason == ""
 
 
 def act_and_publish(axis, sample):
-    """One period of `module`'s loop with that sample; return what the amplifier was given."""
+    """One period of `module`'s loop with that sample; return what the drive was given."""
     given = []
-    amplifier = SimpleNamespace(
-        act=lambda sequence, stamp, force, now: given.append((sequence, force))
+    encoder = SimpleNamespace(ask=lambda tick: None, answer=lambda until_ns: sample)
+    drive = SimpleNamespace(
+        begin_tick=lambda tick: None,
+        act=lambda sequence, stamp, force, now: given.append((sequence, force)),
+        end_tick=lambda tick, permission: None,
+        drives=SimpleNamespace(enabled=True),
+        position=0.0,
     )
-    encoder = SimpleNamespace(publish=lambda sample: None)
-    parts = Parts(encoder, None, axis.node, amplifier)
-    loop = ModuleLoop.__new__(ModuleLoop)
-    output = loop._act(parts, sample, None, axis.now)
-    loop._publish(parts, sample, None, output)
+    loop = VerticalLoop(ManualClock(axis.now), MS, Wires(command=axis.node.tell))
+    loop.step(Parts(encoder, None, axis.node.part, drive))
     return given
 
 
@@ -109,11 +105,11 @@ def test_module_writes_zero_when_samples_cease(axis):
 def test_only_a_rise_of_the_counter_resets(axis):
     """A supervisor that was started anew counts from 0: no reset that anybody asked for."""
     node = axis.node
-    node.respond(axis.sample(math.nan), axis.now)
-    assert node._controller.faulted
+    node.part.on_encoder(axis.sample(math.nan), axis.now)
+    assert node.part.faulted
     told = {}
-    node._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
+    node._inputs._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
     for resets, faulted in ((3, True), (3, True), (0, True), (0, True), (1, False)):
         told["resets"] = resets
-        node._follow_supervisor(axis.now)
-        assert node._controller.faulted is faulted, resets
+        node._inputs.follow_supervisor(node.part, axis.now)
+        assert node.part.faulted is faulted, resets

@@ -7,5 +7,5 @@ import sys
 from pathlib import Path
 
 _HERE = Path(__file__).parent
-for folder in (_HERE, _HERE.parent / "devices", _HERE.parent / "axes"):
+for folder in (_HERE, _HERE.parent / "devices", _HERE.parent / "loop"):
     sys.path.insert(0, str(folder))

@@ -10,12 +10,12 @@ from anything import MS, START_NS, fixed, live_changes, near
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.axes.controller import VerticalController
 from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
@@ -61,9 +61,14 @@ class Controller(RuleBasedStateMachine):
             assert output.force == 0.0
         self.sent = output.force
 
+    def respond(self, sample, setpoint):
+        height, velocity = setpoint
+        self.controller.wanted.ask((height,), (velocity,), self.now_ns)
+        return self.controller.on_encoder(sample, self.now_ns)
+
     def elapsed(self) -> float:
         """Return the time between the last two samples acted upon, as long as it counts [s]."""
-        before, self.acted_ns = self.acted_ns, self.controller._last.monotonic_ns
+        before, self.acted_ns = self.acted_ns, self.controller.answered.monotonic_ns
         return min((self.acted_ns - before) * 1e-9, LONGEST_STEP) if before else MS * 1e-9
 
     @rule(step=steps, age=ages, position=near(-0.005, 0.365), velocity=near(-1.0, 1.0),
@@ -71,13 +76,13 @@ class Controller(RuleBasedStateMachine):
     def encoder(self, step, age, position, velocity, homed, setpoint):
         begin = self.pass_time(MS, step, age)
         sample = EncoderReading(*begin, 0, position, velocity, homed)
-        self.judge(self.controller.act(sample, setpoint, self.now_ns))
+        self.judge(self.respond(sample, setpoint))
 
     @rule(step=steps, age=ages, wrench=st.tuples(*[near(-80.0, 80.0)] * 6),
           status=st.sampled_from((0, 0, 0, 4, 1 << 14)))  # fmt: skip
     def force(self, step, age, wrench, status):
         begin = self.pass_time(0, step, age)
-        self.controller.force(ForceReading(*begin, *wrench, status), self.now_ns)
+        self.controller.on_force(ForceReading(*begin, *wrench, status), self.now_ns)
         self.judge(None)
 
     @rule(count=st.integers(1, 40), position=st.floats(0.05, 0.3), setpoint=setpoints,
@@ -86,9 +91,9 @@ class Controller(RuleBasedStateMachine):
         """Both sensors as they should be, for a while."""
         for _ in range(count):
             begin = self.pass_time(MS, 1, 0)
-            self.controller.force(ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0), self.now_ns)
+            self.controller.on_force(ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0), self.now_ns)
             sample = EncoderReading(*begin, 0, position, 0.0, True)
-            self.judge(self.controller.act(sample, setpoint, self.now_ns))
+            self.judge(self.respond(sample, setpoint))
 
     @rule(mode=st.integers(1, 4), count=st.integers(20, 200), setpoint=setpoints)
     def bring_up(self, mode, count, setpoint):
@@ -107,7 +112,11 @@ class Controller(RuleBasedStateMachine):
 
     @rule(enabled=st.sampled_from((True, True, False, None)), position=near(-0.2, 0.2))
     def amplifier(self, enabled, position):
-        self.controller.amplifier(enabled, position, self.now_ns)
+        if enabled is None:  # the drive has said nothing for a while
+            self.controller._drive_ns = None
+            self.controller.end_tick(self.now_ns)
+        else:
+            self.controller.on_drive(enabled, position, self.now_ns)
         self.judge(None)
 
     @rule(wait=st.sampled_from((0, 2 * MS, 6 * MS, 300 * MS)))
@@ -136,12 +145,10 @@ def test_a_fault_that_the_amplifiers_end_follows_at_once_stays():
     """The sample that cannot be and the amplifier's `off` may come in one pass of the loop."""
     machine = Controller()
     machine.bring_up(1, 50, (0.2, 0.0))
-    machine.controller.act(
-        EncoderReading(*machine.pass_time(MS, 1, 0), 0, math.nan, 0.0, True),
-        (0.2, 0.0),
-        machine.now_ns,
+    machine.respond(
+        EncoderReading(*machine.pass_time(MS, 1, 0), 0, math.nan, 0.0, True), (0.2, 0.0)
     )
-    machine.controller.amplifier(False, 0.0, machine.now_ns)
+    machine.controller.on_drive(False, 0.0, machine.now_ns)
     machine.work(20, 0.18, (0.2, 0.0))
     assert "not a finite number" in machine.controller.reason
     machine.reset()

@@ -17,8 +17,6 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
-from screw_module_ros.axes.joint import JointSettings
-from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.planar import LONGEST_STEP
@@ -27,6 +25,8 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.heartbeat import Heartbeat
+from screw_module_ros.loop.joint import JointSettings
+from screw_module_ros.loop.planar_axes import PlanarAxes
 
 PERIOD_NS = 2 * MS
 NODES = (3, 4)

@@ -17,7 +17,6 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 from scripted import Wire
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
-from screw_module_ros.axes.vertical import VerticalAxis
 from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
@@ -26,6 +25,7 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotEnabled
 from screw_module_ros.geometry import SCREW, force_to_torque
+from screw_module_ros.loop.drive import VerticalDrive
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 GATE, LIMITS, FORCES = GateSettings(), TorqueLimits(), CommandLimits()
@@ -204,7 +204,7 @@ class AxisMachine(Machine):
 
     def __init__(self):
         super().__init__()
-        self.axis = VerticalAxis(self.drive, MS, GATE, CHAIN)
+        self.axis = VerticalDrive(self.drive, self.wire.port, MS, GATE, CHAIN)
         self.sequence = 0
         self.open_ns = None
         self.permitted, self.safety_ns = False, 0

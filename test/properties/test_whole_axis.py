@@ -41,7 +41,7 @@ class WholeAxis(RuleBasedStateMachine):
         self.bench.rows.clear()
         self.asked = False
         self.force = 0.0
-        self.acted_ns = self.bench.controller._last.monotonic_ns
+        self.acted_ns = self.bench.controller.answered.monotonic_ns
         self.open_ticks = 0
         self.bench.controller.mode = mode
         self.bench.setpoint = (0.3, 0.0)
@@ -77,7 +77,7 @@ class WholeAxis(RuleBasedStateMachine):
 
     def elapsed(self) -> float:
         """Return the time from the sample acted upon before to the newest, as it counts [s]."""
-        before, self.acted_ns = self.acted_ns, self.bench.controller._last.monotonic_ns
+        before, self.acted_ns = self.acted_ns, self.bench.controller.answered.monotonic_ns
         return min((self.acted_ns - before) * 1e-9, LONGEST_STEP)
 
     @rule(mode=st.integers(0, 4), setpoint=st.tuples(near(-0.2, 0.6), near(-1.0, 1.0)))

@@ -14,10 +14,11 @@ from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, Impe
 
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 
 from ..support import qos
 from ..support.module_node import ModuleNode
-from ..support.realtime import BETWEEN_TICKS_NS, Inbox, Outlet, Ticker
+from ..support.realtime import Inbox, Outlet
 from .samples import Recording
 from .torque_source import TorqueSource
 

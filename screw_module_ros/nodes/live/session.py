@@ -12,8 +12,8 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import NotPossible, Told
+from screw_module_ros.loop.ticker import period_of
 
-from ..support.driver import period_of
 from ..support.graph_client import RobotError
 from ..support.robot import Robot
 from .graph import parameters, topic_of

@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
 
-from screw_module_ros.axes.vertical import LARGEST_FORCE
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
+from screw_module_ros.loop.drive import LARGEST_FORCE
 
 from ..support.graph_client import RobotError
 from ..support.robot import Robot

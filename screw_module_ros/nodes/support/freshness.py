@@ -6,9 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-MOVING_SETPOINT_NS = 200_000_000
-"""A set point that moves must be renewed this often; one that stands stays valid."""
-
 
 class Newest:
     """The newest message of one hot subscription.
@@ -27,13 +24,9 @@ class Newest:
         """Take what has come; return it when there was something new, else None."""
         message = self._take()
         if message is not None:
-            self.put(message, now_ns)
+            self.message = message
+            self.arrival_ns = now_ns
         return message
-
-    def put(self, message: Any, now_ns: int) -> None:
-        """Note a message that came otherwise than by the subscription."""
-        self.message = message
-        self.arrival_ns = now_ns
 
     def fresh(self, now_ns: int) -> Any:
         """Take what has come; return the newest message while it is fresh, else None."""

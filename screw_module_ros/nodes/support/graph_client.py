@@ -25,11 +25,12 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
 from screw_module_ros.lockstep.wires import Hop
+from screw_module_ros.loop.ticker import BREATH_S
 
 from . import qos
 from .freshness import Newest
 from .module_node import answer_topic, request_topic
-from .realtime import BREATH_S, Inbox
+from .realtime import Inbox
 from .transport import choose_transport
 
 _POLL_NS = 20_000_000

@@ -58,7 +58,7 @@ class ModuleNode(LifecycleNode):
 
     Two threads share a node. The loop's thread runs `step` and owns all that it uses; the service
     thread runs services, timers and the lifecycle, and reaches into the loop only by replacing
-    whole values or by what the loop takes up itself (see `axes/gated_drives`).
+    whole values or by what the loop takes up itself (see `loop/gated_drives`).
 
     clock: the one clock of this process. Subclasses override what they need of `connect`, `begin`,
     `step`, `end`, `disconnect` (each in lifecycle order), `health` and `changed`.

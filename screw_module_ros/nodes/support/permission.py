@@ -8,7 +8,7 @@ from itertools import islice
 
 from screw_module_msgs.msg import SafetyState
 
-from screw_module_ros.axes.gated_drives import GatedDrives
+from screw_module_ros.loop.gated_drives import GatedDrives
 
 from . import qos
 from .module_node import ModuleNode

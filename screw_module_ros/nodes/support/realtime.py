@@ -30,12 +30,7 @@ from .flat import Flat
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
-BETWEEN_TICKS_NS = 500_000
-"""How long after the tick the slow loops look: by then those that tick fast have said all [ns]."""
 _LOST_NS = 500_000_000  # wall clock: a message that was published and has not come by then is lost
-BREATH_S = 100e-6
-"""A hot loop that was woken for nothing sleeps so long before it waits again: a wait set that is
-always ready would else make it spin, at a priority at which nobody else on its core runs."""
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
@@ -127,46 +122,6 @@ def _in_the_way_of_samples(thread: int) -> bool:
         return True
     port = name.rpartition(".")[2]
     return name.startswith(("dds.udp.", "dds.shm.")) and port.isdigit() and int(port) % 2 == 1
-
-
-class Tick(NamedTuple):
-    """One multiple of the period: its number, the time and ROS time [ns], ticks left out before."""
-
-    sequence: int
-    monotonic_ns: int
-    stamp_ns: int
-    skipped: int
-
-
-class Ticker:
-    """Whole multiples of `period_ns`; an overrun skips ticks, never bursts.
-
-    offset_ns: how long after the whole multiple the tick is, for loops that only look at what
-    others do on it.
-    """
-
-    def __init__(self, clock: Clock, period_ns: int, offset_ns: int = 0):
-        self.period_ns = period_ns
-        self._clock = clock
-        self._offset_ns = offset_ns
-        self._last = (clock.now_ns() - offset_ns) // period_ns
-
-    def due_ns(self) -> int:
-        """Return the time of the next tick [ns]."""
-        return (self._last + 1) * self.period_ns + self._offset_ns
-
-    def sleep(self) -> Tick:
-        """Sleep until the next tick."""
-        self._clock.sleep_until(self.due_ns())
-        return self.take()
-
-    def take(self) -> Tick:
-        """Return the tick of now; the caller has seen to it that it is due."""
-        now_ns = self._clock.now_ns()
-        number = max((now_ns - self._offset_ns) // self.period_ns, self._last + 1)
-        skipped = number - self._last - 1
-        self._last = number
-        return Tick(number & 0xFFFFFFFF, now_ns, self._clock.stamp_ns(), skipped)
 
 
 class HotGroup(CallbackGroup):

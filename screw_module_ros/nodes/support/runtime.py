@@ -20,9 +20,11 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from screw_module_ros.loop.ticker import BREATH_S
+
 from .module_node import ModuleNode
 from .parameters import ParameterError
-from .realtime import BREATH_S, RealtimeSettings, prepare, take_priority
+from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals
 from .transport import choose_transport

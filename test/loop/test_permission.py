@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from screw_module_ros.axes.gated_drives import GatedDrives
 from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.loop.gated_drives import GatedDrives
 
 MS = 1_000_000
 

@@ -180,12 +180,12 @@ def test_a_repeated_zero_is_obeyed_at_once(enabled):
     rows = enabled.seconds(1.0)
     assert abs(rows[-1].torque) > 1e-3
     enabled.commanding = False
-    last = enabled.now_ns - 1_000_000
-    assert not enabled.axis.command(enabled._sequence - 1, last, 0.0, enabled.now_ns)
+    sequence, last = enabled.controller.answered[:2]
+    assert not enabled.axis.command(sequence, last, 0.0, enabled.now_ns)
     assert enabled.axis.last.command == 0.0
     enabled.axis.idle(enabled.now_ns + 3_000_000)
     assert enabled.axis.last.command == 0.0, "the force before does not come back"
-    assert not enabled.axis.command(enabled._sequence - 1, last, 5.0, enabled.now_ns)
+    assert not enabled.axis.command(sequence, last, 5.0, enabled.now_ns)
     assert enabled.axis.last.command == 0.0, "any other repeated force is not acted upon"
 
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole vertical axis in one thread: real drivers and laws, virtual buses, the simulated rig.
+"""The whole robot in one thread: the loops of the nodes, virtual buses, the simulated rig.
 
-Time is a clock that `tick` moves by one period. While somebody blocks in a conversation with a
-device, a thread serves the rig, and the waits move the time.
+`tick` is one period of both loops. Their waits serve the rig and move the time.
 """
 
 from __future__ import annotations
@@ -14,10 +13,6 @@ from typing import NamedTuple
 
 import can
 
-from screw_module_ros.axes.controller import VerticalController
-from screw_module_ros.axes.joint import JointSettings
-from screw_module_ros.axes.planar import PlanarAxes
-from screw_module_ros.axes.vertical import VerticalAxis
 from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
@@ -32,14 +27,21 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import BusError
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.devices.port import Port
 from screw_module_ros.geometry import SCREW
+from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.loop.joint import JointSettings
+from screw_module_ros.loop.planar_axes import PlanarAxes
+from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.sensor import PolledSensor
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.rig import Rig, RigSettings
+from screw_module_ros.samples import EncoderReading, ForceReading
 
 PERIOD_NS = 1_000_000
 BUSES = ("encoder", "drive", "force_sensor", "planar")
@@ -48,7 +50,7 @@ _START_NS = 1_000_000_000_000
 
 
 class BenchClock(ManualClock):
-    """A wait of the loop's thread serves the rig and moves the time; others wait for that thread."""
+    """A wait of the loop's thread serves the rig and moves time; others wait for that thread."""
 
     def __init__(self):
         super().__init__(_START_NS)
@@ -63,6 +65,30 @@ class BenchClock(ManualClock):
         else:
             while self.time_ns < due_ns:
                 self._pause.wait(1e-4)
+
+    def arrivals(self, bus: can.BusABC) -> Served:
+        return Served(self, bus)
+
+
+class Served:
+    """What the rig sends on one bus: it may answer before time moves."""
+
+    def __init__(self, clock: BenchClock, bus: can.BusABC):
+        self._clock, self._bus = clock, bus
+
+    def receive(self, until_ns: int) -> can.Message | None:
+        message = self._bus.recv(0.0)
+        if message is None and until_ns:
+            self._clock.serve()
+            message = self._bus.recv(0.0)
+            if message is None:
+                self._clock.sleep_until(until_ns)
+        return message
+
+    def sent(self) -> None:
+        pass
+
+    close = sent
 
 
 class Row(NamedTuple):
@@ -112,8 +138,9 @@ class Bench:
             AgreementSettings(),
             PERIOD_NS,
         )
-        self.axis = VerticalAxis(
+        self.axis = VerticalDrive(
             self.drive,
+            self.ports["drive"],
             PERIOD_NS,
             GateSettings(),
             torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
@@ -126,10 +153,23 @@ class Bench:
         self.permitted = True
         self.commanding = True
         self.rows: list[Row] = []
-        self._readings: list = []
-        self._hand = math.nan, math.nan
-        self._sequence = 0
+        self._sample: EncoderReading | None = None
+        self._readings: list[ForceReading] = []
+        self._make_loops()
         self.devices = (self.encoder, self.force_sensor, self.drive, *self.planar_drives)
+
+    def _make_loops(self) -> None:
+        clock, ports = self.clock, self.ports
+        self.parts = Parts(
+            PolledSensor(self.encoder, ports["encoder"], clock),
+            PolledSensor(self.force_sensor, ports["force_sensor"], clock),
+            self.controller,
+            self.axis,
+        )
+        self.vertical = VerticalLoop(clock, PERIOD_NS, Wires(sample=self._see, force=self._feel))
+        self.plane = PlaneLoop(
+            self.axes, ports["planar"], PERIOD_NS, PlaneLimits(), PlaneWires()
+        )
 
     def _bus(self, channel: str) -> can.BusABC:
         bus = can.Bus(interface="virtual", channel=channel)
@@ -200,67 +240,37 @@ class Bench:
         return self.ticks(round(duration * 1e9 / PERIOD_NS))
 
     def tick(self) -> None:
-        """One period: SYNC and polls out, answers in, laws, commands out."""
-        self.clock.time_ns += PERIOD_NS
-        self._sequence += 1
-        now, sequence = self.now_ns, self._sequence
-        try:
-            self._ask(sequence, now)
-        except BusError:
-            pass
-        self.rig.process(now)
-        for port in self.ports.values():
-            port.pump()
-        self._act(now + _COMMAND_DELAY_NS)
-        self.rig.process(now + _COMMAND_DELAY_NS)
+        """One period of both loops."""
+        now, refused = self.now_ns, "" if self.permitted else "test"
+        for drives in (self.axis.drives, self.axes.drives):
+            drives.permit(self.permitted, refused, now)
+        self.controller.wanted.ask(self.setpoint[:1], self.setpoint[1:], now)
+        self.plane.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
+        self._sample = None
+        commanded = self.parts if self.commanding else self.parts._replace(controller=None)
+        self.vertical.step(commanded)
+        self.plane.step()
+        self.rig.process(self.now_ns)
+        self.rows.append(self._row(self._sample))
 
-    def _ask(self, sequence: int, now: int) -> None:
-        self.encoder.request(sequence, now, now)
-        self.force_sensor.request(sequence, now, now)
-        self.drive.sync(now)
-        self.drive.heartbeat(now)
-        self.axes.request(now)
-        self._asked_ns = now
+    def _see(self, sample: EncoderReading) -> None:
+        self._sample = sample
 
-    def _act(self, now: int) -> None:
+    def _feel(self, force: ForceReading) -> None:
+        self._readings.append(force)
+        self.plane.on_force(force.fx, force.fy, self.now_ns)
+
+    def _row(self, sample: EncoderReading | None) -> Row:
         controller, axis = self.controller, self.axis
-        axis.drives.permit(self.permitted, "" if self.permitted else "test", now)
-        self.axes.drives.permit(self.permitted, "" if self.permitted else "test", now)
-        force = self.force_sensor.reading()
-        if force is not None:
-            self._readings.append(force)
-            self._hand = force.fx, force.fy
-            controller.force(force, now)
-        reading = self.drive.reading
-        metres = reading.position if reading else 0.0
-        controller.amplifier(axis.drives.enabled, metres, now)
-        sample = self.encoder.reading()
-        output = controller.act(sample, self.setpoint, now) if sample else controller.idle(now)
-        if output is not None and sample is not None and self.commanding:
-            axis.command(sample.sequence, sample.monotonic_ns, output.force, now)
-        axis.idle(now)
-        self._act_in_plane(now)
-        self.rows.append(
-            Row(
-                self.world.simulated_time,
-                sample.position if sample else math.nan,
-                sample.velocity if sample else math.nan,
-                controller.handle_force,
-                controller.output.force,
-                axis.last.command,
-                axis.drives.reason or controller.reason,
-            )
+        return Row(
+            self.world.simulated_time,
+            sample.position if sample else math.nan,
+            sample.velocity if sample else math.nan,
+            controller.handle_force,
+            controller.output.force,
+            axis.last.command,
+            axis.drives.reason or controller.reason,
         )
-
-    def _act_in_plane(self, now: int) -> None:
-        if self.axes.answered(self._answered_since()):
-            self.axes.act(self.planar_setpoint, now, self._hand)
-        else:
-            self.axes.idle(now)
-
-    def _answered_since(self) -> int:
-        # Frames are stamped with the port's clock, which stands still within a tick.
-        return self._asked_ns
 
     @property
     def torque_passes(self) -> bool:

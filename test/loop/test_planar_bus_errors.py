@@ -8,8 +8,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from screw_module_ros.axes.joint import JointSettings
-from screw_module_ros.axes.planar import PlanarAxes
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control import gate
 from screw_module_ros.control.gate import GateSettings
@@ -17,6 +15,8 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.cia402 import State
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import BusError
+from screw_module_ros.loop.joint import JointSettings
+from screw_module_ros.loop.planar_axes import PlanarAxes
 from screw_module_ros.samples import DriveReading
 
 MS = 1_000_000

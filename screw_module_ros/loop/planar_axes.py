@@ -200,5 +200,6 @@ class PlanarAxes:
 
     def shutdown(self, port: Port) -> str:
         """Leave both drives cleanly after the loop has ended; return what did not work."""
-        self.drives.close(port.clock.now_ns())  # an open gate would find its command old at the next start
+        # An open gate would find its command old at the next start.
+        self.drives.close(port.clock.now_ns())
         return drive_exit.leave(self.drives.drives, port)

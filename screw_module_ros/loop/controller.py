@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical controller: samples in, force out, zero whenever the watch doubts them.
-
-What the node `impedance_controller` runs, without ROS.
-"""
+"""The vertical controller: samples in, force out, zero whenever the watch doubts them."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ import math
 from ..control.agreement import Agreement, AgreementSettings
 from ..control.friction import FrictionModel
 from ..control.modes import OFF
+from ..control.timing import DeadlineMeter
 from ..control.vertical import (
     VerticalInput,
     VerticalOutput,
@@ -19,8 +17,11 @@ from ..control.vertical import (
     vertical_step,
 )
 from ..control.vertical_settings import VerticalSettings
-from ..control.watch import EncoderLike, ForceLike, VerticalWatch, WatchSettings
+from ..control.watch import ForceLike, VerticalWatch, WatchSettings
+from ..samples import EncoderReading
+from .wanted import Wanted
 
+_DRIVE_AGE_NS = 200_000_000
 NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
 
@@ -28,8 +29,10 @@ class VerticalController:
     """Watch and law of the vertical axis; all times are passed in [ns].
 
     mode, settings: may be replaced at any time, the law fades over. output: of the last step.
-    reason: why the force is held at zero, empty while it is not. A fault seen while the amplifier
-    is on or a force is out stays until `reset`; any other goes when its cause does.
+    wanted: the set point, height alone. answered: the newest sample acted upon, None before the
+    first. handle_force: newest that was believed [N]. meter: from a sample to its command. reason:
+    why the force is held at zero, empty while it is not. A fault seen while the amplifier is on or
+    a force is out stays until `reset`; any other goes when its cause does.
     """
 
     def __init__(
@@ -47,13 +50,16 @@ class VerticalController:
         self.state: VerticalState = initial_state(settings)
         self.reason = ""
         self.handle_force = 0.0
+        self.wanted = Wanted(axes=1)
+        self.answered: EncoderReading | None = None
+        self.meter = DeadlineMeter(period_ns)
         self._friction = friction
         self._watch = VerticalWatch(watch, period_ns)
         self._agreement = Agreement(agreement)
         self._disagreement = ""
         self._period_ns = period_ns
-        self._last: EncoderLike | None = None
         self._enabled: bool | None = None
+        self._drive_ns: int | None = None
         self._must_reset = False
 
     @property
@@ -61,36 +67,18 @@ class VerticalController:
         """Whether a fault is latched."""
         return bool(self._watch.fault or self._disagreement)
 
-    def force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceLike, now_ns: int) -> None:
         """Take a force sample."""
         if self._watch.force(sample, now_ns):
             self.handle_force = sample.fz
         self._keep_fault()
 
-    def amplifier(self, enabled: bool | None, position: float, now_ns: int) -> None:
-        """Take what the amplifier says: torque on or off, None = unknown; nut travel [m]."""
-        if not enabled and self.faulted and not self._must_reset:
-            self.reset(now_ns)
-        if enabled != self._enabled or not enabled or self._last is None:
-            self._agreement.restart()
-        else:
-            last = self._last
-            wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
-            self._disagreement = self._disagreement or wrong or ""
-        self._enabled = enabled
-        self._keep_fault()
-
-    def act(
-        self, sample: EncoderLike, setpoint: tuple[float, float], now_ns: int
-    ) -> VerticalOutput | None:
-        """Return the force for an encoder sample, None when it is not to be acted upon.
-
-        setpoint: height [m], NaN = none, and velocity [m/s].
-        """
+    def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
+        """Return the force for an encoder sample, None when it is not to be acted upon."""
         if not self._watch.encoder(sample, now_ns):
             self._keep_fault()
             return None
-        last, self._last = self._last, sample
+        last, self.answered = self.answered, sample
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
         self._check(now_ns)
         inp = VerticalInput(
@@ -98,13 +86,27 @@ class VerticalController:
             sample.position,
             sample.velocity,
             self.handle_force,
-            *setpoint,
+            *self.wanted.at(now_ns),
             not self.reason and self._enabled is not False,
         )
         self.output, self.state = vertical_step(
             self.settings, self._friction, self.state, inp, elapsed_ns * 1e-9
         )
         return self.output
+
+    def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
+        """Take what the drive says: torque on or off, nut travel [m]."""
+        self._drive_ns = now_ns
+        self._hear_drive(enabled, position, now_ns)
+
+    def end_tick(self, now_ns: int) -> None:
+        """Notice a drive that has said nothing for a while."""
+        if self._drive_ns is None or now_ns - self._drive_ns > _DRIVE_AGE_NS:
+            self._hear_drive(None, math.nan, now_ns)
+
+    def count(self, now_ns: int) -> None:
+        """Count the newest sample as answered at now_ns [ns]."""
+        self.meter.tick(self.answered.sequence, self.answered.monotonic_ns, now_ns)
 
     def idle(self, now_ns: int) -> VerticalOutput | None:
         """Return the zero to send when samples fail to come while a force is out, else None."""
@@ -122,6 +124,18 @@ class VerticalController:
         self._agreement.restart()
         self._watch.reset(now_ns)
         self._check(now_ns)
+
+    def _hear_drive(self, enabled: bool | None, position: float, now_ns: int) -> None:
+        if not enabled and self.faulted and not self._must_reset:
+            self.reset(now_ns)
+        last = self.answered
+        if enabled != self._enabled or not enabled or last is None:
+            self._agreement.restart()
+        else:
+            wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
+            self._disagreement = self._disagreement or wrong or ""
+        self._enabled = enabled
+        self._keep_fault()
 
     def _check(self, now_ns: int) -> None:
         self.reason = self._watch.check(now_ns) or self._disagreement

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Laws joined to drives, without ROS: what the nodes `amplifier` and `manus` run."""

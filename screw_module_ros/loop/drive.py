@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical drive in the loop: SYNC and heartbeat on the tick, torque on the command.
+
+::
+
+    force command -> plausible? -> gate -> torque chain (`control.torque_chain`) -> drive
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import NamedTuple
+
+from ..control.command_watch import CommandWatch
+from ..control.gate import GateSettings
+from ..control.timing import DeadlineMeter, empty_histogram, note_latency
+from ..control.torque_chain import COLD, TorqueChain, commanded
+from ..devices.drive import Drive
+from ..devices.errors import DeviceError
+from ..devices.port import Port
+from .gated_drives import GatedDrives
+from .ticker import Tick
+
+LARGEST_FORCE = 150.0
+"""No controller of this robot may ask for more [N]."""
+_ANSWER = 0.1  # periods that the drive has to answer SYNC before the command is waited for
+_LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
+
+Permission = Callable[[GatedDrives, int], None]
+"""Tells the gate what the supervisor permits; time of now [ns]."""
+
+
+class Written(NamedTuple):
+    """The last write: torque wanted and command sent [Nm], whether a limit acted."""
+
+    torque: float
+    command: float
+    saturated: bool
+
+
+class VerticalDrive:
+    """Turns force commands into drive writes; every method of the loop's thread.
+
+    Errors of the bus are latched by the driver and shown by state and diagnostics; what comes after
+    them gets its turn all the same.
+
+    period_ns: between commands. chain: from force to torque. missed_limit: deadlines missed in a
+    row that stop the torque. asked: the last force command [N]. meter: from the sample behind a
+    command to its write; own: histogram of the part of it that is spent here. skipped: ticks that
+    an overrun left out.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        port: Port,
+        period_ns: int,
+        gate: GateSettings,
+        chain: TorqueChain,
+        missed_limit: int = 20,
+    ):
+        self.drive = drive
+        self.drives = GatedDrives([drive], gate, period_ns)
+        self.last = Written(0.0, 0.0, False)
+        self.asked = 0.0
+        self.skipped = 0
+        self.meter = DeadlineMeter(period_ns)
+        self.own = empty_histogram()
+        self._port, self._clock = port, port.clock
+        self._watch = CommandWatch(period_ns, LARGEST_FORCE)
+        self._chain = chain
+        self._force = 0.0
+        self._heat = COLD
+        self._written_ns = self._pumped_ns = 0
+        self._period_ns = period_ns
+        self._missed_limit = missed_limit
+        self._look_every = max(1, round(_LOOK_NS / period_ns))
+
+    @property
+    def position(self) -> float:
+        """Nut travel by the drive's newest answer [m], without a home."""
+        reading = self.drive.reading
+        return reading.position if reading is not None else 0.0
+
+    # One period ----------------------------------------------------------------------------
+
+    def begin_tick(self, tick: Tick) -> None:
+        """Send what goes out on the tick: SYNC and, when due, the heartbeat."""
+        self.skipped += tick.skipped
+        with suppress(DeviceError):
+            self.drive.sync(tick.monotonic_ns)
+            self.drive.heartbeat(tick.monotonic_ns)
+
+    def await_answer(self, tick: Tick) -> None:
+        """Give the drive a moment to answer SYNC: its state of now then judges the command."""
+        until_ns = tick.monotonic_ns + round(_ANSWER * self._period_ns)
+        with suppress(DeviceError):
+            while self._clock.now_ns() < until_ns:
+                reading = self.drive.reading
+                if reading is not None and reading.monotonic_ns >= tick.monotonic_ns:
+                    return
+                self._pump(tick.monotonic_ns, until_ns)
+
+    def act(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> None:
+        """Turn a command [N] into torque at once.
+
+        sequence, monotonic_ns: of the sample behind it; now_ns: when its cause was in hand [ns].
+        """
+        # Torque first: the status read last time is one period old, ten are allowed.
+        self.asked = force
+        with suppress(DeviceError):
+            if self.command(sequence, monotonic_ns, force, now_ns):
+                done_ns = self._clock.now_ns()
+                self.meter.tick(sequence, monotonic_ns, done_ns)
+                note_latency(self.own, done_ns - now_ns)
+            self._pump(now_ns)
+
+    def end_tick(self, tick: Tick, permission: Permission) -> None:
+        """Look after gate and drive, whether a command came or not."""
+        now_ns = tick.monotonic_ns
+        if tick.sequence % self._look_every == 0:
+            permission(self.drives, now_ns)
+            self.drives.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
+        with suppress(DeviceError):
+            if now_ns - self._pumped_ns > self._period_ns:
+                self._pump(now_ns)  # no command came that would have done it
+        with suppress(DeviceError):
+            self.idle(now_ns)
+
+    def _pump(self, now_ns: int, until_ns: int = 0) -> None:
+        self._pumped_ns = now_ns
+        self._port.pump(until_ns)
+
+    # From force to torque ------------------------------------------------------------------
+
+    def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
+        """Write a force command [N]; return whether it was plausible and new. Raises DeviceError.
+
+        A zero is written in any case: nobody who asks for less has to be in order.
+        """
+        accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
+        if self._watch.fault and not self.drives.fault:
+            self.drives.fault = self._watch.fault
+            self._watch.reset()
+        if accepted:
+            self._write(force, now_ns)
+        elif force == 0.0:  # a controller that stops repeats the sample it last answered
+            self._write(0.0, now_ns)
+        return accepted
+
+    def idle(self, now_ns: int) -> None:
+        """Keep gate and drive going without a new command; once a tick is enough.
+
+        The last force is held until the gate finds it too old: one late command is no reason for a
+        step to zero and back. Raises DeviceError.
+        """
+        if now_ns - self._written_ns >= 2 * self._period_ns:
+            self._write(self._force, now_ns)
+
+    def _write(self, force: float, now_ns: int) -> None:
+        self._force = force
+        scale = self.drives.step(self._watch.newest_ns, now_ns)
+        elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
+        self._written_ns = now_ns
+        made, self._heat = commanded(self._chain, self._heat, force, scale, max(elapsed, 1e-6))
+        sent = self.drive.write(made.command, now_ns)
+        self.last = Written(made.torque if sent else 0.0, sent, made.limited)

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vertical loop, from the encoder to the torque: one period of what is in this process.
+
+::
+
+    tick -> SYNC and poll -> readings -> controller -> torque to the drive -> tell others
+
+The separate nodes, `module` and the tests drive this one loop. Where a part is in another process,
+a wire takes the place of a call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from ..clock import Clock
+from ..control.vertical import VerticalOutput
+from ..samples import EncoderReading, ForceReading
+from .controller import VerticalController
+from .drive import Permission, VerticalDrive
+from .pace import Pace
+from .sensor import PolledSensor
+from .ticker import BREATH_S, Tick, Ticker
+
+_LOOK_NS = 10_000  # for what lies in the socket already
+_LISTENS = 2  # periods
+
+
+class Parts(NamedTuple):
+    """The parts that take part in a period; None: in another process, or not active."""
+
+    encoder: PolledSensor[EncoderReading] | None = None
+    force_sensor: PolledSensor[ForceReading] | None = None
+    controller: VerticalController | None = None
+    drive: VerticalDrive | None = None
+
+
+def _nobody(*_: Any) -> None:
+    """Stand for a wire that leads nowhere."""
+
+
+class Wires(NamedTuple):
+    """The ways to other processes.
+
+    take_sample, take_force, take_command: return the newest that came from there, waiting for it
+    until a time [ns], None without one; a command is sequence, acquisition [ns] and force [N].
+    sample, force, command: are told what was read or answered. hear: takes what else there is for
+    the controller at a time [ns]: set point, drive, resets. permission: see `drive`.
+    controller_state, drive_state: may tell a state at a time [ns].
+    """
+
+    take_sample: Callable[[int], EncoderReading | None] = _nobody
+    take_force: Callable[[int], ForceReading | None] = _nobody
+    take_command: Callable[[int], tuple[int, int, float] | None] = _nobody
+    sample: Callable[[EncoderReading], None] = _nobody
+    force: Callable[[ForceReading], None] = _nobody
+    command: Callable[[EncoderReading, VerticalOutput, int], None] = _nobody
+    hear: Callable[[int], None] = _nobody
+    permission: Permission = _nobody
+    controller_state: Callable[[int], None] = _nobody
+    drive_state: Callable[[int], None] = _nobody
+
+
+class VerticalLoop:
+    """One robot's vertical axis, or a part of it; `step` again and again is the loop."""
+
+    def __init__(self, clock: Clock, period_ns: int, wires: Wires):
+        self._clock, self._wires = clock, wires
+        self._period_ns = period_ns
+        self._ticker = Ticker(clock, period_ns)
+        self._force_pace = Pace(period_ns)
+
+    def step(self, parts: Parts) -> None:
+        """Do one period. A controller alone has no ticks: it follows the samples that come."""
+        if parts.encoder or parts.force_sensor or parts.drive:
+            self._one_tick(parts)
+        else:
+            self._one_sample(parts)
+
+    def _one_tick(self, parts: Parts) -> None:
+        if parts.drive is not None and parts.controller is None:
+            self._listen(parts.drive)
+        tick = self._ticker.sleep()
+        due_ns = self._ticker.due_ns()
+        self._ask(parts, tick)
+        sample, force = self._answers(parts, tick, due_ns)
+        now_ns = self._clock.now_ns()
+        output = self._act(parts, sample, force, now_ns)
+        # The torque is out; what follows only tells of it and looks after the drive.
+        self._tell(parts, sample, force, output)
+        self._look_after(parts, tick, now_ns)
+        if force is None and parts.force_sensor is not None:
+            self._take_late_force(parts, due_ns)
+
+    def _one_sample(self, parts: Parts) -> None:
+        sample, force = self._received()
+        now_ns = self._clock.now_ns()
+        self._act(parts, sample, force, now_ns)
+        if sample is None and force is None:
+            self._clock.sleep(BREATH_S)
+        self._follow(parts, now_ns)
+
+    # Encoder and force sensor --------------------------------------------------------------
+
+    def _ask(self, parts: Parts, tick: Tick) -> None:
+        for sensor in (parts.encoder, parts.force_sensor):
+            if sensor is not None:
+                sensor.ask(tick)
+        if parts.drive is not None:
+            parts.drive.begin_tick(tick)
+
+    def _answers(
+        self, parts: Parts, tick: Tick, due_ns: int
+    ) -> tuple[EncoderReading | None, ForceReading | None]:
+        """Return what encoder and force sensor answered; the latter keeps no drive waiting."""
+        sample = force = None
+        if parts.encoder is not None:
+            sample = parts.encoder.answer(due_ns)
+        if parts.force_sensor is not None:
+            force = self._force_answer(parts, due_ns)
+        if parts.drive is not None and parts.controller is None:
+            parts.drive.await_answer(tick)
+        return sample, force
+
+    def _force_answer(self, parts: Parts, due_ns: int) -> ForceReading | None:
+        if parts.controller is None and parts.drive is None:
+            return parts.force_sensor.answer(due_ns)
+        pace = self._force_pace
+        wait_ns = pace.wait_ns if pace.worth_waiting() else _LOOK_NS
+        force = parts.force_sensor.answer(min(due_ns, self._clock.now_ns() + wait_ns))
+        pace.came(force is not None)
+        return force
+
+    def _received(self) -> tuple[EncoderReading | None, ForceReading | None]:
+        """Return the newest samples; the force of the encoder's tick is waited for a moment."""
+        wires, pace = self._wires, self._force_pace
+        sample = wires.take_sample(self._clock.now_ns() + _LISTENS * self._period_ns)
+        force = wires.take_force(0)
+        if sample is None or (force is not None and force.sequence == sample.sequence):
+            return sample, force
+        if not pace.worth_waiting():
+            return sample, force
+        newer = wires.take_force(self._clock.now_ns() + pace.wait_ns)
+        pace.came(newer is not None)
+        return sample, newer or force
+
+    def _take_late_force(self, parts: Parts, due_ns: int) -> None:
+        force = parts.force_sensor.answer(due_ns)
+        if force is None:
+            return
+        if parts.controller is not None:
+            parts.controller.on_force(force, self._clock.now_ns())
+        self._wires.force(force)
+
+    # Law and torque ------------------------------------------------------------------------
+
+    def _act(
+        self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now_ns: int
+    ) -> VerticalOutput | None:
+        """Turn the samples into torque; return the controller's output, None without one.
+
+        Without a sample to act upon that is the zero in place of the last force, once.
+        """
+        controller = parts.controller
+        if controller is None:
+            return None
+        if force is not None:
+            controller.on_force(force, now_ns)
+        output = controller.on_encoder(sample, now_ns) if sample is not None else None
+        answers = output is not None
+        if not answers:
+            output = controller.idle(now_ns)
+        if output is not None:
+            self._send(parts, output, now_ns)
+        if answers:
+            controller.count(self._clock.now_ns())
+        return output
+
+    def _send(self, parts: Parts, output: VerticalOutput, now_ns: int) -> None:
+        """Bring the force to the drive, here or elsewhere."""
+        behind = parts.controller.answered
+        if parts.drive is not None:
+            parts.drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns)
+        else:
+            self._wires.command(behind, output, parts.controller.mode)
+
+    def _listen(self, drive: VerticalDrive) -> None:
+        """Until the tick, let another process command the drive."""
+        clock, due_ns = self._clock, self._ticker.due_ns()
+        while clock.now_ns() < due_ns:
+            command, now_ns = self._wires.take_command(due_ns), clock.now_ns()
+            if command is not None:
+                drive.act(*command, now_ns)
+            elif now_ns < due_ns:
+                clock.sleep_until(min(due_ns, now_ns + round(BREATH_S * 1e9)))
+
+    # After the torque ----------------------------------------------------------------------
+
+    def _tell(
+        self,
+        parts: Parts,
+        sample: EncoderReading | None,
+        force: ForceReading | None,
+        output: VerticalOutput | None,
+    ) -> None:
+        wires, controller = self._wires, parts.controller
+        if sample is not None:
+            wires.sample(sample)
+        if force is not None:
+            wires.force(force)
+        if output is not None and parts.drive is not None:
+            wires.command(controller.answered, output, controller.mode)
+
+    def _look_after(self, parts: Parts, tick: Tick, now_ns: int) -> None:
+        drive = parts.drive
+        if drive is not None:
+            drive.end_tick(tick, self._wires.permission)
+            self._wires.drive_state(tick.monotonic_ns)
+        if parts.controller is not None:
+            self._follow(parts, now_ns)
+
+    def _follow(self, parts: Parts, now_ns: int) -> None:
+        """Let the controller know of drive, set point and supervisor; no command waits for it."""
+        controller, drive = parts.controller, parts.drive
+        if drive is not None:
+            controller.on_drive(drive.drives.enabled, drive.position, now_ns)
+        self._wires.hear(now_ns)
+        controller.end_tick(now_ns)
+        self._wires.controller_state(now_ns)

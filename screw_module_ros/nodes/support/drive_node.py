@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `amplifier` and `manus` share: drives under one gate, opened by services and supervisor."""
+
+from __future__ import annotations
+
+from operator import attrgetter
+from typing import Any
+
+from std_srvs.srv import SetBool, Trigger
+
+from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.devices.drive import Drive
+from screw_module_ros.loop.gated_drives import GatedDrives
+
+from .driver import DriverNode
+from .module_node import ERROR, OK, WARN, Done, Health
+from .permission import Permission
+from .realtime import Inbox
+from .timing_report import broken_contract
+
+_CLEARED = "cleared; call ~/enable to enable"
+
+
+class DriveNode(DriverNode):
+    """A node with drives. Subclasses give `gated`, and what is theirs of the other methods."""
+
+    def __init__(self, name: str, port: int, rate: float = 1000.0):
+        super().__init__(name, port, rate)
+        self.parameters.declare(GateSettings, "gate")
+        self.drives: tuple[Drive, ...] = ()
+        self.serve(SetBool, "~/enable", self._enable)
+        self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
+
+    @property
+    def gated(self) -> GatedDrives:
+        """The gate with its drives."""
+        raise NotImplementedError
+
+    def enable(self) -> str:
+        """Enable; return why not, empty when done."""
+        return self.gated.enable(self.clock)
+
+    def clear_fault(self) -> str:
+        """Recover; return what is left, empty when well."""
+        return self.gated.clear_fault(self.clock)
+
+    def leave(self) -> str:
+        """Leave the drives cleanly, after the loop's end; return what did not work."""
+        raise NotImplementedError
+
+    def configure_drives(self, *drives: Drive) -> None:
+        """Configure the drives, one after the other. Raises DeviceError."""
+        self.drives = drives
+        for drive in drives:
+            drive.configure()
+            for warning in drive.warnings:
+                self.get_logger().warning(warning)
+        self.hardware_id = ", ".join(drive.identity for drive in drives)
+
+    def follow_permission(self, inbox: Inbox, name: str) -> None:
+        """Follow this field of safety_state."""
+        self._permission = Permission(self, inbox, attrgetter(name))
+
+    def permission(self, drives: GatedDrives, now_ns: int) -> None:
+        """Tell the gate what the supervisor permits."""
+        self._permission.pass_on(drives, now_ns)
+
+    def end(self) -> None:
+        """Torque off and a clean exit, so that the next start does not begin in fault."""
+        self.stop_polls()
+        problem = self.leave()
+        if problem:
+            self.get_logger().warning(f"not left cleanly: {problem}")
+
+    def disconnect(self) -> None:
+        """Close the bus."""
+        if self._inbox is not None:
+            self._permission.close()
+        self.drives = ()
+        self.close_port()
+
+    def _enable(self, request: SetBool.Request) -> str:
+        if request.data:
+            return self.enable() or Done("enabled")
+        return self.gated.disable(self.clock) or Done("disabled")
+
+    def drive_health(self, values: dict, state: Any) -> Health:
+        """Return the diagnostics with these values; state: the newest state message."""
+        gated = self.gated
+        if gated.faulted:
+            return Health(ERROR, gated.reason, values)
+        warnings = [self._permission.warning]
+        warnings += [warning for drive in self.drives for warning in drive.warnings]
+        if gated.enabled:
+            warnings.append(broken_contract(state))
+        if warning := next(filter(None, warnings), ""):
+            return Health(WARN, warning, values)
+        return Health(OK, "enabled" if gated.enabled else gated.reason, values)

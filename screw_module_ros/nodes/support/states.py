@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages filled from the parts of the loops; for the loop's thread, times in [ns]."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
+
+from screw_module_ros.control.modes import OFF
+from screw_module_ros.control.timing import DeadlineMeter
+from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.plane import PlaneLoop
+from screw_module_ros.samples import ForceReading
+
+from .realtime import fill_stamp
+
+
+def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
+    """Write the controller's state into its message."""
+    output, blend = controller.output, controller.state.blend
+    message.mode = controller.mode
+    message.faulted = controller.faulted
+    message.reason = controller.reason
+    message.active = not controller.reason and controller.mode != OFF
+    if controller.answered is not None:
+        message.position = controller.answered.position
+        message.velocity = controller.answered.velocity
+    message.desired_position = output.desired_position
+    message.desired_velocity = output.desired_velocity
+    message.stiffness, message.damping = blend.stiffness, blend.damping
+    message.force_gain = blend.gain
+    message.measured_force = controller.handle_force
+    message.commanded_force = output.force
+    message.samples = controller.meter.samples
+    _fill_latencies(message, controller.meter, now_ns)
+
+
+def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) -> None:
+    """Write the vertical drive's state into its message."""
+    drive, reading = part.drive, part.drive.reading
+    message.state = int(drive.state(now_ns))
+    message.statusword = reading.statusword if reading else 0
+    message.error_code = drive.error_code
+    _fill_gate(message, part.drives)
+    message.commanded_force = part.asked
+    message.commanded_torque = part.last.torque
+    message.measured_torque = reading.torque if reading else 0.0
+    message.position = part.position
+    message.saturated = part.last.saturated
+    message.commands = part.meter.samples
+    _fill_latencies(message, part.meter, now_ns)
+
+
+def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
+    """Write the plane's state into its message."""
+    axes, drives, output = loop.axes, loop.axes.drives.drives, loop.axes.output
+    message.homed = axes.homed
+    _fill_gate(message, axes.drives)
+    message.drive_state = [int(drive.state(now_ns)) for drive in drives]
+    message.error_code = [drive.error_code for drive in drives]
+    message.joint_position = [joint.angle for joint in axes.joints]
+    message.joint_velocity = [joint.velocity for joint in axes.joints]
+    message.commanded_torque = list(axes.written)
+    message.measured_torque = [
+        drive.reading.torque if drive.reading else 0.0 for drive in drives
+    ]
+    if output is not None:
+        message.position = [output.x, output.y]
+        message.velocity = [output.vx, output.vy]
+        message.force = [output.force_x, output.force_y]
+        message.desired_position = [output.desired_x, output.desired_y]
+        message.saturated = output.saturated
+    message.stiffness, message.damping = axes.settings.stiffness, axes.settings.damping
+    message.samples = loop.meter.samples
+    _fill_counts(message, loop.meter, now_ns)
+
+
+def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
+    """Write a force sample into the message for tools."""
+    fill_stamp(message.header, reading.stamp_ns)
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z = reading.fx, reading.fy, reading.fz
+    torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
+
+
+def _fill_gate(message: Any, drives: GatedDrives) -> None:
+    message.enabled, message.faulted = drives.enabled, drives.faulted
+    message.reason = drives.reason
+
+
+def _fill_counts(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
+    message.rate = meter.rate(now_ns)
+    message.late, message.lost = meter.late, meter.lost
+    message.success_rate = meter.success_rate
+
+
+def _fill_latencies(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
+    _fill_counts(message, meter, now_ns)
+    message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
+    message.consecutive_missed = meter.missed_in_a_row(now_ns)
