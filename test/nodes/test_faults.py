@@ -86,6 +86,8 @@ def test_a_selection_that_does_not_exist_is_refused():
         chosen(groups=["nowhere"])
     with pytest.raises(ValueError, match="no row with 'nothing-like-it'"):
         chosen(names=["nothing-like-it"])
+    with pytest.raises(ValueError, match="no row of these groups"):
+        chosen(groups=["parameters"], names=["estop"])
 
 
 def moments(torques, forces=()):

@@ -47,12 +47,15 @@ def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
     for name in names:
         if not any(name in row.name for row in rows):
             raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
-    return [
+    found = [
         row
         for row in rows
         if (not groups or row.group in groups)
         and (not names or any(name in row.name for name in names))
     ]
+    if not found:
+        raise ValueError("no row of these groups has such a name; `faults --list` tells them all")
+    return found
 
 
 def page() -> str:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import (
     AmplifierState,
@@ -66,7 +67,7 @@ class Listener:
 
     def __init__(self, robot: Robot):
         self.setpoint: tuple[float, ...] | None = None
-        self.homed = self.force_valid = False
+        self.homed = False
         self._robot, self._clock = robot, robot.clock
         self._game_due_ns = 0
         self._moments: deque[Moment] = deque(maxlen=_KEPT)
@@ -84,6 +85,7 @@ class Listener:
         self._listen(AmplifierState, "screw/amplifier_state", self._note_enabled("amplifier"))
         self._listen(PlanarState, "manus/state", self._note_enabled("manus"))
         self._listen(EndpointState, "endpoint_state", self._endpoint, qos.NEWEST)
+        self._listen(WrenchStamped, "handle/wrench", self._wrench, qos.NEWEST)
 
     def _listen(self, kind: type, topic: str, note: Callable, profile: QoSProfile = _ALL) -> None:
         self._wires.append((self._inbox.subscribe(kind, topic, profile), note))
@@ -142,8 +144,10 @@ class Listener:
 
     def _endpoint(self, state: EndpointState) -> None:
         self.homed = state.valid[2]
-        self.force_valid = state.force_valid
         self._arrived("endpoint_state")
+
+    def _wrench(self, _: WrenchStamped) -> None:
+        self._arrived("force_sensor")
 
     # What it adds up to --------------------------------------------------------------------
 

@@ -56,13 +56,13 @@ class WayBack:
             told.startswith("force_sensor:") and "samples/s" not in told
             for told in robot.complaints()
         )
-        if not heard.force_valid or ill:
+        if not heard.fresh("force_sensor") or ill:
             return self._tare() or "force_sensor: tared"
         return ""
 
     def _tare(self) -> str:
         """Let the handle go and tare; the diagnostics need a moment to say that all is well."""
-        if self._heard.time - self._tared < _TARE_AGAIN_S and self._heard.force_valid:
+        if self._heard.time - self._tared < _TARE_AGAIN_S and self._heard.fresh("force_sensor"):
             return "force_sensor: its diagnostics still say so"
         self._robot.set_fixture("free")
         refused = self._try(Trigger, "force_sensor/tare")
