@@ -91,7 +91,8 @@ class Controller(RuleBasedStateMachine):
         """Both sensors as they should be, for a while."""
         for _ in range(count):
             begin = self.pass_time(MS, 1, 0)
-            self.controller.on_force(ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0), self.now_ns)
+            reading = ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0)
+            self.controller.on_force(reading, self.now_ns)
             sample = EncoderReading(*begin, 0, position, 0.0, True)
             self.judge(self.respond(sample, setpoint))
 
