@@ -175,7 +175,7 @@ class Conductor:
 
     def _dismiss_ended(self) -> None:
         page = self._page
-        pids = {*page.slot_pid[: self._top], *page.line_pid, *page.topic_pid, *page.hop_pid} - {0}
+        pids = {*page.user_pid} - {0}
         for pid in pids:
             if not alive(pid):
                 with page.locked():
