@@ -170,7 +170,7 @@ def test_both_nodes_show_it(robot, shown, calibration):
     """In their states and in their diagnostics."""
     for kind in (ImpedanceState, AmplifierState):
         robot.wait_until(lambda kind=kind: robot.state(kind) is not None, 20.0, "no state")
-        assert robot.state(kind).calibration == calibration.identity
+        assert robot.newest(kind).calibration == calibration.identity
     robot.wait_until(
         lambda: all(shown.get(n, {}).get("calibration") == calibration.identity for n in NODES),
         20.0,

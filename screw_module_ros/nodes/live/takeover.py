@@ -146,7 +146,7 @@ def check_disabled(robot: Robot) -> None:
     """Raise NotPossible with the way out unless the amplifier says that no torque passes."""
     if not robot.met(lambda: robot.state(AmplifierState) is not None, _ANSWER_S):
         raise NotPossible("the amplifier is silent: start and activate it first")
-    if robot.state(AmplifierState).enabled:
+    if robot.newest(AmplifierState).enabled:
         raise NotPossible(
             f"the amplifier is enabled: ros2 service call {topic_of(robot, 'amplifier/enable')} "
             "std_srvs/srv/SetBool"

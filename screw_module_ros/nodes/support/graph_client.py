@@ -43,6 +43,7 @@ _STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
+_STATE_S = 5.0
 _STATES = {
     SafetyState: "safety_state",
     ImpedanceState: "screw/controller_state",
@@ -249,6 +250,13 @@ class Client:
         None when it is older than 0.3 s.
         """
         return self._states[kind].fresh(self.clock.now_ns())
+
+    def newest(self, kind: type, deadline_s: float = _STATE_S) -> Any:
+        """Like `state`, but wait for one. Raises RobotError when none comes in time."""
+        self.wait_until(
+            lambda: self.state(kind), deadline_s, f"nobody publishes {_STATES[kind]}"
+        )
+        return self._states[kind].message
 
     # Services ------------------------------------------------------------------------------
 
