@@ -64,9 +64,9 @@ class Page:
 
     now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
     row that is taken or given back. factor: real-time factor in per mille.
-    user_*: one row per process that has the page open. slot_*: one row per thread: until when it is content [ns], what wakes it, how often it has
-    declared. line_*: one row per open bus: frames sent and handled. topic_*: messages published,
-    and of these before the time of now.
+    user_*: one row per process that has the page open. slot_*: one row per thread: until when it is
+    content [ns], what wakes it, how often it has declared. line_*: one row per open bus: frames
+    sent and handled. topic_*: messages published, and of these before the time of now.
     hop_*: one row per subscription: the newest message taken, whether it has kept up, who waits.
     """
 
