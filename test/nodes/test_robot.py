@@ -158,16 +158,17 @@ def test_enabling_waits_for_the_drive(robot, bench):
 
 
 def test_a_drive_that_does_not_switch_tells_why(robot, bench, monkeypatch):
-    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.2)
+    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
     bench.obeys = False
     bench.states[AmplifierState].reason = "no fresh command"
+    wait_until_heard(robot, bench, AmplifierState)
     with pytest.raises(RobotError, match="amplifier did not switch on: no fresh command"):
         robot.enable()
 
 
-def test_torque_taken_off_is_noticed_with_the_reason(robot, bench, wait_until):
+def test_torque_taken_off_is_noticed_with_the_reason(robot, bench):
     bench.states[AmplifierState].reason = "the cable is out"
-    wait_until(lambda: robot.state(AmplifierState), what="a state of the amplifier")
+    wait_until_heard(robot, bench, AmplifierState)
     with pytest.raises(RobotError, match="amplifier took the torque off: the cable is out"):
         robot.check_enabled()
 
@@ -176,7 +177,7 @@ def test_only_latched_faults_are_cleared(robot, bench):
     robot.clear_faults()
     assert not bench.asked
     bench.states[AmplifierState].faulted = True
-    robot.pause(0.2)
+    wait_until_heard(robot, bench, AmplifierState)
     robot.clear_faults()
     assert len(bench.asked) == 1
 
