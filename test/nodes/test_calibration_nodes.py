@@ -197,7 +197,7 @@ def test_every_bag_holds_it(robot, shown, calibration):
 def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_until, calibration):
     """The metadata is brought up to date at the end; no timer runs here that would have done it."""
     given = {"folder": tmp_path, "name": "bag", "topics": "[/told_once/*]"}
-    node = make_node("session_recorder", *(w for n, v in given.items() for w in ("-p", f"{n}:={v}")))
+    node = make_node("session_recorder", *(f"-p{n}:={v}" for n, v in given.items()))
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
     node.trigger_configure()
     node.trigger_activate()
