@@ -35,6 +35,9 @@ class Arrivals(Protocol):
     def receive(self, until_ns: int) -> Any:
         """Return the next frame, waiting for it until `until_ns` at most; None without one."""
 
+    def expects(self) -> bool:
+        """Return whether a frame is under way; True where that cannot be known."""
+
     def sent(self) -> None:
         """Note a frame that the bus has taken."""
 
@@ -104,6 +107,9 @@ class _Plain:
     def receive(self, until_ns: int) -> Any:
         left_ns = until_ns - self._clock.now_ns() if until_ns else 0
         return self._bus.recv(left_ns * 1e-9 if left_ns > 0 else 0.0)
+
+    def expects(self) -> bool:
+        return True
 
     def sent(self) -> None:
         pass
@@ -263,6 +269,10 @@ class _Counted:
                 self.line.forgive(self.line.pending())
         self.line.handled(self._bus.members_frames)
         return message
+
+    def expects(self) -> bool:
+        """Return whether a frame of another member is under way."""
+        return self.line.pending() > 0
 
     def sent(self) -> None:
         self.line.sent()
