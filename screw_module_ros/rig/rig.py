@@ -174,7 +174,7 @@ class Rig:
         """Handle the frames that members have sent, one from each bus in turn."""
         while True:
             waiting = [port for port in self._distinct if port.expects()]
-            if not any([port.receive(now_ns) for port in waiting]):
+            if not sum(port.receive(now_ns) for port in waiting):
                 return
 
     def call(self, function: Callable[[], object]) -> None:
