@@ -30,7 +30,7 @@ from .flat import Flat
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
-_LOST_NS = 500_000_000  # wall clock: a message that was published and has not come by then is lost
+_LOST_NS = 900_000_000  # wall clock: a message that was published and has not come by then is lost
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
