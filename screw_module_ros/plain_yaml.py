@@ -48,13 +48,13 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-def load_plain_yaml(text: str) -> Any:
+def load_plain_yaml(text: str, largest: int = LARGEST) -> Any:
     """Return the content of a YAML text: dict, list, str, int, float, bool, date or None.
 
-    Raises PlainYamlError.
+    largest: text that is parsed at all [characters]. Raises PlainYamlError.
     """
-    if len(text) > LARGEST:
-        raise PlainYamlError(f"longer than {LARGEST} characters")
+    if len(text) > largest:
+        raise PlainYamlError(f"longer than {largest} characters")
     try:
         loader = _Loader(text)
         try:
