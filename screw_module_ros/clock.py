@@ -8,13 +8,13 @@ limit or guard knows which it has.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from .domain import domain_id
 from .lockstep.member import Member, TimeStandsStill
 from .lockstep.page import Page, alive, page_name
 from .lockstep.wires import Hop, Line, Source
@@ -292,7 +292,7 @@ def simulated_clock(
 
     Each who asks for it calls its `close`.
     """
-    found = page_name(os.environ.get("ROS_DOMAIN_ID", "0"), namespace)
+    found = page_name(str(domain_id()), namespace)
     with _opening:
         if found not in _opened:
             _opened[found] = SimulatedClock(Page(found), name, stopping)

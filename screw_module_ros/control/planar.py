@@ -21,7 +21,7 @@ from ..geometry import MANUS, PlanarArm, forward, jacobian
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .planar_settings import PlanarSettings
-from .setpoint import Range, SetPoint, follow
+from .setpoint import Range, SetPoint, at_rest, follow
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
 # Beyond these no sample can be real: zero output.
@@ -155,8 +155,8 @@ def _usable(inp: PlanarInput, dt: float) -> bool:
 def _idle(settings: PlanarSettings, x: float, y: float) -> PlanarState:
     """Return the state in which nothing is commanded, set point at x, y [m]."""
     return PlanarState(
-        SetPoint(clamp(x, -settings.half_width, settings.half_width), 0.0),
-        SetPoint(clamp(y, -settings.half_depth, settings.half_depth), 0.0),
+        at_rest(clamp(x, -settings.half_width, settings.half_width)),
+        at_rest(clamp(y, -settings.half_depth, settings.half_depth)),
         settings.stiffness,
         settings.damping,
         0.0,

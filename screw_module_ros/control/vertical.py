@@ -31,7 +31,7 @@ from .friction import FrictionModel, friction_force
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .modes import uses_feedback, uses_friction, uses_impedance
-from .setpoint import Range, SetPoint, follow
+from .setpoint import Range, SetPoint, at_rest, follow
 from .vertical_settings import VerticalSettings
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
@@ -181,7 +181,7 @@ def _nothing(idle: VerticalState) -> VerticalOutput:
 
 
 def _setpoint_at(settings: VerticalSettings, position: float) -> SetPoint:
-    return SetPoint(clamp(position, settings.travel_low, settings.travel_high), 0.0)
+    return at_rest(clamp(position, settings.travel_low, settings.travel_high))
 
 
 def _followed(

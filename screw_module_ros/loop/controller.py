@@ -56,7 +56,7 @@ class VerticalController:
         self._friction = friction
         self._watch = VerticalWatch(watch, period_ns)
         self._agreement = Agreement(agreement)
-        self._disagreement = ""
+        self._doubt = ""
         self._period_ns = period_ns
         self._enabled: bool | None = None
         self._drive_ns: int | None = None
@@ -65,7 +65,7 @@ class VerticalController:
     @property
     def faulted(self) -> bool:
         """Whether a fault is latched."""
-        return bool(self._watch.fault or self._disagreement)
+        return bool(self._watch.fault or self._doubt)
 
     def on_force(self, sample: ForceLike, now_ns: int) -> None:
         """Take a force sample."""
@@ -99,6 +99,11 @@ class VerticalController:
         self._drive_ns = now_ns
         self._hear_drive(enabled, position, now_ns)
 
+    def distrust(self, reason: str) -> None:
+        """Hold the force at zero for a reason that the samples themselves do not show."""
+        self._doubt = self._doubt or reason
+        self._keep_fault()
+
     def end_tick(self, now_ns: int) -> None:
         """Notice a drive that has said nothing for a while."""
         if self._drive_ns is None or now_ns - self._drive_ns > _DRIVE_AGE_NS:
@@ -119,7 +124,7 @@ class VerticalController:
 
     def reset(self, now_ns: int) -> None:
         """Forget a latched fault; it comes back at once while its cause persists."""
-        self._disagreement = ""
+        self._doubt = ""
         self._must_reset = False
         self._agreement.restart()
         self._watch.reset(now_ns)
@@ -133,16 +138,16 @@ class VerticalController:
             self._agreement.restart()
         else:
             wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
-            self._disagreement = self._disagreement or wrong or ""
+            self._doubt = self._doubt or wrong or ""
         self._enabled = enabled
         self._keep_fault()
 
     def _check(self, now_ns: int) -> None:
-        self.reason = self._watch.check(now_ns) or self._disagreement
+        self.reason = self._watch.check(now_ns) or self._doubt
         self._keep_fault()
 
     def _keep_fault(self) -> None:
         """Note at once, before the amplifier goes off over it, that a fault came in operation."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True
-        self.reason = self.reason or self._watch.fault or self._disagreement
+        self.reason = self.reason or self._watch.fault or self._doubt

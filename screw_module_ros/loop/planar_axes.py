@@ -25,8 +25,9 @@ from ..control.planar_settings import PlanarSettings
 from ..devices import drive_exit
 from ..devices.drive import Drive
 from ..devices.errors import BusError
+from ..devices.homing import Rehoming
 from ..devices.port import Port
-from ..geometry import MANUS, inverse
+from ..geometry import MANUS, forward, inverse
 from .gated_drives import GatedDrives
 from .joint import Joint, JointSettings
 
@@ -56,6 +57,7 @@ class PlanarAxes:
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
         self._joint_settings = joints
+        self._rehoming = Rehoming(joints.home_shift)
         self._period_ns = period_ns
         self._law = initial_state(settings)
         self._acted_ns = 0
@@ -166,10 +168,13 @@ class PlanarAxes:
     # -- any thread ------------------------------------------------------------------------------
 
     def home(self, now_ns: int) -> str:
-        """Declare that the handle stands at the reference mark; return why not, else empty."""
+        """Declare that the handle stands at the reference mark; return why not, else empty.
+
+        Not while enabled, moving or silent; twice where it contradicts the last one (`Rehoming`).
+        """
         settings = self._joint_settings
-        if self.drives.enabled:
-            return "disable the plane first"
+        if not self.drives.at_rest(now_ns):
+            return "the plane is enabled: disable it first"
         if not self._acted_ns or now_ns - self._acted_ns > _FRESH_NS:
             return "the drives do not answer"
         for drive, joint in zip(self.drives.drives, self.joints, strict=True):
@@ -178,7 +183,12 @@ class PlanarAxes:
                     f"{drive.label} turns at {joint.velocity:.3f} rad/s; let the handle rest at "
                     "the reference mark"
                 )
-        angles = inverse(settings.home_x, settings.home_y, MANUS)
+        mark = settings.home_x, settings.home_y
+        if self.homed:
+            place = forward(*(joint.angle for joint in self.joints), MANUS)
+            if doubt := self._rehoming.doubt(mark, place, now_ns):
+                return doubt
+        angles = inverse(*mark, MANUS)
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.home(angle)
         return ""

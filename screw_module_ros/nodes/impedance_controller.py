@@ -32,8 +32,11 @@ from .support.flat import pack_command
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.realtime import Inbox
 from .support.runtime import main as run_node
+from .support.senders import Senders
 from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
+
+_SAMPLES = ("screw/encoder", "handle/force")
 
 
 class ControllerSettings(NamedTuple):
@@ -67,6 +70,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._friction: ChosenFriction | None = None
+        self._senders: Senders | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -79,6 +83,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
         self._inputs = ControllerInputs(self.new_inbox(), Inbox(self, self.clock, self.direct))
+        self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
@@ -133,6 +138,9 @@ class ImpedanceControllerNode(ModuleNode):
         """Remove the topics."""
         if self._inbox is not None:
             self._inputs.close()
+        if self._senders is not None:
+            self._senders.close()
+            self._senders = None
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
@@ -158,6 +166,8 @@ class ImpedanceControllerNode(ModuleNode):
     def hear(self, now_ns: int) -> None:
         """Take set point and amplifier state, where they come by a topic."""
         self._inputs.hear(self.part, now_ns)
+        if self._senders.warning:
+            self.part.distrust(self._senders.warning)
 
     def tell_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""

@@ -58,8 +58,8 @@ class ManusNode(DriveNode):
 
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
-        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate)
         law = self.parameters.read(PlanarSettings).validated()
+        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate, law)
         names = [f"drive node {each.node_id}" for each in settings]
         port = self.open_port(*names, f"master {settings[0].master_id}")
         self.configure_drives(*make_drives(port, settings))

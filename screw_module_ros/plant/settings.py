@@ -8,8 +8,9 @@ import random
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-import yaml
-
+from ..plain_yaml import load_plain_yaml
+from ..quoting import named, quoted
+from ..regular_file import read_regular
 from ..resources import resource_path
 from ..settings import Setting, declared, problem
 from .amplifier import Amplifier, amplifier_step_settings
@@ -20,6 +21,7 @@ from .planar import Planar, resting_plane
 from .sensor import Sensor
 from .transducer import Transducer
 
+_LARGEST_FILE = 1_000_000  # bytes
 DEFAULT_FILE = "params/plant.yaml"
 POLYNOMIALS = {"trend": 8, "rotation": 6}  # coefficients, highest power first
 
@@ -65,10 +67,10 @@ def load_world(path: str | Path | None = None, perturb_seed: int | None = None) 
     """
     file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = load_plain_yaml(read_regular(file, _LARGEST_FILE).decode())
     except OSError as error:
         raise PlantFileError(f"plant file {file} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise PlantFileError(f"plant file {file} is not YAML: {error}") from error
     try:
         settings = checked(_section(WorldSettings, content, ""))
@@ -84,7 +86,7 @@ def _section(kind: type, content: Any, where: str) -> Any:
     hints = get_type_hints(kind)
     for key in content:
         if key not in hints:
-            raise ValueError(f"{where}{key} is unknown; known are {', '.join(hints)}")
+            raise ValueError(f"{where}{named(key)} is unknown; known are {', '.join(hints)}")
     missing = [name for name in hints if name not in content]
     if missing:
         raise ValueError(f"{where}{missing[0]} is missing")
@@ -99,10 +101,11 @@ def _value(kind: type, name: str, hint: type, value: Any, where: str) -> Any:
         value = _numbers(value, label, POLYNOMIALS[name])
     elif hint is float:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ValueError(f"{label} = {value!r}: a number is wanted (write 1.0e-4, not 1e-4)")
-        value = float(value)
+            told = f"{label} = {quoted(value)}"
+            raise ValueError(f"{told}: a number is wanted (write 1.0e-4, not 1e-4)")
+        value = _double(value, label)
     elif type(value) is not hint:
-        raise ValueError(f"{label} = {value!r}: {hint.__name__} is wanted")
+        raise ValueError(f"{label} = {quoted(value)}: {hint.__name__} is wanted")
     wrong = problem(declared(kind)[name], value, label)
     if wrong:
         raise ValueError(wrong)
@@ -113,7 +116,14 @@ def _numbers(value: Any, label: str, count: int) -> tuple[float, ...]:
     good = isinstance(value, list) and len(value) == count
     if not good or not all(type(number) in (int, float) for number in value):
         raise ValueError(f"{label}: a list of {count} numbers is wanted")
-    return tuple(float(number) for number in value)
+    return tuple(_double(number, label) for number in value)
+
+
+def _double(value: float, label: str) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{label} = {quoted(value)}: a finite number is wanted") from None
 
 
 def checked(settings: WorldSettings) -> WorldSettings:

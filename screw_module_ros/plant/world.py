@@ -11,6 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiled import compiled, packed
+from ..quoting import quoted
 from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
@@ -291,4 +292,4 @@ class World:
         elif kind == "force_bias":
             self._force_bias = float(value)
         else:
-            raise ValueError(f"disturbance {kind!r}: noise_gain or force_bias is wanted")
+            raise ValueError(f"disturbance {quoted(kind)}: noise_gain or force_bias is wanted")

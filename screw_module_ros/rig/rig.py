@@ -18,6 +18,7 @@ import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.quoting import quoted
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.drive import Drive
 from screw_module_ros.rig.faults import CLEAR, catalogue
@@ -274,5 +275,5 @@ class Rig:
         port = self._buses().get(name)
         if port is None:
             known = ", ".join((*self.devices, *self._buses(), ALL))
-            raise ValueError(f"there is no '{name}' here; there are {known}")
+            raise ValueError(f"there is no {quoted(name)} here; there are {known}")
         return [device for device in self.devices.values() if device.link.port is port]

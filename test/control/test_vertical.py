@@ -88,8 +88,12 @@ def test_a_constant_gravity_is_exact_from_the_first_step():
 
 def test_damper_acts_on_both_velocities():
     law = SETTINGS._replace(damping=20.0)
-    output, _ = run(REST._replace(velocity=0.1, setpoint_velocity=0.05), law=law)
-    assert output.impedance == pytest.approx(100.0 * 0.08 + 20.0 * (0.05 - 0.1))
+    state = initial_state(law)
+    inp = REST._replace(velocity=0.1, setpoint_velocity=0.05)
+    for step in range(1, 1001):  # the set point moves as it says
+        moved = inp._replace(setpoint_position=REST.position + 0.05 * step * DT)
+        output, state = vertical_step(law, MODEL, state, moved, DT)
+    assert output.impedance == pytest.approx(100.0 * 0.05 + 20.0 * (0.05 - 0.1))
 
 
 def test_friction_compensation_adds_nine_tenths_of_the_model():

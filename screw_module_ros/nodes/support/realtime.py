@@ -230,10 +230,6 @@ class Inbox:
         """Return the time that is waited by [ns]."""
         return self._clock.now_ns()
 
-    def publishers(self, topic: str) -> int:
-        """Return how many publishers there are on `topic` for the subscription made to it."""
-        return self._node.count_publishers(topic)
-
     def wait(self, until_ns: int) -> None:
         """Wait until `until_ns` at most for a message of a waking subscription."""
         if self._clock.simulated:
