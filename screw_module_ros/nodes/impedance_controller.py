@@ -78,7 +78,8 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.read(VerticalSettings).validated()
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
-        self._inputs = ControllerInputs(self.new_inbox(), Inbox(self, self.clock, self.direct))
+        forces = Inbox(self, self.clock, self.direct)
+        self._inputs = ControllerInputs(self.new_inbox(), forces, self._period_ns)
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
