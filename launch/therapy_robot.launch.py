@@ -3,14 +3,18 @@
 
 import os
 
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
+from screw_module_ros.nodes.support.description import robot_description
 from screw_module_ros.nodes.support.graph import PACKAGE
 from screw_module_ros.nodes.support.plan import plan
 from screw_module_ros.nodes.support.transport import keep_to_this_machine, open_to_network
+from screw_module_ros.resources import resource_path
 
 _YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")
 
@@ -30,14 +34,16 @@ ARGUMENTS = (
               "First of the simulated rig's four CAN ports; a second robot needs its own."),
     _argument("without", "", "Nodes to leave out, by comma."),
     _argument("network", "false", "Let other machines take part (see docs/security.md)."),
+    _argument("rviz", "false", "Show the robot in RViz."),
 )  # fmt: skip
 
 
 def nodes(context):
     """Return the actions the launch arguments ask for."""
     value = {a.name: LaunchConfiguration(a.name).perform(context).strip() for a in ARGUMENTS}
-    bench, composed, wall_clock, network = (
-        _is_true(name, value[name]) for name in ("bench", "composed", "wall_clock", "network")
+    bench, composed, wall_clock, network, rviz = (
+        _is_true(name, value[name])
+        for name in ("bench", "composed", "wall_clock", "network", "rviz")
     )
     planned = plan(
         simulation=not bench,
@@ -62,13 +68,50 @@ def nodes(context):
                 package=PACKAGE,
                 executable=entry.executable,
                 namespace=planned.namespace,
-                ros_arguments=planned.arguments,
+                ros_arguments=planned.arguments(entry),
                 additional_env=changed,
                 output="screen",
             )
             for entry in planned.entries
         ),
+        *_viewers(planned.namespace, rviz, changed),
     ]
+
+
+def _viewers(namespace, rviz, env):
+    """Return the actions that show the robot, with what of it is installed.
+
+    A second robot has a TF of its own, so that both keep their frames' names.
+    """
+    own_tf = [("/tf", "tf"), ("/tf_static", "tf_static")]
+    found = []
+    if _is_installed("robot_state_publisher"):
+        described = {"robot_description": ParameterValue(robot_description(), value_type=str)}
+        found.append(
+            Node(
+                package="robot_state_publisher", executable="robot_state_publisher",
+                namespace=namespace, parameters=[described], remappings=own_tf,
+                additional_env=env,
+            )
+        )  # fmt: skip
+    if rviz and _is_installed("rviz2"):
+        found.append(
+            Node(
+                package="rviz2", executable="rviz2", namespace=namespace, remappings=own_tf,
+                arguments=["-d", str(resource_path("rviz/therapy_robot.rviz"))], additional_env=env,
+            )
+        )  # fmt: skip
+    elif rviz:
+        found.append(LogInfo(msg="warning: rviz2 is not installed: apt install ros-jazzy-rviz2"))
+    return found
+
+
+def _is_installed(package):
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def _unknown(context):

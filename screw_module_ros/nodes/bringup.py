@@ -108,10 +108,11 @@ def start(simulation: bool = True, params: str | None = None, **wishes) -> list[
     planned = plan(simulation, params, **wishes)
     for sentence in planned.warnings:
         click.echo(f"bringup: {sentence}", err=True)
-    arguments = ["--ros-args", *planned.arguments]
-    if planned.namespace:
-        arguments += ["-r", f"__ns:={planned.namespace}"]
-    return [Process(entry.executable, arguments) for entry in planned.entries]
+    above = ["-r", f"__ns:={planned.namespace}"] if planned.namespace else []
+    return [
+        Process(entry.executable, ["--ros-args", *planned.arguments(entry), *above])
+        for entry in planned.entries
+    ]
 
 
 def stop(processes: list[Process]) -> dict[str, int]:

@@ -14,7 +14,7 @@ from screw_module_ros.nodes.support.plan import plan
 
 def given(planned, node: str) -> dict:
     """Return what the planned command line sets for a node."""
-    said = arguments(["--ros-args", *planned.arguments])
+    said = arguments(["--ros-args", *planned.common])
     return {parameter.name: parameter.value for parameter in overrides(node, said)}
 
 
@@ -42,6 +42,14 @@ def test_rig_and_driver_meet_on_the_ports_that_are_given(composed):
     assert rig["encoder.can.port"] == given(planned, "encoder")["can.port"] == 5000
     assert rig["planar.can.port"] == given(planned, "manus")["can.port"] == 5003
     assert rig["devices.command_latency"] == (0.3e-3 if composed else 0.6e-3)
+
+
+def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
+    monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
+    entry = plan().entries[0]
+    assert "--enclave" not in plan().arguments(entry)
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    assert plan().arguments(entry)[-2:] == ["--enclave", "/therapy_robot/sim_rig"]
 
 
 def test_ports_are_the_rig_s():

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,18 +22,29 @@ from .graph import (
 from .isolation import port_arguments
 from .parameter_files import read_file, strangers
 
+ENCLAVES = "/therapy_robot"
+"""Above the enclaves of security/policy.xml."""
+_SECURITY_VARIABLE = "ROS_SECURITY_ENABLE"
+
 
 class Plan(NamedTuple):
     """What to start.
 
-    entries: the executables, in order. arguments: of each, for behind --ros-args. namespace: of
-    all nodes, from / on, empty for none. warnings: what in the parameter file nobody will read.
+    entries: the executables, in order. common: arguments of each, for behind --ros-args.
+    namespace: of all nodes, from / on, empty for none. warnings: what in the parameter file nobody
+    will read.
     """
 
     entries: list[Entry]
-    arguments: list[str]
+    common: list[str]
     namespace: str
     warnings: list[str]
+
+    def arguments(self, entry: Entry) -> list[str]:
+        """Return the arguments of one executable, with its enclave where SROS2 is in force."""
+        if os.environ.get(_SECURITY_VARIABLE, "").lower() != "true":
+            return self.common
+        return [*self.common, "--enclave", f"{ENCLAVES}/{entry.executable}"]
 
 
 def plan(
