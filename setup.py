@@ -22,6 +22,7 @@ NODES = (
     "soak",
     "characterize",
     "bench",
+    "robot_description",
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"faults = {NAME}.nodes.faults.command:main")
@@ -34,7 +35,7 @@ setup(
     description="A three-axis upper-limb therapy robot: MIT-MANUS and a vertical screw module.",
     license="Apache-2.0",
     maintainer="screw_module_ros maintainers",
-    maintainer_email="maintainers@screw-module-ros.invalid",
+    maintainer_email="screw_module_ros@users.noreply.github.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["rig/eds/*.eds"]},
     data_files=[
@@ -42,7 +43,11 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.*"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
+        (f"share/{NAME}/urdf", sorted(glob("urdf/*.*"))),
+        (f"share/{NAME}/rviz", sorted(glob("rviz/*.*"))),
+        (f"share/{NAME}/security", sorted(glob("security/*.*"))),
     ],
     zip_safe=False,
+    extras_require={"test": ["hypothesis", "pytest", "pytest-timeout"]},  # colcon looks for pytest
     entry_points={"console_scripts": EXECUTABLES},
 )

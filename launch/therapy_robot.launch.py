@@ -1,60 +1,140 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start the therapy robot with `ros2 launch`, from the same table as the bringup executable."""
+"""Start the therapy robot with `ros2 launch`, by the same plan as the bringup executable."""
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+import os
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
-from screw_module_ros.nodes.support.graph import (
-    BENCH_PARAMETERS,
-    PACKAGE,
-    SIMULATION_PARAMETERS,
-    chosen,
-    simulated_arguments,
-)
+from screw_module_ros.nodes.support.description import robot_description
+from screw_module_ros.nodes.support.graph import PACKAGE
+from screw_module_ros.nodes.support.plan import plan
+from screw_module_ros.nodes.support.transport import keep_to_this_machine, open_to_network
 from screw_module_ros.resources import resource_path
 
+_YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")
+
+
+def _argument(name, default, description):
+    return DeclareLaunchArgument(name, default_value=default, description=description)
+
+
 ARGUMENTS = (
-    DeclareLaunchArgument("bench", default_value="false", description="Real hardware, no sim_rig."),
-    DeclareLaunchArgument(
-        "composed", default_value="false",
-        description="One process `module` for encoder, force sensor, controller and amplifier.",
-    ),  # fmt: skip
-    DeclareLaunchArgument(
-        "wall_clock", default_value="false", description="The simulated rig runs in real time.",
-    ),
-    DeclareLaunchArgument("params", default_value="", description="Parameter file."),
-    DeclareLaunchArgument("namespace", default_value="", description="For a second robot."),
-    DeclareLaunchArgument("without", default_value="", description="Nodes to leave out, by comma."),
-)
+    _argument("bench", "false", "Real hardware, no sim_rig."),
+    _argument("composed", "false",
+              "One process `module` for encoder, force sensor, controller and amplifier."),
+    _argument("wall_clock", "false", "The simulated rig runs in real time."),
+    _argument("params", "", "Parameter file, in place of the packaged one."),
+    _argument("namespace", "", "For a second robot."),
+    _argument("first_port", "",
+              "First of the simulated rig's four CAN ports; a second robot needs its own."),
+    _argument("without", "", "Nodes to leave out, by comma."),
+    _argument("network", "false", "Let other machines take part (see docs/security.md)."),
+    _argument("rviz", "false", "Show the robot in RViz."),
+)  # fmt: skip
 
 
 def nodes(context):
-    """Return the Node actions the launch arguments ask for."""
-    value = {a.name: LaunchConfiguration(a.name).perform(context) for a in ARGUMENTS}
-    bench, composed, wall_clock = (
-        _is_true(value[name]) for name in ("bench", "composed", "wall_clock")
+    """Return the actions the launch arguments ask for."""
+    value = {a.name: LaunchConfiguration(a.name).perform(context).strip() for a in ARGUMENTS}
+    bench, composed, wall_clock, network, rviz = (
+        _is_true(name, value[name])
+        for name in ("bench", "composed", "wall_clock", "network", "rviz")
     )
-    packaged = BENCH_PARAMETERS if bench else SIMULATION_PARAMETERS
-    params = value["params"] or str(resource_path(packaged))
-    without = [name for name in value["without"].split(",") if name]
+    planned = plan(
+        simulation=not bench,
+        params=value["params"] or None,
+        namespace=value["namespace"],
+        without=[name.strip() for name in value["without"].split(",") if name.strip()],
+        composed=composed,
+        wall_clock=wall_clock,
+        first_port=_port(value["first_port"]),
+    )
+    told = [*planned.warnings, *_unknown(context)]
+    before = dict(os.environ)
+    if network:
+        told.append(open_to_network())
+    else:
+        keep_to_this_machine()
+    changed = {name: text for name, text in os.environ.items() if before.get(name) != text}
     return [
-        Node(
-            package=PACKAGE,
-            executable=entry.executable,
-            name=None if entry.parts else entry.executable,  # a name given is given to every part
-            namespace=value["namespace"],
-            parameters=[params],
-            ros_arguments=[] if bench else simulated_arguments(composed, wall_clock),
-            output="screen",
-        )
-        for entry in chosen(not bench, without=without, composed=composed)
+        *(LogInfo(msg=f"warning: {sentence}") for sentence in told),
+        *(
+            Node(
+                package=PACKAGE,
+                executable=entry.executable,
+                namespace=planned.namespace,
+                ros_arguments=planned.arguments(entry),
+                additional_env=changed,
+                output="screen",
+            )
+            for entry in planned.entries
+        ),
+        *_viewers(planned.namespace, rviz, changed),
     ]
 
 
-def _is_true(text):
-    return text.lower() in ("true", "1", "yes")
+def _viewers(namespace, rviz, env):
+    """Return the actions that show the robot, with what of it is installed.
+
+    A second robot has a TF of its own, so that both keep their frames' names.
+    """
+    own_tf = [("/tf", "tf"), ("/tf_static", "tf_static")]
+    found = []
+    if _is_installed("robot_state_publisher"):
+        described = {"robot_description": ParameterValue(robot_description(), value_type=str)}
+        found.append(
+            Node(
+                package="robot_state_publisher", executable="robot_state_publisher",
+                namespace=namespace, parameters=[described], remappings=own_tf,
+                additional_env=env,
+            )
+        )  # fmt: skip
+    if rviz and _is_installed("rviz2"):
+        found.append(
+            Node(
+                package="rviz2", executable="rviz2", namespace=namespace, remappings=own_tf,
+                arguments=["-d", str(resource_path("rviz/therapy_robot.rviz"))], additional_env=env,
+            )
+        )  # fmt: skip
+    elif rviz:
+        found.append(LogInfo(msg="warning: rviz2 is not installed: apt install ros-jazzy-rviz2"))
+    return found
+
+
+def _is_installed(package):
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def _unknown(context):
+    """Return a sentence for launch arguments that nobody reads."""
+    known = [argument.name for argument in ARGUMENTS]
+    others = sorted(set(context.launch_configurations) - set(known))
+    if not others:
+        return []
+    return [f"unknown arguments: {', '.join(others)}; there are {', '.join(known)}"]
+
+
+def _is_true(name, text):
+    if text.lower() not in _YES + _NO:
+        raise ValueError(f"{name}:={text}: true or false is wanted")
+    return text.lower() in _YES
+
+
+def _port(text):
+    if not text:
+        return None
+    if not (text.isdecimal() and 1024 <= int(text) <= 65532):
+        raise ValueError(f"first_port:={text}: a number from 1024 to 65532 is wanted")
+    return int(text)
 
 
 def generate_launch_description():

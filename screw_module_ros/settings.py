@@ -30,6 +30,8 @@ class Setting(NamedTuple):
     high: largest value allowed, None for no bound
     choices: the values allowed, empty for any
     live: may change while the node is configured or active
+    at_start: is given when the process starts and never changes: who can send a message must not
+        choose where the node writes
     """
 
     text: str
@@ -38,6 +40,7 @@ class Setting(NamedTuple):
     high: float | None = None
     choices: tuple = ()
     live: bool = False
+    at_start: bool = False
 
 
 class Field(NamedTuple):

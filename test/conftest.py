@@ -43,6 +43,12 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
             yield domain
 
 
+@pytest.fixture(scope="module")
+def module_ports(ros_domain_id: int) -> int:
+    """Return the first of eight UDP ports that a module's fixtures have to themselves."""
+    return int(os.environ[isolation.PORT_VARIABLE]) + next(_blocks)
+
+
 @pytest.fixture
 def can_port_base(ros_domain_id: int) -> int:
     """Return the first of eight UDP ports for `udp_multicast` that this test has to itself."""

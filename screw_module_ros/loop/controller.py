@@ -29,7 +29,8 @@ class VerticalController:
     """Watch and law of the vertical axis; all times are passed in [ns].
 
     mode, settings: may be replaced at any time, the law fades over. output: of the last step.
-    wanted: the set point, height alone. answered: the newest sample acted upon, None before the
+    wanted: the set point, height alone. held: why the owner wants no force, empty while not.
+    answered: the newest sample acted upon, None before the
     first. handle_force: newest that was believed [N]. meter: from a sample to its command. reason:
     why the force is held at zero, empty while it is not. A fault seen while the amplifier is on or
     a force is out stays until `reset`; any other goes when its cause does.
@@ -48,7 +49,7 @@ class VerticalController:
         self.mode = mode
         self.output = NO_FORCE
         self.state: VerticalState = initial_state(settings)
-        self.reason = ""
+        self.reason = self.held = ""
         self.handle_force = 0.0
         self.wanted = Wanted(axes=1)
         self.answered: EncoderReading | None = None
@@ -143,7 +144,7 @@ class VerticalController:
         self._keep_fault()
 
     def _check(self, now_ns: int) -> None:
-        self.reason = self._watch.check(now_ns) or self._doubt
+        self.reason = self._watch.check(now_ns) or self._doubt or self.held
         self._keep_fault()
 
     def _keep_fault(self) -> None:

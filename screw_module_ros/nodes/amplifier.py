@@ -17,6 +17,7 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.rate_check import RateCheck
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.settings import Setting
 
@@ -105,6 +106,7 @@ class AmplifierNode(DriveNode):
             own.missed_limit,
         )
         self._state_due = Due(own.state_rate)
+        self._rate_check = RateCheck("encoder", self.period_ns)
         self._state.success_rate = self.part.meter.success_rate
         wires = Wires(
             take_command=self.take_command, permission=self.permission, drive_state=self.tell_state
@@ -133,7 +135,12 @@ class AmplifierNode(DriveNode):
     def take_command(self, until_ns: int) -> Command | None:
         """Wait for a command on the topic, until `until_ns` [ns] at most."""
         self._inbox.wait(until_ns)
-        return self._take_command()
+        command = self._take_command()
+        if command is not None:
+            self._rate_check.hear(command.sequence, command.monotonic_ns)
+            if self._rate_check.wrong:
+                self.gated.fault = self.gated.fault or self._rate_check.wrong
+        return command
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
         """Tell the gate what the supervisor permits; two who command while it is open stop it."""

@@ -19,11 +19,11 @@ import click
 
 from screw_module_ros.domain import domain_id
 from screw_module_ros.lockstep.page import sweep
-from screw_module_ros.resources import resource_path
 
-from .support.graph import BENCH_PARAMETERS, SIMULATION_PARAMETERS, chosen, simulated_arguments
+from .support.plan import checked_values, plan
 from .support.runtime import TELL_WHERE
 from .support.stopping import stop_on_signals
+from .support.transport import open_to_network
 
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -100,30 +100,19 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def start(
-    simulation: bool = True,
-    params: str | None = None,
-    namespace: str = "",
-    only: list[str] = (),
-    without: list[str] = (),
-    extra: list[str] = (),
-    composed: bool = False,
-    wall_clock: bool = False,
-) -> list[Process]:
+def start(simulation: bool = True, params: str | None = None, **wishes) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
-    `params` replaces the packaged parameter file; `extra` goes to every node's --ros-args;
-    `composed` starts `module` in place of its four parts; with `wall_clock` the simulated rig runs
-    in real time.
+    Arguments and errors are those of `plan`; what in a parameter file nobody reads is told.
     """
-    default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
-    file = params or str(resource_path(default))
-    placed = simulated_arguments(composed, wall_clock) if simulation else []
-    arguments = ["--ros-args", "--params-file", file, *placed, *extra]
-    if namespace:
-        arguments += ["-r", f"__ns:={namespace}"]
-    entries = chosen(simulation, only, without, composed)
-    return [Process(entry.executable, arguments) for entry in entries]
+    planned = plan(simulation, params, **wishes)
+    for sentence in planned.warnings:
+        click.echo(f"bringup: {sentence}", err=True)
+    above = ["-r", f"__ns:={planned.namespace}"] if planned.namespace else []
+    return [
+        Process(entry.executable, ["--ros-args", *planned.arguments(entry), *above])
+        for entry in planned.entries
+    ]
 
 
 def stop(processes: list[Process]) -> dict[str, int]:
@@ -131,7 +120,7 @@ def stop(processes: list[Process]) -> dict[str, int]:
     return {process.name: process.stop() for process in reversed(processes)}
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
+@click.command()
 @click.option("--bench", is_flag=True, help="Real hardware: no sim_rig, params/bench.yaml.")
 @click.option(
     "--composed", is_flag=True,
@@ -140,19 +129,26 @@ def stop(processes: list[Process]) -> dict[str, int]:
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--namespace", default="", help="For a second robot, like /second.")
+@click.option(
+    "--first-port", type=click.IntRange(1024, 65532),
+    help="First of the simulated rig's four CAN ports; a second robot needs its own.",
+)
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")
 @click.option("--without", multiple=True, help="Leave this node out (repeat for more).")
-def command(
-    bench: bool, composed: bool, wall_clock: bool, params: str | None, namespace: str, only, without
-) -> None:
+@click.option(
+    "-p", "--param", "values", multiple=True, metavar="NODE:NAME:=VALUE",
+    help="Set a parameter, in place of the file's value (repeat for more).",
+)
+@click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
+def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
     stopping = threading.Event()
     stop_on_signals(stopping)
     try:
-        processes = start(
-            not bench, params, namespace, list(only), list(without), composed=composed,
-            wall_clock=wall_clock,
-        )
+        extra = [word for value in checked_values(values) for word in ("-p", value)]
+        if network:
+            click.echo(f"bringup: {open_to_network()}", err=True)
+        processes = start(not bench, extra=extra, **wishes)
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error
     codes = _watch(processes, stopping)

@@ -8,30 +8,36 @@ empty name lists the experiments. Where a hand is needed at the bench, the feedb
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 import traceback
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.action import RunExperiment
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.devices.bus import BusSettings
+from screw_module_ros.identification import calibration
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
 from screw_module_ros.quoting import quoted
+from screw_module_ros.settings import Setting
 
 from .live.action import OneGoalServer, Outcome
 from .live.bench import LiveBench
 from .live.feedback import Feedback
 from .live.loop import LiveLoop
+from .live.rig_seen import RigBusSettings, sees_rig
 from .live.samples import SamplesLost
 from .live.stand import stand_of
+from .support.below import below, root_folder
 from .support.graph_client import RobotError
 from .support.module_node import OK, Health, ModuleNode
 from .support.robot import Robot
@@ -45,12 +51,24 @@ _REASONS = (
 _WALL = WallClock()  # who waits for this process, or for a result, does so by it
 
 
+class ResultsSettings(NamedTuple):
+    """Where results go."""
+
+    folder: Annotated[
+        str, Setting("where the results of all goals go and nothing leads out of, ~ is the home "
+                     "folder", at_start=True)
+    ] = "~/characterization"
+
+
 class CharacterizeNode(ModuleNode):
     """One experiment at a time, in a thread; the main thread takes the samples."""
 
     def __init__(self):
         super().__init__("characterize")
+        self.parameters.declare(ResultsSettings)
         self.parameters.declare(WatchSettings, "watch")
+        self.parameters.declare(BusSettings, "can", port=43113)
+        self.parameters.declare(RigBusSettings)
         self._loop: LiveLoop | None = None
         self._robot: Robot | None = None  # of the experiment's thread
         self._leaving = threading.Event()
@@ -141,14 +159,16 @@ class CharacterizeNode(ModuleNode):
         cancelled, files = False, []
         text = ""
         try:
-            experiment, settings, folder = _checked(request)
+            root = root_folder(self.parameters.read(ResultsSettings).folder)
+            experiment, settings, folder = _checked(request, root)
+            kept = f"what was finished is kept in {folder}"
             result, left = self._measured(goal, experiment, settings, folder)
             files = [str(path) for path in result.save(folder)]
             text = result.as_yaml()
-            message = f"{request.experiment} is done"
+            message = f"{request.experiment} is done: {folder}"
         except Cancelled as error:
             cancelled, left = True, _left(error)
-            message = f"{error}; what was finished is kept in {request.folder}"
+            message = f"{error}; {kept}"
         except _REASONS as error:
             left = _left(error)
             message = " ".join(str(error).split())
@@ -181,8 +201,11 @@ class CharacterizeNode(ModuleNode):
         robot, loop = self._robot, self._loop
         robot.watch = watch
         bounds = self.parameters.read(WatchSettings, "watch")
+        seen = sees_rig(
+            robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
+        )
         with closing(
-            stand_of(self, robot, self._confirmed, feedback.say, lambda: loop.sample)
+            stand_of(seen, robot, self._confirmed, feedback.say, lambda: loop.sample)
         ) as stand:
             bench = LiveBench(robot, loop, stand, bounds, feedback.say, self.stopping.is_set)
             try:
@@ -199,8 +222,11 @@ class CharacterizeNode(ModuleNode):
         return Health(OK, f"running {self._doing}" if self._doing else "idle", {})
 
 
-def _checked(request: RunExperiment.Goal) -> tuple[Any, Any, Path]:
-    """Return experiment, settings and folder of a goal. Raises ValueError in one sentence."""
+def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
+    """Return experiment, settings and folder of a goal, which lies below `root`.
+
+    Raises ValueError in one sentence.
+    """
     experiment = EXPERIMENTS.get(request.experiment)
     if experiment is None:
         raise ValueError(
@@ -209,7 +235,17 @@ def _checked(request: RunExperiment.Goal) -> tuple[Any, Any, Path]:
     settings = settings_from_yaml(request.settings, experiment.settings)
     if not request.folder:
         raise ValueError("folder is empty: name one for the results")
-    folder = Path(request.folder).expanduser().resolve()
+    folder = below(root, request.folder, "folder")
+    below(root, str(folder / "parts" / experiment.name), "folder")
+    written = [f"{experiment.name}.yaml", f"{experiment.name}.npz"]
+    if experiment.name == calibration.NAME:
+        written.append(calibration.FILE)
+    for name in written:
+        if os.path.lexists(folder / name):  # a link that leads nowhere, too
+            raise ValueError(
+                f"{folder / name} exists already and is never overwritten: name another folder, or "
+                "move it away"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

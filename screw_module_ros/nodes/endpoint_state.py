@@ -2,7 +2,8 @@
 """`endpoint_state`: the 3-D state for games and tools, joined from all axes.
 
 It only shows; nothing that moves depends on it. Axes that are stale or not homed are marked
-invalid, their last values are replaced by NaN.
+invalid in `endpoint_state`, their last values are replaced by NaN; `joint_states` leaves them out,
+for whoever hears it takes what stands there for a fact. Its joints are those of the URDF.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from screw_module_msgs.msg import (
 )
 from sensor_msgs.msg import JointState
 
+from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
@@ -50,12 +52,14 @@ class EndpointStateNode(ModuleNode):
         self._rate = RateMeter()
         self._message = EndpointState()
         self._message.header.frame_id = "manus_base"
-        self._joints = JointState(name=["shoulder", "elbow", "vertical"])
+        self.parameters.declare(Screw)
+        self._joints = JointState()
         self._joints.header.frame_id = "manus_base"
 
     def connect(self) -> None:
         """Make the topics."""
         settings = self.parameters.read(EndpointSettings)
+        self._screw = self.parameters.read(Screw)
         self._period_ns = round(1e9 / settings.rate)
         age_ns = int(settings.max_age * 1e9)
         take = self.new_inbox().subscribe
@@ -99,15 +103,14 @@ class EndpointStateNode(ModuleNode):
             self._publish_joints(message.header.stamp, encoder, plane, amplifier)
 
     def _publish_joints(self, stamp, encoder, plane, amplifier) -> None:
-        joints = self._joints
-        joints.header.stamp = stamp
-        angles = list(plane.joint_position) if plane and plane.homed else [_NAN, _NAN]
-        speeds = list(plane.joint_velocity) if plane else [_NAN, _NAN]
-        torques = list(plane.measured_torque) if plane else [_NAN, _NAN]
-        joints.position = [*angles, encoder.position if encoder and encoder.homed else _NAN]
-        joints.velocity = [*speeds, encoder.velocity if encoder else _NAN]
-        joints.effort = [*torques, amplifier.measured_torque if amplifier else _NAN]
-        self._publish_joint_state(joints)
+        joints = {**planar_joints(plane), **vertical_joint(encoder, amplifier, self._screw)}
+        if not joints:
+            return
+        message = self._joints
+        message.header.stamp = stamp
+        message.name = list(joints)
+        message.position, message.velocity, message.effort = zip(*joints.values(), strict=True)
+        self._publish_joint_state(message)
 
     def health(self) -> Health:
         """Say which inputs are stale."""
@@ -126,6 +129,35 @@ class EndpointStateNode(ModuleNode):
         if stale:
             return Health(WARN, f"no fresh {', '.join(stale)}", values)
         return Health(OK, "all inputs fresh", values)
+
+
+def planar_joints(plane: PlanarState | None) -> dict[str, tuple[float, float, float]]:
+    """Return angle [rad], speed [rad/s] and torque [Nm] of the homed joints `shoulder`, `elbow`.
+
+    Both motors stand at the base and measure absolute angles. The joint `elbow` is the forearm's
+    angle to the upper arm; by virtual work the shoulder then carries both torques.
+    """
+    if plane is None or not plane.homed:
+        return {}
+    (upper, fore), (upper_speed, fore_speed) = plane.joint_position, plane.joint_velocity
+    upper_torque, fore_torque = plane.measured_torque
+    shoulder = (upper, upper_speed, upper_torque + fore_torque)
+    elbow = (fore - upper, fore_speed - upper_speed, fore_torque)
+    found = {"shoulder": shoulder, "elbow": elbow}
+    return {name: tuple(map(float, values)) for name, values in found.items()}
+
+
+def vertical_joint(
+    encoder: EncoderReading | None, amplifier: AmplifierState | None, screw: Screw
+) -> dict[str, tuple[float, float, float]]:
+    """Return height [m], speed [m/s] and force [N] of the homed joint `vertical`.
+
+    The force is what the motor's torque makes of a screw without friction (thesis 3.1).
+    """
+    if encoder is None or not encoder.homed or amplifier is None:
+        return {}
+    force = torque_to_force(amplifier.measured_torque, screw)
+    return {"vertical": (encoder.position, encoder.velocity, force)}
 
 
 def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:

@@ -32,6 +32,7 @@ from screw_module_ros.recording import (
     Topic,
 )
 
+from .session_robots import OtherRobots
 from .support.realtime import HotGroup
 
 _pause = threading.Event()
@@ -47,15 +48,21 @@ _NO_DEFINITION = Definition("", "", "")
 
 
 class Selection(NamedTuple):
-    """Which topics: names or patterns (`/screw/*`) to record and to leave out."""
+    """Which topics: names or patterns (`/screw/*`) to record and to leave out.
+
+    others: whose topics are only recorded where they are named in full; None: nobody's are special.
+    """
 
     topics: tuple[str, ...] = ("*",)
     exclude: tuple[str, ...] = ()
     hidden: bool = False
+    others: OtherRobots | None = None
 
     def takes(self, name: str) -> bool:
         """Whether the topic `name` is to be recorded."""
         if not self.hidden and any(part.startswith("_") for part in name.split("/")):
+            return False
+        if name not in self.topics and self.others is not None and self.others.have(name):
             return False
         wanted = any(fnmatch.fnmatchcase(name, pattern) for pattern in self.topics)
         return wanted and not any(fnmatch.fnmatchcase(name, pattern) for pattern in self.exclude)
@@ -96,6 +103,8 @@ class Intake:
 
     def discover(self) -> None:
         """Subscribe to selected topics that appeared; follow changes of their publishers."""
+        if self._selection.others is not None:
+            self._selection.others.look()
         for name, types in self._node.get_topic_names_and_types():
             if name in self.refused or not self._selection.takes(name):
                 continue

@@ -8,6 +8,7 @@ the recording stand in the bag as messages of /parameter_events.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -28,9 +29,10 @@ class NodeParameters:
     values: per node, its parameters as JSON with sorted names, or NO_ANSWER.
     """
 
-    def __init__(self, node: Node):
-        """Begin without any; `node` asks."""
+    def __init__(self, node: Node, leave_out: Callable[[str], bool] = lambda name: False):
+        """Begin without any; `node` asks, but not nodes whose full name is to be left out."""
         self._node = node
+        self._leave_out = leave_out
         self._clients: list[Client] = []
         self._asked: dict[str, int] = {}
         self.values: dict[str, str] = {}
@@ -43,6 +45,8 @@ class NodeParameters:
                 continue
             name = service.removesuffix(_SERVICE)
             if self.values.get(name, NO_ANSWER) != NO_ANSWER or "/_" in name:
+                continue
+            if self._leave_out(name):
                 continue
             missing = True
             waited = self._asked[name] = self._asked.get(name, -1) + 1

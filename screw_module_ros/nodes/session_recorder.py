@@ -8,6 +8,7 @@ node, and stands in `~/status` and diagnostics until the next `~/start`.
 
 from __future__ import annotations
 
+import os
 import threading
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording import (
     BagError,
-    BagFolderError,
+    BagExistsError,
     BagWriter,
     Session,
     Status,
@@ -33,19 +34,24 @@ from screw_module_ros.settings import Setting
 
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
+from .session_robots import OtherRobots
 from .support import qos
+from .support.below import one_name, root_folder
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05
+_MOST_IN_A_SECOND = 100
+_STAMP_LENGTH = len("session_2001_01_31-12_00_00")
 
 
 class RecorderSettings(NamedTuple):
     """What is recorded, and where; changes count from the next start of a recording."""
 
-    folder: Annotated[str, Setting("where the bags go, ~ is the home folder", live=True)] = (
-        "~/sessions"
-    )
+    folder: Annotated[
+        str, Setting("where the bags go and nothing leads out of, ~ is the home folder",
+                     at_start=True)
+    ] = "~/sessions"
     name: Annotated[
         str, Setting("name of the bag, empty for one made of date and time", live=True)
     ] = ""
@@ -53,6 +59,9 @@ class RecorderSettings(NamedTuple):
     topics: Annotated[tuple, Setting("topics to record, patterns like /screw/* too", live=True)] = (
         "*",
     )
+    other_robots: Annotated[
+        bool, Setting("record the topics of robots in other namespaces too", live=True)
+    ] = False
     exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = (
         "*/decimated",
     )
@@ -77,6 +86,7 @@ class SessionRecorder(ModuleNode):
         self._session: Session | None = None
         self._intake: Intake | None = None
         self._told: NodeParameters | None = None
+        self._others: OtherRobots | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
@@ -91,7 +101,7 @@ class SessionRecorder(ModuleNode):
         self._period = self.parameters.read(RecorderSettings).period
         try:
             found = recover_all(self._parent())
-        except BagError as error:  # told again by each start
+        except ValueError as error:  # told again by each start
             self.get_logger().warning(str(error))
             return
         for folder, result in found.items():
@@ -99,12 +109,8 @@ class SessionRecorder(ModuleNode):
             self.get_logger().warning(f"{folder}: {why}: {result}")
 
     def _parent(self) -> Path:
-        """Return where the bags go. Raises BagFolderError when nobody has that home folder."""
-        folder = self.parameters.read(RecorderSettings).folder
-        try:
-            return Path(folder).expanduser()
-        except RuntimeError as error:
-            raise BagFolderError(f"cannot use folder {folder[:80]!r}: {error}") from None
+        """Return where the bags go. Raises ValueError when nobody has that home folder."""
+        return root_folder(self.parameters.read(RecorderSettings).folder)
 
     def begin(self) -> None:
         """Start recording when the parameters say so."""
@@ -130,27 +136,66 @@ class SessionRecorder(ModuleNode):
     def _start(self) -> str:
         """Start a bag; return why not, empty when it runs."""
         settings = self.parameters.read(RecorderSettings)
-        storage = self.parameters.read(StorageSettings, "storage")
-        name = settings.name or datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
         try:
-            folder = self._parent() / name
-            session = Session(BagWriter(folder, storage), storage)
-        except BagError as error:
-            self.get_logger().error(str(error))
-            return str(error)
-        session.add_metadata("configuration", file_hashes(settings.configuration))
-        session.start()
-        topics = tuple(t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics)
-        selection = Selection(topics, settings.exclude, settings.include_hidden)
-        intake = Intake(self, self.clock, selection, session)
-        intake.discover()
+            session, intake = self._opened(settings)
+        except (BagError, ValueError) as error:
+            told = str(error)
+        except OSError as error:  # files, threads or memory have run out
+            told = f"cannot record: {error.strerror}"
+        else:
+            return self._begin(session, intake)
+        self.get_logger().error(told)
+        return told
+
+    def _opened(self, settings: RecorderSettings) -> tuple[Session, Intake]:
+        """Return a session whose bag is on the disk, and what will feed it; nothing, or both.
+
+        Raises BagError, ValueError, OSError.
+        """
+        session = self._new_session(settings)
+        try:
+            session.add_metadata("configuration", file_hashes(settings.configuration))
+            session.start()
+            topics = tuple(
+                t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics
+            )
+            self._others = None if settings.other_robots else OtherRobots(self)
+            selection = Selection(topics, settings.exclude, settings.include_hidden, self._others)
+            intake = Intake(self, self.clock, selection, session)
+            intake.discover()
+        except BaseException:
+            session.close()
+            raise
+        return session, intake
+
+    def _new_session(self, settings: RecorderSettings) -> Session:
+        """Return a session in a folder of its own; another recorder may start in this second."""
+        storage = self.parameters.read(StorageSettings, "storage")
+        parent = self._parent()
+        if settings.name:
+            name = one_name(settings.name, "name")
+            return Session(BagWriter(parent / name, storage), storage)
+        name = datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
+        for number in range(2, _MOST_IN_A_SECOND):
+            try:
+                return Session(BagWriter(parent / name, storage), storage)
+            except BagExistsError:
+                name = f"{name[:_STAMP_LENGTH]}_{number}"
+        return Session(BagWriter(parent / name, storage), storage)
+
+    def _begin(self, session: Session, intake: Intake) -> str:
+        folder = session.folder
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
             self._folder, self._intake, self._session = folder, intake, session
-            self._told = NodeParameters(self)
+            self._told = NodeParameters(self, self._is_other)
         self._told.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
+
+    def _is_other(self, node: str) -> bool:
+        """Whether a node of this full name belongs to a robot that is not recorded."""
+        return self._others is not None and self._others.have(node)
 
     def _stop(self) -> None:
         with self._lock:
@@ -205,13 +250,31 @@ class SessionRecorder(ModuleNode):
             )
         )
 
+    def _hindrance(self) -> str:
+        """Return what would keep `~/start` from making a bag, empty when nothing is known to."""
+        try:
+            if name := self.parameters.read(RecorderSettings).name:
+                one_name(name, "name")
+            folder = self._parent()
+        except ValueError as error:
+            return str(error)
+        there = next(path for path in (folder, *folder.parents) if path.exists())
+        if not there.is_dir():
+            return f"cannot record to {folder}: {there} is no folder"
+        if not os.access(there, os.W_OK | os.X_OK):
+            return f"cannot record to {folder}: no permission to write into {there}"
+        return ""
+
     def health(self) -> Health:
         """Say whether a recording runs and what is missing in it."""
         session, intake = self._session, self._intake
         status = session.status() if session is not None else self._last
         values = {"recording": session is not None, "bag": self._folder or ""}
+        refusal = self._refusal
+        if session is None:
+            refusal = refusal or self._hindrance()
         if status is None:
-            return Health(ERROR if self._refusal else OK, self._refusal or "not recording", values)
+            return Health(ERROR if refusal else OK, refusal or "not recording", values)
         values |= {
             "messages": status.messages,
             "waiting": status.waiting,
@@ -221,8 +284,8 @@ class SessionRecorder(ModuleNode):
         values |= {name: counts.as_text() for name, counts in status.audit.items()}
         refused = intake.refused if intake is not None else {}
         values |= {f"not recorded: {name}": why for name, why in refused.items()}
-        if self._refusal or status.error:
-            return Health(ERROR, self._refusal or status.error, values)
+        if refusal or status.error:
+            return Health(ERROR, refusal or status.error, values)
         level = WARN if status.dropped or refused else OK
         return Health(level, status.summary(), values)
 

@@ -22,6 +22,7 @@ from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .support import qos
+from .support.departure import Departure
 from .support.module_node import OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
 
@@ -66,6 +67,7 @@ class SimRigNode(ModuleNode):
         self._truth = SimTruth()
         self._truth.header.frame_id = "manus_base"
         self._time: Conductor | None = None
+        self._departure = Departure(self.clock)
         self._clock_message = ClockMessage()
         self.serve(SetArm, "~/set_arm", self._set_arm, "arm set")
         self.serve(SetFixture, "~/set_fixture", self._set_fixture, "fixture set")
@@ -89,7 +91,7 @@ class SimRigNode(ModuleNode):
         self._truth_period_ns = round(1e9 / settings.truth_rate)
         self._truth_due_ns = self._clock_due_ns = 0
         if self.clock.simulated:
-            self._publish_clock = self.outlet(ClockMessage, "/clock", qos.NEWEST)
+            self._publish_clock = self.outlet(ClockMessage, "clock", qos.NEWEST)
             self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
 
     def _open(self, settings: BusSettings) -> can.BusABC:
@@ -122,7 +124,9 @@ class SimRigNode(ModuleNode):
             self._rig.run(self._look_up)
 
     def _is_over(self) -> bool:
-        return self.stopping.is_set() or not self.active
+        if not self.active:
+            return True
+        return self.stopping.is_set() and self._departure.is_due(self._rig.counters.frames_in)
 
     def _look_up(self) -> bool:
         """Between two frames: publish what is due; return whether to stop serving."""

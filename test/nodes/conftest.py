@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import sys
 
 import pytest
 import rclpy
@@ -25,14 +26,13 @@ def node_class(name: str) -> type[ModuleNode]:
 
 
 @pytest.fixture
-def make_node():
+def make_node(monkeypatch):
     """Return `make_node(name, *ros_args)`: the node, declared but not configured."""
     made = []
 
     def make(name: str, *ros_args: str) -> ModuleNode:
-        rclpy.init(
-            args=["--ros-args", *ros_args], signal_handler_options=SignalHandlerOptions.NO
-        )
+        monkeypatch.setattr(sys, "argv", [name, "--ros-args", *ros_args])
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
             node = node_class(name)()
         except BaseException:

@@ -159,11 +159,12 @@ def bench(running: Bench) -> Bench:
 
 
 @pytest.fixture(scope="module")
-def running() -> Iterator[Bench]:
+def running(tmp_path_factory) -> Iterator[Bench]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
     others = ["session_recorder", "endpoint_state"]
     with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others) as graph:
-        ours = bringup.Process("characterize", ["--ros-args", *SIMULATED])
+        root = ["-p", f"folder:={tmp_path_factory.getbasetemp()}"]
+        ours = bringup.Process("characterize", ["--ros-args", *SIMULATED, *root])
         try:
             with own_node() as (node, executor):
 
@@ -200,7 +201,15 @@ def test_bad_goals_are_refused_in_a_sentence(bench, tmp_path):
     said = bench.goal("static_torque", tmp_path, amplitude=5.0).refusal()
     assert "amplitude = 5.0 Nm: above the largest allowed" in said
     assert "folder is empty" in bench.goal("static_torque").refusal()
-    assert "cannot be written" in bench.goal("static_torque", "/proc/nothing").refusal()
+    for outside in ("/proc/nothing", "../x", tmp_path / "link/x"):
+        (tmp_path / "link").unlink(missing_ok=True)
+        (tmp_path / "link").symlink_to("/tmp")
+        assert "lies outside of" in bench.goal("static_torque", outside).refusal()
+    (tmp_path / "file").write_text("")
+    assert "cannot be written" in bench.goal("static_torque", tmp_path / "file").refusal()
+    (tmp_path / "static_torque.npz").symlink_to("/nonexistent")
+    assert "never overwritten" in bench.goal("static_torque", tmp_path).refusal()
+    (tmp_path / "static_torque.npz").unlink()
     assert "needs the result of friction_map" in bench.goal("gravity", tmp_path).refusal()
     assert "signal analyser" in bench.goal("amplifier_response", tmp_path).refusal()
 
@@ -230,7 +239,7 @@ def test_static_torque(bench, tmp_path):
     """The dead zone through the whole graph, and everything as it was afterwards."""
     bench.fix("locked_rotor")
     result, goal = bench.done("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
-    assert result.message == "static_torque is done"
+    assert result.message == f"static_torque is done: {tmp_path}"
     found = load_result(tmp_path, "static_torque")
     assert result.result == found.as_yaml()
     assert result.files == [str(tmp_path / f"static_torque{end}") for end in (".yaml", ".npz")]

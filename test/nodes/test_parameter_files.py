@@ -26,7 +26,9 @@ PAIRS = [(file, node) for file, nodes in FILES.items() for node in nodes]
 def read(file: str) -> dict:
     """Return the file's mapping of node to parameters."""
     content = yaml.safe_load(resource_path(file).read_text())
-    return {node: section["ros__parameters"] for node, section in content.items()}
+    return {
+        node.removeprefix("/**/"): section["ros__parameters"] for node, section in content.items()
+    }
 
 
 @pytest.mark.parametrize("file", FILES)
@@ -35,10 +37,11 @@ def test_a_section_for_every_node_and_no_other(file):
     assert set(read(file)) - {EVERY_NODE} == set(FILES[file])
 
 
+@pytest.mark.parametrize("namespace", ["/", "/left"])
 @pytest.mark.parametrize(("file", "name"), PAIRS)
-def test_the_node_takes_what_the_file_says(make_node, file, name):
+def test_the_node_takes_what_the_file_says(make_node, file, name, namespace):
     """Every value in the file is declared, of the right type, in range, and taken over."""
-    node = make_node(name, "--params-file", str(resource_path(file)))
+    node = make_node(name, "--params-file", str(resource_path(file)), "-r", f"__ns:={namespace}")
     for parameter, value in read(file)[name].items():
         assert node.get_parameter(parameter).value == value
 

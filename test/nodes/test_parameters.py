@@ -20,6 +20,8 @@ class Spring(NamedTuple):
     stiffness: Annotated[float, Setting("spring", "N/m", 0.0, 5000.0, live=True)] = 100.0
     axes: Annotated[tuple[float, float], Setting("per axis", "m", -1.0, 1.0)] = (0.1, 0.2)
     kind: Annotated[str, Setting("kind", choices=("soft", "hard"))] = "soft"
+    cores: Annotated[tuple, Setting("whole numbers", "", -1, 9)] = (-1,)
+    place: Annotated[str, Setting("a folder", at_start=True)] = ""
 
 
 class Made(NamedTuple):
@@ -119,6 +121,32 @@ def test_a_fixed_parameter_is_refused_until_the_node_would_read_it(make_node):
     node.trigger_configure()
     assert node._settings.timeout == 0.3
     node.close()
+
+
+def test_what_is_given_at_start_never_changes(make):
+    """Where a node writes is not for who can send a message."""
+    made = make("spring.place:=here")
+    made.parameters.finish()
+    result = made.node.set_parameters([Parameter("spring.place", value="there")])[0]
+    assert not result.successful and "fixed once the node has started" in result.reason
+    assert made.parameters.read(Spring, "spring").place == "here"
+
+
+def test_a_dump_can_be_loaded_again(make):
+    """`ros2 param load` sends every value, unchanged ones and arrays too."""
+    made = make()
+    made.parameters.finish()
+    made.configured.append(True)
+    for name in made.parameters.as_text():
+        message = made.node.get_parameter(name).to_parameter_msg()
+        (result,) = made.node.set_parameters([Parameter.from_parameter_msg(message)])
+        assert result.successful, (name, result.reason)
+
+
+def test_what_all_nodes_are_given_need_not_be_known(make):
+    made = make("spring.stifness:=250.0")
+    (told,) = made.parameters.finish(shared={"spring.stifness"})
+    assert "spring.stifness, given to all nodes, is no parameter of this one" in told
 
 
 def test_a_bad_change_leaves_everything(make):

@@ -48,11 +48,27 @@ def environment(monkeypatch):
     return given
 
 
-def test_udp_where_nothing_is_asked_for(environment):
+def test_this_machine_where_nothing_is_asked_for(environment):
     choose_transport()
     found = environment()
-    assert set(found) == {BUILTIN_VARIABLE}
-    assert found[BUILTIN_VARIABLE].startswith("UDPv4")
+    assert set(found) == {PROFILES_VARIABLE, RANGE_VARIABLE}
+    assert "<address>127.0.0.1</address>" in Path(found[PROFILES_VARIABLE]).read_text()
+
+
+def test_udp_where_the_subnet_is_asked_for(environment):
+    environment(**{RANGE_VARIABLE: "SUBNET"})
+    choose_transport()
+    found = environment()
+    assert found.pop(BUILTIN_VARIABLE).startswith("UDPv4")
+    assert found == {RANGE_VARIABLE: "SUBNET"}
+
+
+@pytest.mark.parametrize(("before", "after"), [("", "SUBNET"), ("LOCALHOST", "SUBNET"),
+                                               ("SYSTEM_DEFAULT", "SYSTEM_DEFAULT")])  # fmt: skip
+def test_opening_tells_what_becomes_possible(environment, before, after):
+    environment(**{RANGE_VARIABLE: before})
+    assert "enable the drives" in transport.open_to_network()
+    assert environment()[RANGE_VARIABLE] == after
 
 
 def test_localhost_is_kept_by_a_profile(environment):

@@ -14,16 +14,11 @@ import threading
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from rclpy.node import Node
-
 from screw_module_ros.identification.trials import Arm, MotionTrial
 
 from ..support.robot import Robot
-from .graph import topic_of
 from .operator_stand import OperatorStand
 from .rig_stand import RigStand
-
-_LOOK_S = 2.0
 
 
 class Stand(Protocol):
@@ -81,22 +76,17 @@ class Stand(Protocol):
 
 
 def stand_of(
-    node: Node,
+    rig_seen: bool,
     robot: Robot,
     confirmed: threading.Event,
     say: Callable[[str], None],
     newest: Callable[[], Any],
 ) -> Stand:
-    """Return the rig's stand where there is a sim_rig in the graph, else the operator's.
+    """Return the rig's stand where the rig was seen at its work, else the operator's.
 
-    node: has been in the graph for a while and knows who is there; newest: returns the newest
-    EncoderSample, None before the first.
+    rig_seen: see `rig_seen.sees_rig`; newest: returns the newest EncoderSample, None before the
+    first.
     """
-    rig = topic_of(robot, "sim_rig/set_fixture")
-
-    def is_there() -> bool:
-        return rig in dict(node.get_service_names_and_types())
-
-    if robot.clock.simulated or robot.met(is_there, _LOOK_S):
+    if rig_seen:
         return RigStand(robot)
     return OperatorStand(robot, confirmed, say, newest)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from screw_module_msgs.msg import AmplifierState, EndpointSetpoint, SafetyState
 
 from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.loop.rate_check import RateCheck
 from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -20,11 +21,11 @@ _SAFETY_AGE_NS = 200_000_000
 class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
-    inbox, forces: what is waited for apart, the encoder sample and the force. wanted: the set
-    point.
+    inbox, forces: what is waited for apart, the encoder sample and the force. period_ns: of the
+    node. wanted: the set point.
     """
 
-    def __init__(self, inbox: Inbox, forces: Inbox):
+    def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
         self.wanted = Wanted(axes=1)
         self._inbox, self._forces = inbox, forces
         take = inbox.subscribe
@@ -35,20 +36,34 @@ class ControllerInputs:
         take_safety = take(SafetyState, "safety_state", qos.COMMAND)
         self._safety = Newest(take_safety, _SAFETY_AGE_NS)
         self._resets: int | None = None
+        self._encoder_rate = RateCheck("encoder", period_ns)
+        self._force_rate = RateCheck("force_sensor", period_ns)
+
+    @property
+    def wrong_rate(self) -> str:
+        """Return which sensor ticks at another rate, empty for none."""
+        return self._encoder_rate.wrong or self._force_rate.wrong
 
     def next_sample(self, until_ns: int) -> EncoderReading | None:
         """Return the newest encoder sample, waiting until then at most."""
         self._inbox.wait(until_ns)
-        return self._take_encoder()
+        sample = self._take_encoder()
+        if sample is not None:
+            self._encoder_rate.hear(sample.sequence, sample.monotonic_ns)
+        return sample
 
     def next_force(self, until_ns: int) -> ForceReading | None:
         """Return the newest force sample, waiting until then at most; 0 = no wait."""
         if until_ns:
             self._forces.wait(until_ns)
-        return self._take_force()
+        sample = self._take_force()
+        if sample is not None:
+            self._force_rate.hear(sample.sequence, sample.monotonic_ns)
+        return sample
 
     def hear(self, controller: VerticalController, now_ns: int) -> None:
         """Take set point and amplifier state, where they come by a topic."""
+        controller.held = self.wrong_rate
         wanted = self._take_setpoint()
         if wanted is not None:
             self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)

@@ -50,6 +50,9 @@ COMPOSED = Entry(
 )
 """One process with one hot loop in place of its four parts."""
 
+BESIDE = ("characterize",)
+"""Nodes that are started by hand beside the graph."""
+
 SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
 """From SYNC to when the answer acts [s]: what `make bench` measures, for simulated time."""
 PLANE_RATE_ON_TWO_CORES = 250.0

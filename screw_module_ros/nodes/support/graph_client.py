@@ -217,8 +217,11 @@ class Client:
     # What the nodes say --------------------------------------------------------------------
 
     def _diagnose(self, message: DiagnosticArray) -> None:
+        mine = self.node.get_namespace().strip("/")
         for status in message.status:
-            self._told[status.name.rpartition("/")[2]] = status
+            namespace, _, name = status.name.rpartition("/")
+            if namespace == mine:  # /diagnostics is common to all robots of a domain
+                self._told[name] = status
 
     def said(self, node: str) -> str:
         """Return what the node said last on /diagnostics."""

@@ -59,12 +59,17 @@ class Place(NamedTuple):
 
     def arguments(self) -> list[str]:
         """Return the --ros-args that put every node on this run's CAN ports."""
-        given = []
-        for number, bus in enumerate(BUSES):
-            port = self.first_port + number
-            given += ["-p", f"{NODE_OF_BUS[bus]}:can.port:={port}"]
-            given += ["-p", f"sim_rig:{bus}.can.port:={port}"]
-        return given
+        return port_arguments(self.first_port)
+
+
+def port_arguments(first_port: int) -> list[str]:
+    """Return the --ros-args that put the simulated rig and every node on four CAN ports."""
+    given = []
+    for number, bus in enumerate(BUSES):
+        port = first_port + number
+        given += ["-p", f"{NODE_OF_BUS[bus]}:can.port:={port}"]
+        given += ["-p", f"sim_rig:{bus}.can.port:={port}"]
+    return given
 
 
 def own_place() -> Place:

@@ -19,6 +19,7 @@ from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.settings import Setting
 
+from .command_line import arguments, overrides
 from .parameters import Parameters
 from .realtime import Inbox, Outlet, RealtimeSettings
 from .timers import Timer, Timers
@@ -65,7 +66,7 @@ class ModuleNode(LifecycleNode):
     """
 
     def __init__(self, name: str):
-        super().__init__(name)
+        super().__init__(name, parameter_overrides=overrides(name, arguments()))
         self.stopping = threading.Event()
         self.clock = self._chosen_clock()
         self.periodic = Timers()

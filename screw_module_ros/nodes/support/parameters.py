@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, get_args
 
 from rcl_interfaces.msg import (
@@ -68,16 +69,25 @@ class Parameters:
                 raise ParameterError(f"parameter {wrong}")
         self._node.declare_parameter(name, value, _descriptor(field, value))
 
-    def finish(self) -> None:
-        """End the declarations; raise ParameterError when a given name was never declared."""
+    def finish(self, shared: Collection[str] = ()) -> list[str]:
+        """End the declarations; raise ParameterError when a given name was never declared.
+
+        shared: names that were given to all nodes at once. Such a one may be meant for others; a
+        sentence that says so is returned for each.
+        """
         self._declared = True
+        told = []
         for name in self._node._parameter_overrides:
             if name.startswith(_OWN_TO_RCLPY) or self._node.has_parameter(name):
+                continue
+            if name in shared:
+                told.append(f"{name}, given to all nodes, is no parameter of this one")
                 continue
             raise ParameterError(
                 f"parameter {name} is unknown to node {self._node.get_name()}; "
                 f"it knows: {', '.join(sorted(self._fields))}"
             )
+        return told
 
     def read(self, kind: type, prefix: str = "") -> Any:
         """Return the NamedTuple `kind` declared under `prefix`, with the values of now."""
@@ -108,15 +118,19 @@ class Parameters:
             _, field = known
             current = self._node.get_parameter(parameter.name).value
             wrong = _problem(parameter.name, field, parameter.value, type(current))
-            if not wrong and not field.setting.live and self._configured():
-                if list(_flat(parameter.value)) != list(_flat(current)):
-                    wrong = (
-                        f"{parameter.name} is fixed while the node is configured: deactivate and "
-                        "clean up first"
-                    )
+            if not wrong and list(_flat(parameter.value)) != list(_flat(current)):
+                wrong = self._fixed(parameter.name, field)
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
         return SetParametersResult(successful=True)
+
+    def _fixed(self, name: str, field: Field) -> str:
+        """Return why a parameter may not change now, empty when it may."""
+        if field.setting.at_start and self._declared:
+            return f"{name} is fixed once the node has started: start it anew with another value"
+        if not field.setting.live and self._configured():
+            return f"{name} is fixed while the node is configured: deactivate and clean up first"
+        return ""
 
     def _apply(self, parameters: list[Parameter]) -> None:
         if not self._declared:  # rclpy reports each declaration too
@@ -131,7 +145,8 @@ def _join(prefix: str, name: str) -> str:
 
 
 def _flat(value: Any):
-    return value if isinstance(value, (list, tuple)) else (value,)
+    # What comes by a service may be an array.array, what was declared a list.
+    return value if hasattr(value, "__len__") and not isinstance(value, (str, bytes)) else (value,)
 
 
 def _problem(name: str, field: Field, value: Any, wanted: type) -> str:
@@ -163,6 +178,7 @@ def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     setting = field.setting
     unit = f" [{setting.unit}]" if setting.unit else ""
     when = "" if setting.live else " Fixed while configured."
+    when = " Given at start." if setting.at_start else when
     told = ParameterDescriptor(name=field.name, description=f"{setting.text}{unit}.{when}")
     if setting.choices:
         told.additional_constraints = "one of " + ", ".join(map(str, setting.choices))

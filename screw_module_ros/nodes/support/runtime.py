@@ -22,7 +22,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.loop.ticker import BREATH_S
 
+from .command_line import Arguments, arguments, check_others
 from .module_node import ModuleNode
+from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
 from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
@@ -36,19 +38,18 @@ TELL_WHERE = signal.SIGUSR2
 """A node that gets this signal writes to stderr where its threads are."""
 
 
-def main(factory: Callable[[], ModuleNode], args: list[str] | None = None) -> int:
+def main(factory: Callable[[], ModuleNode]) -> int:
     """Run the node `factory` makes until SIGINT or SIGTERM; return the exit code.
 
     0 after a signal, 1 after an error of the loop, 2 when a parameter or the start was refused.
     """
-    return run_together(factory.__name__, lambda: [factory()], lambda nodes: nodes[0].run(), args)
+    return run_together(factory.__name__, lambda: [factory()], lambda nodes: nodes[0].run())
 
 
 def run_together(
     name: str,
     make: Callable[[], list[ModuleNode]],
     loop: Callable[[list[ModuleNode]], None],
-    args: list[str] | None = None,
 ) -> int:
     """Run the nodes that `make` returns in this process, with one hot loop; like `main`.
 
@@ -63,14 +64,14 @@ def run_together(
     # What canopen logs, our errors say with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     choose_transport()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []
     try:
+        files = _begin(arguments())
         nodes += make()
         for node in nodes:
             node.stopping = stopping
-            node.parameters.finish()
+            _finish(node, files)
             locks.append(lock_node(node.get_fully_qualified_name()))
         _live(nodes, loop)
         return 0
@@ -84,6 +85,25 @@ def run_together(
         rclpy.try_shutdown()
         for lock in locks:
             lock.release()
+
+
+def _begin(given: Arguments) -> list[ParameterFile]:
+    """Begin with ROS; return the parameter files. Raises ParameterError for what rcl refuses."""
+    check_others(given)
+    files = [read_file(path) for path in given.files]
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy exports neither of the two that rcl's refusals become
+        raise ParameterError(f"the ROS arguments are refused: {error}") from None
+    return files
+
+
+def _finish(node: ModuleNode, files: list[ParameterFile]) -> None:
+    """Refuse parameters that the node does not have, say what in the files it will not read."""
+    name = node.get_fully_qualified_name()
+    shared = set().union(*(file.shared(name) for file in files))
+    for sentence in (*node.parameters.finish(shared), *notices(files, name)):
+        node.get_logger().warning(sentence)
 
 
 def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> None:

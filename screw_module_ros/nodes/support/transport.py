@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How messages travel between our processes: over UDP, not through shared memory.
+"""How messages travel between our processes: on this machine alone, over UDP.
 
+Whoever can send to the nodes can enable the drives, home them and record: ROS 2 asks nobody who he
+is, and by default it talks to the whole subnet. So the default here is this machine, for every
+node; `ROS_AUTOMATIC_DISCOVERY_RANGE` and `bringup --network` open it.
+
+Not through shared memory:
 A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or just slow while it holds the lock
 of its port in Fast DDS's shared memory keeps every process waiting that sends to it: a spectator
 could stop the robot. Measured on two busy cores while the recorder ended and started: gaps of up
@@ -29,11 +34,40 @@ _WISHES = (
 )  # fmt: skip
 
 
+# Whoever sets one of these has chosen with whom the nodes talk.
+_CHOICES = (
+    RANGE_VARIABLE, "ROS_LOCALHOST_ONLY", PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE"
+)  # fmt: skip
+_OPEN = (
+    "the nodes listen to the whole subnet: whoever reaches it can enable the drives, move and "
+    "home the axes, release and reset stops, change parameters and record; docs/security.md tells "
+    "how to admit only whom you know"
+)
+
+
+def keep_to_this_machine() -> None:
+    """Let this process and its children talk to this machine alone, unless somebody chose.
+
+    Call before a ROS context is made.
+    """
+    if not any(map(os.environ.get, _CHOICES)):
+        os.environ[RANGE_VARIABLE] = "LOCALHOST"
+
+
+def open_to_network() -> str:
+    """Let this process and its children talk to the subnet; return what that makes possible."""
+    if os.environ.get(RANGE_VARIABLE) in (None, "", "LOCALHOST", "OFF"):
+        os.environ[RANGE_VARIABLE] = "SUBNET"
+    return _OPEN
+
+
 def choose_transport() -> None:
     """Let Fast DDS use UDP in this process and its children, unless something else is asked for.
 
-    Call before a ROS context is made. Other RMW implementations are left alone.
+    They keep to this machine, unless the environment says otherwise. Call before a ROS context is
+    made. Other RMW implementations choose their transport themselves.
     """
+    keep_to_this_machine()
     if any(map(os.environ.get, _WISHES)):
         return
     if not get_rmw_implementation_identifier().startswith("rmw_fastrtps"):

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders that names from the network may lead to: below one that was given at start, never out.
+
+Whoever can send a message chooses such a name; the process that writes may be allowed anything.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def root_folder(text: str, parameter: str = "folder") -> Path:
+    """Return the folder that a parameter names, ~ and links followed.
+
+    Raises ValueError naming the parameter when nobody has that home folder, or it cannot be.
+    """
+    try:
+        return Path(text).expanduser().resolve()
+    except (RuntimeError, OSError, ValueError) as error:
+        raise ValueError(f"cannot use {parameter} {text[:80]!r}: {error}") from None
+
+
+def below(root: Path, name: str, what: str) -> Path:
+    """Return what `name` leads to below `root`, both as they really are.
+
+    name: relative to `root`, or absolute and within it; links count by where they lead. what: names
+    it in the refusal. Raises ValueError for a name that leads out of `root`, or is no path.
+    """
+    try:
+        path = (root / name).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{what} {name[:80]!r} is no path: {error}") from None
+    if path != root and root not in path.parents:
+        raise ValueError(
+            f"{what} {name[:80]!r} lies outside of {root}: give one below that folder, or start "
+            "the node with another `folder`"
+        )
+    return path
+
+
+def one_name(name: str, what: str) -> str:
+    """Return `name` when it is a plain name of a file or folder. Raises ValueError otherwise."""
+    if not name or name in (".", "..") or "/" in name or not name.isprintable():
+        raise ValueError(f"{what} {name[:80]!r} is no plain name: no /, not . or .., no signs that "
+                         "cannot be seen")
+    return name

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS arguments of this process, as far as ROS 2 leaves them unchecked.
+
+`-p NODE:NAME:=VALUE` sets a parameter of the node NODE in whatever namespace, and what stands on
+the command line wins over every file: rcl matches NODE in the root namespace only and lets a file's
+own section win over `-p NAME:=VALUE`, without a word in either case.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import yaml
+from rclpy.parameter import Parameter
+
+from .parameters import ParameterError
+
+_FILE = ("--params-file",)
+_PARAMETER = ("-p", "--param")
+_REMAP = ("-r", "--remap")
+_WITH_VALUE = (
+    *_FILE, *_PARAMETER, *_REMAP, "-e", "--enclave", "--log-level", "--log-config-file",
+    "--log-file-name",
+)  # fmt: skip
+_RULE = re.compile(r"(?:(?P<node>\w+):)?(?P<name>[^:=]+):=(?P<value>.*)", re.DOTALL)
+_NAME_RULE = re.compile(r"(?:(?P<node>\w+):)?__(?:node|name):=(?P<name>\w+)")
+# YAML 1.1, and so PyYAML, takes 1e-3 for a string, rcl for a number.
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+
+class Rule(NamedTuple):
+    """One `-p`: the node it is for (empty for any), the parameter's name, its value as text."""
+
+    node: str
+    name: str
+    value: str
+
+
+class Arguments(NamedTuple):
+    """What a command line says.
+
+    files: parameter files, in order. rules: of -p, in order. names: node name to the name that
+    `__node` gives it, "" for any. others: arguments that are not for ROS.
+    """
+
+    files: tuple[str, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    names: tuple[tuple[str, str], ...] = ()
+    others: tuple[str, ...] = ()
+
+
+def arguments(words: Sequence[str] | None = None) -> Arguments:
+    """Return what the command line says; words: without the program, None for this process's."""
+    left = list(sys.argv[1:] if words is None else words)
+    files, rules, names, others = [], [], [], []
+    ours = False
+    while left:
+        word = left.pop(0)
+        if not ours:
+            ours = word == "--ros-args"
+            if not ours:
+                others.append(word)
+        elif word == "--":
+            ours = False
+        elif word in _WITH_VALUE and left:
+            value = left.pop(0)
+            if word in _FILE:
+                files.append(value)
+            elif word in _PARAMETER and (found := _RULE.fullmatch(value)):
+                rules.append(Rule(found["node"] or "", found["name"], found["value"]))
+            elif word in _REMAP and (found := _NAME_RULE.fullmatch(value)):
+                names.append((found["node"] or "", found["name"]))
+    return Arguments(tuple(files), tuple(rules), tuple(names), tuple(others))
+
+
+def overrides(name: str, given: Arguments) -> list[Parameter]:
+    """Return what the command line sets for the node that calls itself `name`."""
+    for node, new in given.names:
+        if node in ("", name):
+            name = new
+            break
+    values = {rule.name: rule.value for rule in given.rules if not rule.node}
+    values |= {rule.name: rule.value for rule in given.rules if rule.node == name}
+    return [_parameter(key, text) for key, text in values.items()]
+
+
+def check_others(given: Arguments) -> None:
+    """Raise ParameterError for arguments that nobody would read."""
+    if given.others:
+        raise ParameterError(
+            f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "
+            "--ros-args -p NAME:=VALUE --params-file FILE"
+        )
+
+
+def _parameter(name: str, text: str) -> Parameter:
+    value = _value(name, text)
+    try:
+        return Parameter(name, value=value)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"parameter {name} = {text}: {error}") from None
+
+
+def _value(name: str, text: str) -> Any:
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        where = " ".join(str(error).split())
+        raise ParameterError(f"parameter {name} = {text}: not a YAML value: {where}") from None
+    if isinstance(value, list):
+        return [_number(part) for part in value]
+    return "" if value is None else _number(value)
+
+
+def _number(value: Any) -> Any:
+    return float(value) if isinstance(value, str) and _NUMBER.fullmatch(value) else value

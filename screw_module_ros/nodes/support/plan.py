@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to start and with which arguments: one plan for `bringup` and for the launch file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from screw_module_ros.resources import resource_path
+
+from .command_line import Rule, arguments
+from .graph import (
+    BENCH_PARAMETERS,
+    BESIDE,
+    SIMULATION_PARAMETERS,
+    Entry,
+    chosen,
+    simulated_arguments,
+    table,
+)
+from .isolation import port_arguments
+from .parameter_files import read_file, strangers
+
+ENCLAVES = "/therapy_robot"
+"""Above the enclaves of security/policy.xml."""
+_SECURITY_VARIABLE = "ROS_SECURITY_ENABLE"
+
+
+class Plan(NamedTuple):
+    """What to start.
+
+    entries: the executables, in order. common: arguments of each, for behind --ros-args.
+    namespace: of all nodes, from / on, empty for none. warnings: what in the parameter file nobody
+    will read.
+    """
+
+    entries: list[Entry]
+    common: list[str]
+    namespace: str
+    warnings: list[str]
+
+    def arguments(self, entry: Entry) -> list[str]:
+        """Return the arguments of one executable, with its enclave where SROS2 is in force."""
+        if os.environ.get(_SECURITY_VARIABLE, "").lower() != "true":
+            return self.common
+        return [*self.common, "--enclave", f"{ENCLAVES}/{entry.executable}"]
+
+
+def plan(
+    simulation: bool = True,
+    params: str | None = None,
+    namespace: str = "",
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    extra: Sequence[str] = (),
+    composed: bool = False,
+    wall_clock: bool = False,
+    first_port: int | None = None,
+) -> Plan:
+    """Return what starts the robot.
+
+    simulation: against the simulated rig. params: a file in place of the packaged one. only,
+    without: names of the table. extra: goes to every node. composed: `module` in place of its four
+    parts. wall_clock: the simulated rig runs in real time. first_port: of the rig's four CAN ports,
+    None for those of the file.
+
+    Raises ParameterError for a file that cannot be read, ValueError for a name that is not in the
+    table and for ports without a simulated rig.
+    """
+    if first_port is not None and not simulation:
+        raise ValueError("the first port is one of the simulated rig: hardware has none")
+    default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
+    path = params or str(resource_path(default))
+    above = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    known = [node for entry in table(composed) for node in entry.nodes]
+    words = ["--params-file", path]
+    if simulation:
+        words += simulated_arguments(composed, wall_clock)
+    if first_port is not None:
+        words += port_arguments(first_port)
+    return Plan(
+        chosen(simulation, only, without, composed),
+        [*words, *extra],
+        above,
+        strangers(read_file(path), [*known, *BESIDE], above),
+    )
+
+
+def checked_values(values: Sequence[str]) -> list[str]:
+    """Return the rules of -p as they are.
+
+    Raises ValueError for one that is none, or that names a node that there is not.
+    """
+    known = {node for composed in (False, True) for e in table(composed) for node in e.nodes}
+    for value in values:
+        rules: tuple[Rule, ...] = arguments(["--ros-args", "-p", value]).rules
+        if not rules:
+            raise ValueError(f"-p {value}: NODE:NAME:=VALUE is wanted")
+        if rules[0].node and rules[0].node not in known:
+            raise ValueError(
+                f"-p {value}: no node {rules[0].node!r}; there are {', '.join(sorted(known))}"
+            )
+    return list(values)

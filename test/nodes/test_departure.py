@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated rig ends after those who need its devices, and not later than it must."""
+
+from __future__ import annotations
+
+import os
+from types import SimpleNamespace
+
+import pytest
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes.support import departure
+from screw_module_ros.nodes.support.departure import Departure
+
+STEP_NS = 50_000_000
+
+
+@pytest.fixture
+def wall(monkeypatch):
+    """Return the wall clock, moved by hand."""
+    clock = ManualClock(1)
+    monkeypatch.setattr(departure, "_WALL", clock)
+    return clock
+
+
+def left_after(wall, due) -> float:
+    """Return after how many seconds it is due."""
+    begun = wall.time_ns
+    while not due((wall.time_ns - begun) * 1e-9):
+        wall.time_ns += STEP_NS
+        assert wall.time_ns - begun < 10_000_000_000
+    return (wall.time_ns - begun) * 1e-9
+
+
+def test_by_wall_clock_it_goes_when_the_buses_are_silent(wall):
+    one = Departure(SimpleNamespace(simulated=False))
+    assert left_after(wall, lambda t: one.is_due(int(min(t, 1.0) * 1000))) == pytest.approx(1.3)
+
+
+def test_it_does_not_wait_for_ever(wall):
+    one = Departure(SimpleNamespace(simulated=False))
+    assert left_after(wall, lambda t: one.is_due(int(t * 1000))) == pytest.approx(4.0)
+
+
+def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
+    lines = [0, os.getpid(), os.getppid()]
+    one = Departure(SimpleNamespace(simulated=True, page=SimpleNamespace(line_pid=lines)))
+
+    def due(seconds: float) -> bool:
+        if seconds > 1.0:
+            lines[2] = 0
+        return one.is_due(5)
+
+    assert left_after(wall, due) == pytest.approx(1.35, abs=0.06)

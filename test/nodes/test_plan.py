@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One plan for bringup and the launch file: what is started, with which arguments, what is told."""
+
+from __future__ import annotations
+
+import pytest
+from click.testing import CliRunner
+
+from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.support.command_line import arguments, overrides
+from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.nodes.support.plan import plan
+
+
+def given(planned, node: str) -> dict:
+    """Return what the planned command line sets for a node."""
+    said = arguments(["--ros-args", *planned.common])
+    return {parameter.name: parameter.value for parameter in overrides(node, said)}
+
+
+def test_a_file_that_is_not_there_starts_nothing():
+    with pytest.raises(ParameterError, match="/nonexistent.yaml"):
+        plan(params="/nonexistent.yaml")
+
+
+def test_the_packaged_files_have_no_strangers():
+    for simulation in (True, False):
+        for composed in (True, False):
+            assert plan(simulation, composed=composed, namespace="left").warnings == []
+
+
+@pytest.mark.parametrize("namespace", ["left", "/left", "/left/"])
+def test_one_way_to_write_a_namespace(namespace):
+    assert plan(namespace=namespace).namespace == "/left"
+    assert plan(namespace="/").namespace == ""
+
+
+@pytest.mark.parametrize("composed", [False, True])
+def test_rig_and_driver_meet_on_the_ports_that_are_given(composed):
+    planned = plan(first_port=5000, namespace="left", composed=composed)
+    rig = given(planned, "sim_rig")
+    assert rig["encoder.can.port"] == given(planned, "encoder")["can.port"] == 5000
+    assert rig["planar.can.port"] == given(planned, "manus")["can.port"] == 5003
+    assert rig["devices.command_latency"] == (0.3e-3 if composed else 0.6e-3)
+
+
+def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
+    monkeypatch.delenv("ROS_SECURITY_ENABLE", raising=False)
+    entry = plan().entries[0]
+    assert "--enclave" not in plan().arguments(entry)
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    assert plan().arguments(entry)[-2:] == ["--enclave", "/therapy_robot/sim_rig"]
+
+
+def test_ports_are_the_rig_s():
+    with pytest.raises(ValueError, match="hardware has none"):
+        plan(simulation=False, first_port=5000)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--foo"], "No such option: --foo"),
+        (["foo"], "unexpected extra argument"),
+        (["-p", "encodr:rate:=1.0"], "no node 'encodr'; there are amplifier"),
+        (["-p", "rate"], "NODE:NAME:=VALUE is wanted"),
+        (["--bench", "--first-port", "5000"], "hardware has none"),
+        (["--params", "/nonexistent.yaml"], "/nonexistent.yaml"),
+        (["--without", "encodr"], "no node 'encodr'"),
+    ],
+)
+def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
+    """Nothing is started."""
+    monkeypatch.setattr(bringup, "Process", None)
+    done = CliRunner().invoke(bringup.command, words)
+    assert done.exit_code in (1, 2)
+    assert told in done.output

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a node's process says of arguments and files that it cannot use: a sentence, code 2."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from screw_module_ros.nodes.bringup import executable_path
+
+FILE = "{folder}/mine.yaml"
+
+
+def run(*words: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [executable_path("endpoint_state"), *words],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--foo"], "unknown arguments: --foo"),
+        (["--ros-args", "--bar"], "--bar"),
+        (["--ros-args", "-p", "rate:=["], "rate"),
+        (["--ros-args", "-p", "rate:=fast"], "rate = 'fast': a value of type float is wanted"),
+        (["--ros-args", "--params-file", "/nonexistent"], "/nonexistent: No such file"),
+        (["--ros-args", "--params-file", FILE], "mine.yaml is not YAML"),
+    ],
+)
+def test_refused_in_a_sentence(tmp_path, words, told):
+    (tmp_path / "mine.yaml").write_text("endpoint_state: [\n")
+    done = run(*(word.format(folder=tmp_path) for word in words))
+    assert done.returncode == 2
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr

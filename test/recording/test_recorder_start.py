@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a recording goes, and what `~/start` answers when it cannot begin; without a graph."""
+
+from __future__ import annotations
+
+import os
+import resource
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+
+from screw_module_ros.nodes import session_recorder
+from screw_module_ros.nodes.session_recorder import SessionRecorder
+
+
+class SameSecond:
+    """A system clock that stands."""
+
+    @staticmethod
+    def now() -> datetime:
+        return datetime(2001, 1, 31, 12, 0, 0)
+
+
+@pytest.fixture
+def recorder(tmp_path, monkeypatch):
+    """Return the recorder, active; its folder is `bags` below the test's."""
+    folder = f"folder:={tmp_path / 'bags'}"
+    monkeypatch.setattr("sys.argv", ["session_recorder", "--ros-args", "-p", folder])
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = SessionRecorder()
+    node.parameters.finish()
+    node.trigger_configure()
+    node.trigger_activate()
+    yield node
+    node.close()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def start(node: SessionRecorder) -> str:
+    """Call ~/start; return the folder, or what is wrong."""
+    return str(node._on_start(Trigger.Request()))
+
+
+def name(node: SessionRecorder, text: str) -> None:
+    (result,) = node.set_parameters([Parameter("name", value=text)])
+    assert result.successful
+
+
+def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
+    monkeypatch.setattr(session_recorder, "datetime", SameSecond)
+    folders = []
+    for _ in range(3):
+        folders.append(Path(start(recorder)))
+        recorder._on_stop(Trigger.Request())
+    stem = "session_2001_01_31-12_00_00"
+    assert [f.name for f in folders] == [stem, f"{stem}_2", f"{stem}_3"]
+    assert all((folder / "metadata.yaml").is_file() for folder in folders)
+
+
+@pytest.mark.parametrize("text", ["../x", "/tmp/x", "..", "a/b"])
+def test_a_name_leads_nowhere_else(recorder, tmp_path, text):
+    name(recorder, text)
+    assert "no plain name" in recorder.health().message  # before anybody starts
+    assert "no plain name" in start(recorder)
+    assert not (tmp_path / "x").exists() and not (tmp_path / "bags").exists()
+
+
+def test_who_can_send_messages_does_not_choose_the_folder(recorder, tmp_path):
+    (result,) = recorder.set_parameters([Parameter("folder", value=str(tmp_path / "else"))])
+    assert not result.successful and "fixed once the node has started" in result.reason
+
+
+def test_a_recorder_that_cannot_record_is_not_well(recorder, tmp_path):
+    assert recorder.health().level == DiagnosticStatus.OK
+    (tmp_path / "bags").write_text("")
+    health = recorder.health()
+    assert health.level == DiagnosticStatus.ERROR
+    assert f"{tmp_path / 'bags'} is no folder" in health.message
+    (tmp_path / "bags").unlink()
+    assert recorder.health().level == DiagnosticStatus.OK
+
+
+def test_without_descriptors_the_answer_is_a_sentence(recorder, tmp_path):
+    """Also with one left, and two, and so on: none is lost, and the next start works."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    used = {int(number) for number in os.listdir("/proc/self/fd")}
+    answers = set()
+    for spare in range(4):
+        name(recorder, f"bag{spare}")
+        highest = _nth_free(used, spare)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (highest, limits[1]))
+        try:
+            answers.add(start(recorder))
+            recorder._stop()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    refused = [answer for answer in answers if not answer.startswith(str(tmp_path))]
+    assert refused
+    assert all("Too many open files" in answer for answer in refused), refused
+    assert not any("Errno" in answer for answer in refused)
+    name(recorder, "good")
+    assert start(recorder) == str(tmp_path / "bags" / "good")
+
+
+def _nth_free(used: set[int], count: int) -> int:
+    """Return a limit that leaves `count` descriptors free."""
+    free = [number for number in range(max(used) + count + 2) if number not in used]
+    return free[count]
