@@ -41,6 +41,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.*"))),
+        (f"share/{NAME}/params/therapy", sorted(glob("params/therapy/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
     ],
     zip_safe=False,

@@ -239,7 +239,7 @@ def test_both_walls_of_a_reach_in_space_are_on_its_line(start, target, since):
     assert (plane.duration, vertical.growth) == (LINE.duration, LINE.growth)
     height = settled(at(start[2], 0.0, vertical, since)).force_x
     assert height == pytest.approx(
-        math.copysign(min(30.0, 100.0 * wall_position(vertical, since)), target[2] - start[2])
+        math.copysign(min(45.0, 100.0 * wall_position(vertical, since)), target[2] - start[2])
     )
 
 
