@@ -42,6 +42,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.*"))),
+        (f"share/{NAME}/params/therapy", sorted(glob("params/therapy/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
         (f"share/{NAME}/urdf", sorted(glob("urdf/*.*"))),
         (f"share/{NAME}/rviz", sorted(glob("rviz/*.*"))),
