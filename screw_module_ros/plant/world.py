@@ -102,7 +102,8 @@ class World:
         arm = arm_force(self._patient.arm, s.vertical.gravity)
         return self._prepared(
             SimulationParams(
-                vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep),
+                vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
+                                s.sensor.bandwidth),
                 planar_params(s.planar, arm, s.substep),
                 *self._patient.paths,
             )
@@ -201,7 +202,7 @@ class World:
         true = true_wrench(
             plane.force_x,
             plane.force_y,
-            v.patient_force,
+            v.filtered_force,
             self.settings.vertical.grip_height,
             self.settings.transducer.stiffness * v.rotor_angle,
         )
