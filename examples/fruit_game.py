@@ -17,15 +17,17 @@ for number in (signal.SIGINT, signal.SIGTERM):
 node = rclpy.create_node("fruit_game")
 pull = node.create_publisher(EndpointSetpoint, "setpoint", 1)
 fruit = cycle([(0.08, 0.06, 0.24), (-0.08, 0.06, 0.12), (0.0, -0.08, 0.18)])  # x, y, z [m]
-aim = next(fruit)
+aim = None
 
 
 def play(state: EndpointState) -> None:
     """Answer every state of the hand with a set point."""
     global aim
-    if math.dist((state.position.x, state.position.y, state.position.z), aim) < 0.04:
-        print(f"picked the fruit at {aim}, pulling {state.force.z:+.1f} N", flush=True)
+    hand = state.position.x, state.position.y, state.position.z  # nan: not homed yet
+    if aim is None or math.dist(hand, aim) < 0.04:
+        picked = f"picked the fruit at {aim}, pulling {state.force.z:+.1f} N; " if aim else ""
         aim = next(fruit)
+        print(f"{picked}hand {hand}, next fruit {aim}", flush=True)
     setpoint = EndpointSetpoint()
     setpoint.position.x, setpoint.position.y, setpoint.position.z = aim
     pull.publish(setpoint)

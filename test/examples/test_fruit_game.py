@@ -69,6 +69,12 @@ def test_an_axis_without_home_picks_nothing(game, hand, wait_until):
     assert {hand(first[0], first[1], math.nan) for _ in range(20)} == {first}
 
 
+def test_it_says_at_once_where_hand_and_fruit_are(game, hand, wait_until):
+    """Also when no fruit is picked, and when an axis has no home."""
+    wait_until(lambda: hand(9.0, 9.0, math.nan), 30.0, "a set point of the game")
+    assert game.stdout.readline().startswith("hand (9.0, 9.0, nan), next fruit (0.08,")
+
+
 def test_the_readme_shows_this_very_game():
     code = GAME.read_text().split('"""\n\n', 1)[1]
     assert code in (ROOT / "README.md").read_text()

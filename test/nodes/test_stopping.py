@@ -6,9 +6,11 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 
 import pytest
 
+from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support.stopping import StopFlag
 
 # It is always about to wait: a handler that set the event itself would lock up every second time.
@@ -49,3 +51,20 @@ def test_the_flag_hears_signals_and_gives_them_back():
     finally:
         flag.release()
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_impatience_does_not_spoil_a_good_end(ros_domain_id):
+    """SIGINT again and again: the node still ends with 0."""
+    process = subprocess.Popen(
+        [executable_path("endpoint_state")], stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert any("active" in line for line in process.stderr)
+        while process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(0.001)
+        assert process.returncode == 0
+    finally:
+        process.kill()
+        process.communicate()

@@ -159,7 +159,7 @@ class ModuleNode(LifecycleNode):
 
     def _carried_out(self, action: Callable, request: Any, name: str, always: bool) -> str:
         if not (always or self.active):
-            return "the node is not active"
+            return f"the node is not active: {self._failure or f'it is {self._phase}'}"
         try:
             return action(request) or ""
         except (DeviceError, TimeStandsStill) as error:

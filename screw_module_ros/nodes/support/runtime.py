@@ -28,7 +28,7 @@ from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
 from .realtime import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
-from .stopping import stop_on_signals
+from .stopping import stop_on_signals, stopped
 from .transport import choose_transport
 
 _END_S = 2.0
@@ -85,6 +85,7 @@ def run_together(
         rclpy.try_shutdown()
         for lock in locks:
             lock.release()
+        stopped()
 
 
 def _begin(given: Arguments) -> list[ParameterFile]:

@@ -29,6 +29,15 @@ def stop_on_signals(stopping: threading.Event) -> None:
         signal.signal(number, lambda given, _: caught.put(given))
 
 
+def stopped() -> None:
+    """Hear no more signals: the process ends, and the interpreter gives handlers back before.
+
+    A second Ctrl-C would else end with a signal a process that has done all its work.
+    """
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 class StopFlag:
     """True once SIGINT or SIGTERM came between `catch` and `release`; both from the main thread.
 

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What README and docs tell people to type names what there is."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from screw_module_ros.nodes import bringup
+from screw_module_ros.recording import cli
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def _commands() -> list[list[str]]:
+    """Return the words of each command in a block of shell, comments taken away."""
+    lines = []
+    for document in DOCUMENTS:
+        for block in BLOCK.findall(document.read_text(encoding="utf-8")):
+            lines += block.replace("\\\n", " ").splitlines()
+    parts = [part for line in lines for part in line.split(" && ")]
+    return [words for part in parts if (words := shlex.split(part, comments=True))]
+
+
+COMMANDS = _commands()
+
+
+def beginning(*words: str) -> list[list[str]]:
+    """Return what follows these words in each command that begins with them; some must."""
+    found = [c[len(words):] for c in COMMANDS if c[: len(words)] == list(words)]
+    assert found, words
+    return found
+
+
+def _literal(file: str, name: str) -> Any:
+    """Return a constant of a test's module without running it."""
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
+            return ast.literal_eval(node.value)
+    raise KeyError(name)
+
+
+SERVICES = _literal("test/nodes/test_graph.py", "SERVICES")  # of the design, found in the graph
+EXECUTABLES = {
+    path.name for path in (ROOT / "install/screw_module_ros/lib/screw_module_ros").glob("*")
+} or None  # colcon installs elsewhere
+
+
+def _fill(message: Any, values: dict) -> None:
+    """Set fields by name as `ros2 service call` does; raise for one that there is not."""
+    for name, value in values.items():
+        part = getattr(message, name)
+        if isinstance(value, dict):
+            _fill(part, value)
+        else:
+            setattr(message, name, type(part)(value))
+
+
+def request_class(kind: str) -> type:
+    package, folder, name = kind.split("/")
+    found = getattr(importlib.import_module(f"{package}.{folder}"), name)
+    return found.Goal if folder == "action" else found.Request
+
+
+@pytest.mark.parametrize("words", beginning("ros2", "service", "call"), ids=" ".join)
+def test_service_calls(words):
+    name, kind, *values = words
+    assert SERVICES[name] == kind
+    for text in values:
+        _fill(request_class(kind)(), yaml.safe_load(text))
+
+
+@pytest.mark.parametrize("words", beginning("ros2", "action", "send_goal"), ids=" ".join)
+def test_goals(words):
+    flag, name, kind, values = words
+    assert (flag, name) == ("--feedback", "/characterize/run")
+    _fill(request_class(kind)(), yaml.safe_load(values))
+
+
+@pytest.mark.parametrize("words", beginning("ros2", "run", "screw_module_ros"), ids=" ".join)
+def test_executables(words):
+    assert EXECUTABLES is None or words[0] in EXECUTABLES
+    if words[0] == "session":
+        assert cli._parser().parse_args(words[1:])
+
+
+@pytest.mark.parametrize(
+    "words", beginning("ros2", "launch", "screw_module_ros"), ids=" ".join
+)
+def test_launch_arguments(words):
+    file, *arguments = words
+    text = (ROOT / "launch" / file).read_text(encoding="utf-8")
+    known = re.findall(r'_argument\("(\w+)"', text)
+    assert {argument.partition(":=")[0] for argument in arguments} <= set(known)
+
+
+@pytest.mark.parametrize("words", beginning("bringup"), ids=" ".join)
+def test_bringup_options(words):
+    bringup.command.make_context("bringup", list(words))
+
+
+def test_make_targets():
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z]+):", text, re.MULTILINE))
+    assert {words[0] for words in beginning("make")} <= targets
+
+
+def test_links_lead_somewhere():
+    broken = []
+    for document in [*DOCUMENTS, ROOT / "QUALITY_DECLARATION.md", ROOT / "CHANGELOG.md"]:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text("utf-8")):
+            if not (document.parent / target).exists():
+                broken.append(f"{document.name}: {target}")
+    assert broken == []
