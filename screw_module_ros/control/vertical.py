@@ -46,7 +46,9 @@ class VerticalInput(NamedTuple):
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
-    [m/s]; active: False holds the command at zero and the set point at the measured position.
+    [m/s]; active: False holds the command at zero and the set point at the measured position;
+    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
+    and damper.
     """
 
     mode: int
@@ -56,6 +58,8 @@ class VerticalInput(NamedTuple):
     setpoint_position: float
     setpoint_velocity: float
     active: bool
+    slot_force: float = 0.0
+    slot_weight: float = 0.0
 
 
 class VerticalOutput(NamedTuple):
@@ -129,12 +133,13 @@ def vertical_step(
 
     setpoint = _followed(settings, state, inp, dt)
     blend = _blended(settings, state.blend, inp.mode, dt)
-    pull = spring_damper(
+    spring = spring_damper(
         blend.stiffness,
         blend.damping,
         setpoint.position - inp.position,
         setpoint.velocity - inp.velocity,
     )
+    pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
     gravity = blend.base * blend.gravity
@@ -164,6 +169,8 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
         abs(inp.position) <= FARTHEST
         and abs(inp.velocity) <= FASTEST
         and abs(inp.force) <= STRONGEST
+        and abs(inp.slot_force) <= STRONGEST
+        and 0.0 <= inp.slot_weight <= 1.0
         and dt > 0.0
     )
 
@@ -187,11 +194,11 @@ def _setpoint_at(settings: VerticalSettings, position: float) -> SetPoint:
 def _followed(
     settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
 ) -> SetPoint:
-    """Return the set point moved on; it stays with the nut while no spring pulls."""
+    """Return the set point moved on; it stays with the nut while no spring pulls or a slot does."""
     setpoint = state.setpoint
-    if state.blend.base == 0.0:
+    if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
         setpoint = _setpoint_at(settings, inp.position)
-    if not uses_impedance(inp.mode):
+    if not uses_impedance(inp.mode) or inp.slot_weight >= 1.0:
         return setpoint
     allowed = Range(
         settings.travel_low,
