@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from datetime import datetime
 from itertools import islice
 from typing import Annotated, NamedTuple
@@ -53,6 +54,8 @@ from .support.therapy_messages import (
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
+_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
+_WAITS = "waiting for the recording"
 
 
 class TherapySettings(NamedTuple):
@@ -73,9 +76,10 @@ class TherapySessionNode(ModuleNode):
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._patient = self._definition = ""
+        self._recording = False
         self._sample: HandSample | None = None
         self._heard_ns: int | None = None
-        self._recorder = RecorderClient(self)
+        self._recorder = RecorderClient(self, self.clock)
         self._slot = TherapySlot()
         self._state = TherapyState()
         self._setpoint = EndpointSetpoint()
@@ -83,7 +87,7 @@ class TherapySessionNode(ModuleNode):
             message.header.frame_id = "manus_base"
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
-        self.serve(Trigger, "~/resume", lambda _: self._act("resume"))
+        self.serve(Trigger, "~/resume", self._resume)
         self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
 
     # Lifecycle -----------------------------------------------------------------------------
@@ -110,7 +114,7 @@ class TherapySessionNode(ModuleNode):
         """End a session that runs, so that the hand is let go."""
         with self._lock:
             if self._session is not None:
-                self._session.abort("the node was stopped")
+                self._change(self._session.abort, "the node was stopped")
                 self._tell(self.clock.now_ns())
 
     # Loop ----------------------------------------------------------------------------------
@@ -123,6 +127,7 @@ class TherapySessionNode(ModuleNode):
             for message in islice(iter(self._take, None), qos.STATE.depth):
                 self._take_sample(message, now_ns)
             self._watch(now_ns)
+            self._follow_recorder(now_ns)
             self._pass_on_wish(now_ns)
             self._tell(now_ns)
 
@@ -131,13 +136,38 @@ class TherapySessionNode(ModuleNode):
         self._heard_ns = now_ns
         self._sample = hand_sample(message, session.protocol.space if session else PLANE)
         if session is not None:
+            before = session.state
             self._publish(session.take(self._sample))
+            self._note_state(session, before)
+
+    def _note_state(self, session: Session, before: str) -> None:
+        """Keep after which sample a state began: a replay needs it."""
+        if session.state != before:
+            self._state.state_since = self._sample.sequence if self._sample else 0
 
     def _watch(self, now_ns: int) -> None:
         """Pause a session whose samples have stopped."""
         silent = self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
         if silent and self._session is not None:
-            self._session.pause("endpoint_state is silent")
+            self._change(self._session.pause, "endpoint_state is silent")
+
+    def _change(self, act: Callable[..., None], *reason: str) -> bool:
+        """Let an operator's act change the session; return whether it did."""
+        before = self._session.state
+        act(*reason)
+        self._note_state(self._session, before)
+        return self._session.state != before
+
+    def _follow_recorder(self, now_ns: int) -> None:
+        """Begin once the recording hears us: without its first samples it would be no record."""
+        session = self._session
+        if not self._recording or session is None or session.state != PAUSED:
+            return
+        if self._recorder.refused:
+            self._recording = False
+            self._change(session.abort, self._recorder.told)
+        elif session.reason == _WAITS and self._recorder.since(now_ns) >= _HEARS_NS:
+            self._change(session.resume)
 
     def _publish(self, said: Said) -> None:
         name = self._session.protocol.name
@@ -178,7 +208,10 @@ class TherapySessionNode(ModuleNode):
         fill_state(self._state, session, self._sample)
         self._state.patient, self._state.protocol = self._patient, session.protocol.name
         self._state.sequence = self._sample.sequence if self._sample else 0
-        self._state.definition, self._definition = self._definition, ""
+        if session.state == RUNNING:
+            self._state.definition, self._definition = self._definition, ""
+        else:
+            self._state.definition = ""
         self.stamp(self._state.header)
         self._publish_state(self._state)
 
@@ -217,11 +250,15 @@ class TherapySessionNode(ModuleNode):
                 return f"a session of {self._patient} is {running.state}: call ~/abort first"
             if self._heard_ns is None:
                 return "no endpoint_state has come yet"
-        if request.record:
-            self._recorder.start(f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}")
         with self._lock:
             self._patient, self._definition = patient, definition
             self._session, self._told, self._wish = Session(protocol), None, None
+            self._state.state_since = self._sample.sequence
+            self._recording = request.record
+            if request.record:
+                name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+                self._recorder.start(name)
+                self._session.pause(_WAITS)
             # Games' last set point is not to pull once the session lets go.
             self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
             self._ask_for((math.nan,) * 3)
@@ -232,9 +269,13 @@ class TherapySessionNode(ModuleNode):
             session = self._session
             if session is None:
                 return "no session has been started: call ~/start"
-            before = session.state
-            getattr(session, name)(*reason)
-            return "" if session.state != before else f"the session is {before}"
+            changed = self._change(getattr(session, name), *reason)
+            return "" if changed else f"the session is {session.state}"
+
+    def _resume(self, request: Trigger.Request) -> str:
+        if self._session is not None and self._session.reason == _WAITS:
+            return _WAITS
+        return self._act("resume")
 
     def health(self) -> Health:
         """Say how far the session is."""

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import os
+import shutil
 
 import pytest
 import yaml
@@ -14,6 +16,7 @@ from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
 from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.bag import read_session, replayed
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 
@@ -121,6 +124,8 @@ def session(tmp_path_factory):
             told["code"] = node.stop()
     told.update(states=patient.states, results=patient.results, changes=patient.changes)
     (told["bag"],) = folder.glob(f"{PATIENT}_clock_adaptive_*")
+    if keep := os.environ.get("KEEP_THERAPY_BAG"):
+        shutil.copytree(told["bag"], keep)
     return told
 
 
@@ -176,6 +181,16 @@ def test_screens_see_every_phase(session):
         seen
     )
     assert [bool(state.definition) for state in session["states"]].count(True) == 1
+
+
+def test_the_recording_gives_the_same_results_bit_for_bit(session):
+    recorded = read_session(session["bag"])
+    assert recorded.patient == PATIENT
+    assert [row["trial"] for row in recorded.trials] == list(range(1, TRIALS + 1))
+    found = replayed(recorded)
+    assert found.problems == []
+    assert len(found.results) == TRIALS
+    assert recorded.changes[0]["reason"] == session["changes"][0].reason
 
 
 def test_it_ends_in_order(session):

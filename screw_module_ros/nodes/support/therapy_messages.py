@@ -18,6 +18,7 @@ from screw_module_ros.therapy import result as records
 from screw_module_ros.therapy.adaptation import Change
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.readiness import stop_reason
+from screw_module_ros.therapy.record import flat
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
 from screw_module_ros.therapy.trial import MOVING, OVER_TIME, PREPARE, REACHED, WAIT
@@ -95,23 +96,7 @@ def result_message(result: records.TrialResult, patient: str, protocol: str) -> 
     message = TrialResult(
         patient=patient,
         protocol=protocol,
-        trial=result.plan.number,
-        block=result.plan.block,
-        circuit=result.plan.circuit,
-        kind=result.kind,
-        assisted=result.assisted,
-        slot_duration=result.duration,
-        side_stiffness=result.side_stiffness,
-        initiated=result.initiated,
-        reached=result.reached,
-        moved=result.moved,
-        first=result.first,
-        last=result.last,
-        samples=result.samples,
-        missing=result.missing,
-        rate=result.rate,
-        **result.figures._asdict(),
-        **{name: getattr(result.measures, name) for name in ("pm2a", "pm2b", "pm3", "pm4")},
+        **flat(result),
     )
     _fill_points(message, result.plan)
     for stamp, time_ns in ((message.started, result.start_ns), (message.ended, result.end_ns)):
