@@ -16,6 +16,7 @@ NODES = (
     "endpoint_state",
     "supervisor",
     "session_recorder",
+    "therapy_session",
     "sim_rig",
     "bringup",
     "demo",

@@ -51,7 +51,9 @@ class VerticalInput(NamedTuple):
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
-    [m/s]; active: False holds the command at zero and the set point at the measured position.
+    [m/s]; active: False holds the command at zero and the set point at the measured position;
+    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
+    and damper.
     """
 
     mode: int
@@ -61,6 +63,8 @@ class VerticalInput(NamedTuple):
     setpoint_position: float
     setpoint_velocity: float
     active: bool
+    slot_force: float = 0.0
+    slot_weight: float = 0.0
 
 
 class VerticalOutput(NamedTuple):
@@ -162,7 +166,8 @@ def vertical_step(
         settings.observer_bandwidth, settings.observer_delay, settings.observer_limit,
         _resting(settings, state), dt,
     )  # fmt: skip
-    pull = _pull(settings, blend, setpoint, inp, observer.velocity, guard.share)
+    spring = _pull(settings, blend, setpoint, inp, observer.velocity, guard.share)
+    pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
     error, error_lowpass = lowpass_step(
@@ -203,6 +208,8 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
         abs(inp.position) <= FARTHEST
         and abs(inp.velocity) <= FASTEST
         and abs(inp.force) <= STRONGEST
+        and abs(inp.slot_force) <= STRONGEST
+        and 0.0 <= inp.slot_weight <= 1.0
         and dt > 0.0
     )
 
@@ -242,11 +249,11 @@ def _setpoint_at(settings: VerticalSettings, position: float) -> SetPoint:
 def _followed(
     settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
 ) -> SetPoint:
-    """Return the set point moved on; it stays with the nut while no spring pulls."""
+    """Return the set point moved on; it stays with the nut while no spring pulls or a slot does."""
     setpoint = state.setpoint
-    if state.blend.base == 0.0:
+    if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
         setpoint = _setpoint_at(settings, inp.position)
-    if not uses_impedance(inp.mode):
+    if not uses_impedance(inp.mode) or inp.slot_weight >= 1.0:
         return setpoint
     allowed = Range(
         settings.travel_low,

@@ -22,24 +22,28 @@ from ..control.planar import (
     planar_step,
 )
 from ..control.planar_settings import PlanarSettings
+from ..control.slot import SlotLimits
 from ..devices import drive_exit
 from ..devices.drive import Drive
 from ..devices.errors import BusError
 from ..devices.homing import Rehoming
 from ..devices.port import Port
-from ..geometry import MANUS, forward, inverse
+from ..geometry import MANUS, forward, inverse, jacobian
 from .gated_drives import GatedDrives
+from .guide import Guidance, Guide
 from .joint import Joint, JointSettings
 
 _FRESH_NS = 100_000_000
 _HAND_UNKNOWN = (math.nan, math.nan)
 _FREEZE = FreezeSettings()
+_SLOT_LIMITS = SlotLimits()
 
 
 class PlanarAxes:
     """Both joints, their drives and the law; the loop's thread unless said otherwise.
 
-    settings, joints, gate, freeze: see there; `settings` may be replaced at any time.
+    settings, joints, gate, freeze: see there; `settings` may be replaced at any time. guide: the
+    slot, if there is one.
     """
 
     def __init__(
@@ -50,10 +54,12 @@ class PlanarAxes:
         joints: JointSettings,
         gate: GateSettings,
         freeze: FreezeSettings = _FREEZE,
+        slot_limits: SlotLimits = _SLOT_LIMITS,
     ):
         self.settings = settings
         self.drives = GatedDrives(drives, gate, period_ns)
         self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
+        self.guide = Guide(slot_limits)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
         self._joint_settings = joints
@@ -108,9 +114,18 @@ class PlanarAxes:
             elbow.velocity,
             *setpoint,
             self.homed and self.drives.enabled,
+            *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
         self.output, self._law = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
         self._write(now_ns)
+
+    def _guidance(self, now_ns: int, dt: float) -> Guidance:
+        shoulder, elbow = self.joints
+        x, y = forward(shoulder.angle, elbow.angle, MANUS)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, MANUS)
+        vx = x_s * shoulder.velocity + x_e * elbow.velocity
+        vy = y_s * shoulder.velocity + y_e * elbow.velocity
+        return self.guide.guidance(x, y, vx, vy, now_ns, dt)
 
     def idle(self, now_ns: int) -> None:
         """Write zero in a tick without both answers; latch when there were too many.

@@ -15,6 +15,7 @@ from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
@@ -67,6 +68,7 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
         self.parameters.declare(AgreementSettings, "agreement")
+        self.parameters.declare(SlotLimits, "slot")
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._friction: ChosenFriction | None = None
@@ -116,6 +118,7 @@ class ImpedanceControllerNode(ModuleNode):
             self.parameters.read(AgreementSettings, "agreement"),
             self._period_ns,
             chosen.mode,
+            self.parameters.read(SlotLimits, "slot"),
         )
         self.part.wanted = self._inputs.wanted
         self._inputs.restart()
@@ -165,7 +168,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._publish(pack_command(sample, output, mode))
 
     def hear(self, now_ns: int) -> None:
-        """Take set point and amplifier state, where they come by a topic."""
+        """Take set point, slot and amplifier state, where they come by a topic."""
         self._inputs.hear(self.part, now_ns)
         if self._senders.warning:
             self.part.distrust(self._senders.warning)

@@ -29,19 +29,28 @@ def load_protocol(name: str | Path) -> Protocol:
 
     Raises ProtocolError.
     """
+    return parse_protocol(protocol_text(name), str(name))
+
+
+def protocol_text(name: str | Path) -> str:
+    """Return a protocol's YAML, name as in `load_protocol`. Raises ProtocolError."""
     file = resource_path(f"params/therapy/{name}.yaml") if str(name) in SHIPPED else Path(name)
-    if not file.is_file():
+    try:
+        return file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError):
         raise ProtocolError(
             f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
-        )
+        ) from None
+
+
+def parse_protocol(text: str, name: str) -> Protocol:
+    """Return the protocol of a YAML text; name: for messages. Raises ProtocolError."""
     try:
-        content = yaml.safe_load(file.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ProtocolError(f"protocol {file}: cannot be read as YAML: {error}") from None
-    try:
-        return read_protocol(content)
+        return read_protocol(yaml.safe_load(text))
+    except yaml.YAMLError as error:
+        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {error}") from None
     except ValueError as error:
-        raise ProtocolError(f"protocol {file}: {error}") from None
+        raise ProtocolError(f"protocol {name}: {error}") from None
 
 
 def read_protocol(content: Any) -> Protocol:
