@@ -8,13 +8,13 @@ limit or guard knows which it has.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from .domain import domain_id
 from .lockstep.member import Member, TimeStandsStill
 from .lockstep.page import Page, alive, page_name
 from .lockstep.wires import Hop, Line, Source
@@ -34,6 +34,9 @@ class Arrivals(Protocol):
 
     def receive(self, until_ns: int) -> Any:
         """Return the next frame, waiting for it until `until_ns` at most; None without one."""
+
+    def expects(self) -> bool:
+        """Return whether a frame is under way; True where that cannot be known."""
 
     def sent(self) -> None:
         """Note a frame that the bus has taken."""
@@ -104,6 +107,9 @@ class _Plain:
     def receive(self, until_ns: int) -> Any:
         left_ns = until_ns - self._clock.now_ns() if until_ns else 0
         return self._bus.recv(left_ns * 1e-9 if left_ns > 0 else 0.0)
+
+    def expects(self) -> bool:
+        return True
 
     def sent(self) -> None:
         pass
@@ -264,6 +270,10 @@ class _Counted:
         self.line.handled(self._bus.members_frames)
         return message
 
+    def expects(self) -> bool:
+        """Return whether a frame of another member is under way."""
+        return self.line.pending() > 0
+
     def sent(self) -> None:
         self.line.sent()
 
@@ -282,7 +292,7 @@ def simulated_clock(
 
     Each who asks for it calls its `close`.
     """
-    found = page_name(os.environ.get("ROS_DOMAIN_ID", "0"), namespace)
+    found = page_name(str(domain_id()), namespace)
     with _opening:
         if found not in _opened:
             _opened[found] = SimulatedClock(Page(found), name, stopping)

@@ -16,6 +16,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
+from .quoting import quoted
+
 Settings = TypeVar("Settings", bound=tuple)
 
 
@@ -78,19 +80,28 @@ def problem(field: Field, value: Any, label: str | None = None) -> str:
     """
     name, setting = label or field.name, field.setting
     unit = f" {setting.unit}" if setting.unit else ""
+    told = f"{name} = {quoted(value)}"
     if setting.choices and value not in setting.choices:
-        return f"{name} = {value!r}: one of {', '.join(map(repr, setting.choices))} is wanted"
+        return f"{told}: one of {', '.join(map(repr, setting.choices))} is wanted"
     numbers = value if isinstance(value, (tuple, list)) else (value,)
     for number in numbers:
         if isinstance(number, (bool, str)) or not isinstance(number, (int, float)):
             continue
-        if not math.isfinite(number):
-            return f"{name} = {value!r}: a finite number is wanted"
+        if not _is_finite(number):
+            return f"{told}: a finite number is wanted"
         if setting.low is not None and number < setting.low:
-            return f"{name} = {value!r}{unit}: below the smallest allowed, {setting.low:g}{unit}"
+            return f"{told}{unit}: below the smallest allowed, {setting.low:g}{unit}"
         if setting.high is not None and number > setting.high:
-            return f"{name} = {value!r}{unit}: above the largest allowed, {setting.high:g}{unit}"
+            return f"{told}{unit}: above the largest allowed, {setting.high:g}{unit}"
     return ""
+
+
+def _is_finite(number: float) -> bool:
+    """Return whether a number is one that a float can hold."""
+    try:
+        return math.isfinite(number)
+    except OverflowError:  # an integer beyond
+        return False
 
 
 def validated(settings: Settings) -> Settings:

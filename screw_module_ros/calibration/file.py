@@ -6,28 +6,13 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-import yaml
-
+from ..plain_yaml import load_plain_yaml
+from ..quoting import quoted
+from ..regular_file import NotRegular, read_regular
 from .section import CalibrationError, Section, kind_of
 
 VERSION = 1
 _LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """SafeLoader that refuses a key written twice instead of keeping the last one."""
-
-    def construct_mapping(self, node, deep=False):
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, str) and key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key!r} is written twice", key_node.start_mark
-                )
-            if isinstance(key, str):
-                seen.add(key)
-        return super().construct_mapping(node, deep)
 
 
 def read_calibration(
@@ -40,16 +25,13 @@ def read_calibration(
     """
     file = str(path)
     try:
-        content = Path(path).read_bytes()
-        if len(content) > _LARGEST_FILE:
-            raise error(f"{file}: larger than {_LARGEST_FILE} bytes; this is no calibration file")
-        values = yaml.load(content.decode(), Loader=_StrictLoader)
+        values = load_plain_yaml(read_regular(path, _LARGEST_FILE).decode())
     except OSError as problem:
         reason = problem.strerror or problem
-        raise error(f"{file}: cannot be read ({reason}); check path and permissions") from problem
-    except CalibrationError:
-        raise
-    except (yaml.YAMLError, RecursionError, ValueError) as problem:
+        odd = isinstance(problem, NotRegular)
+        way = "this is no calibration file" if odd else "check path and permissions"
+        raise error(f"{file}: cannot be read ({reason}); {way}") from problem
+    except ValueError as problem:
         reason = " ".join(str(problem).split())
         way = way_out or "correct it at that place"
         raise error(f"{file}: not a YAML file ({reason}); {way}") from problem
@@ -59,7 +41,8 @@ def read_calibration(
     head = Section(file, "", values, error)
     found = head.text("format")
     if found != kind:
-        head.fail("format", f"{found!r} found, {kind!r} is needed", "name a file of that kind")
+        told = f"{quoted(found)} found, {kind!r} is needed"
+        head.fail("format", told, "name a file of that kind")
     version = head.number("version")
     if version != VERSION:
         head.fail("version", f"{version:g} is not known here", "convert the file to version 1")
@@ -72,5 +55,5 @@ def calibration_identity(path: str | Path) -> str:
 
     Raises OSError when the file cannot be read.
     """
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    digest = hashlib.sha256(read_regular(path, _LARGEST_FILE)).hexdigest()
     return f"{Path(path).name} sha256:{digest[:12]}"

@@ -30,6 +30,7 @@ from typing import Annotated, NamedTuple
 
 import yaml
 
+from ..quoting import quoted
 from ..settings import Setting
 from .content import (
     FORMAT,
@@ -117,12 +118,13 @@ def load_module_calibration(path: str | Path, serial: str) -> ModuleCalibration:
 def _check_serial(file: str, written: str, serial: str) -> None:
     if not serial:
         raise ModuleCalibrationError(
-            f"{file}: serial: the file belongs to module {written!r}, and which module this is "
-            "was not said; set module_serial to the serial on the module"
+            f"{file}: serial: the file belongs to module {quoted(written)}, and which "
+            "module this is was not said; set module_serial to the serial on the module"
         )
     if written != serial:
         raise ModuleCalibrationError(
-            f"{file}: serial: the file belongs to module {written!r}, this is module {serial!r} "
+            f"{file}: serial: the file belongs to module {quoted(written)}, this is module "
+            f"{quoted(serial)} "
             "(module_serial); name the file of this module, or identify it"
         )
 

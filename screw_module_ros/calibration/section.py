@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import Any, NoReturn
 
+from ..quoting import LONGEST, quoted
+
 
 class CalibrationError(ValueError):
     """A calibration file that cannot be used; the message is one sentence for its author.
@@ -38,7 +40,7 @@ class Section:
 
     def fail(self, key: str, problem: str, way_out: str) -> NoReturn:
         """Raise the file's error about one key of this section."""
-        where = ".".join(part for part in (self._name, key) if part)
+        where = ".".join(part for part in (self._name, key[:LONGEST]) if part)
         raise self._error(
             f"{self._file}: {where + ': ' if where else ''}{problem}; {self._way_out or way_out}"
         )
@@ -99,7 +101,7 @@ class Section:
                 "write it like 12.5 or 1.0e-5, with the decimal point and without quotes",
             )
         if not abs(value) <= 1e300:
-            self.fail(key, f"{value} is not a finite number", "measure or fit it again")
+            self.fail(key, f"{quoted(value)} is not a finite number", "measure or fit it again")
         if not low <= value <= high:
             self.fail(key, f"{value:g} is outside {low:g} to {high:g}", "correct it")
         return float(value)
@@ -109,5 +111,5 @@ def kind_of(value: Any) -> str:
     """Return the type of a value and the value, for a message."""
     if value is None:
         return "nothing"
-    text = repr(value)
+    text = quoted(value)
     return f"{type(value).__name__} {text if len(text) <= 40 else text[:37] + '...'}"

@@ -31,8 +31,9 @@ class CommandWatch:
 
     def accept(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
         """Return whether the command seen at now_ns [ns], force [N], may be acted upon."""
-        if not self._stream.accept(sequence, monotonic_ns, now_ns):
-            self._fault = self._fault or self._stream.fault
+        newer = self._stream.accept(sequence, monotonic_ns, now_ns)
+        self._fault = self._fault or self._stream.fault  # also of one that is newer
+        if not newer:
             return False
         if not abs(force) <= self._largest:
             self._fault = self._fault or (

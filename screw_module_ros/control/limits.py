@@ -20,6 +20,11 @@ class CommandLimits(NamedTuple):
     damper (thesis 2.1.1); what it takes to carry 10 N of weight and to overcome 10 to 20 N of
     friction comes on top. These limits are for what goes wrong, so controller and amplifier both
     have them, by the same names.
+
+    command_rate is the amplifier's own. The controller's `force_rate`, 2000 N/s, is a limit of its
+    law; twice that lets every step of it pass, also where commands come with half a period of
+    jitter, and holds what a foreign sender or a defect in a controller may do to 4 N a millisecond.
+    Zero is not held back.
     """
 
     command_up: Annotated[
@@ -28,6 +33,9 @@ class CommandLimits(NamedTuple):
     command_down: Annotated[
         float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
     ] = 75.0
+    command_rate: Annotated[
+        float, Setting("fastest change of the command that is followed", "N/s", 10.0, 1e6)
+    ] = 4000.0
 
 
 class TorqueLimits(NamedTuple):

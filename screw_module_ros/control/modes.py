@@ -8,6 +8,7 @@ IMPEDANCE = 1
 FRICTION_COMPENSATION = 2
 FORCE_FEEDBACK = 3
 COMBINED = 4
+OBSERVER = 5
 
 MODE_NAMES = {
     OFF: "OFF",
@@ -15,12 +16,13 @@ MODE_NAMES = {
     FRICTION_COMPENSATION: "FRICTION_COMPENSATION",
     FORCE_FEEDBACK: "FORCE_FEEDBACK",
     COMBINED: "COMBINED",
+    OBSERVER: "OBSERVER",
 }
 
 
 def uses_impedance(mode: int) -> bool:
     """Return whether the mode makes spring, damper and gravity forces."""
-    return IMPEDANCE <= mode <= COMBINED
+    return IMPEDANCE <= mode <= OBSERVER
 
 
 def uses_friction(mode: int) -> bool:
@@ -31,3 +33,8 @@ def uses_friction(mode: int) -> bool:
 def uses_feedback(mode: int) -> bool:
     """Return whether the mode feeds the handle force back."""
     return mode == FORCE_FEEDBACK or mode == COMBINED
+
+
+def uses_observer(mode: int) -> bool:
+    """Return whether the mode estimates friction and cancels it."""
+    return mode == OBSERVER

@@ -21,12 +21,13 @@ from ..geometry import MANUS, PlanarArm, forward, jacobian
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .planar_settings import PlanarSettings
-from .setpoint import Range, SetPoint, follow
+from .setpoint import Range, SetPoint, at_rest, follow
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
 # Beyond these no sample can be real: zero output.
 LARGEST_ANGLE = 10.0  # [rad]
 FASTEST_JOINT = 100.0  # [rad/s]
+STRONGEST = 1e5  # [N]
 
 
 class PlanarInput(NamedTuple):
@@ -35,7 +36,8 @@ class PlanarInput(NamedTuple):
     shoulder, elbow: absolute joint angles [rad]; shoulder_velocity, elbow_velocity [rad/s];
     setpoint_x, setpoint_y [m] from the workspace centre, NaN = leave that axis alone;
     setpoint_vx, setpoint_vy [m/s]; active: False holds the torques at zero and the set point at the
-    measured position.
+    measured position; slot_x, slot_y: force of a slot (`slot`) [N], slot_weight: 0 to 1, how far it
+    stands in place of spring and damper.
     """
 
     shoulder: float
@@ -47,6 +49,9 @@ class PlanarInput(NamedTuple):
     setpoint_vx: float
     setpoint_vy: float
     active: bool
+    slot_x: float = 0.0
+    slot_y: float = 0.0
+    slot_weight: float = 0.0
 
 
 class PlanarOutput(NamedTuple):
@@ -114,15 +119,22 @@ def planar_step(
         idle = _idle(settings, x, y)
         return _nothing(x, y, vx, vy, idle), idle
 
-    start = _idle(settings, x, y) if state.weight == 0.0 else state
-    to_x = _followed(settings, settings.half_width, start.x, inp.setpoint_x, inp.setpoint_vx, dt)
-    to_y = _followed(settings, settings.half_depth, start.y, inp.setpoint_y, inp.setpoint_vy, dt)
+    # While a slot has the hand the set point stays with it: leaving the slot makes no pull.
+    alone = state.weight == 0.0 or inp.slot_weight >= 1.0
+    start = _idle(settings, x, y) if alone else state
+    to_x, to_y = start.x, start.y
+    if inp.slot_weight < 1.0:
+        half_x, half_y = settings.half_width, settings.half_depth
+        to_x = _followed(settings, half_x, to_x, inp.setpoint_x, inp.setpoint_vx, dt)
+        to_y = _followed(settings, half_y, to_y, inp.setpoint_y, inp.setpoint_vy, dt)
     stiffness = slew(state.stiffness, settings.stiffness, settings.stiffness_rate * dt)
     damping = slew(state.damping, settings.damping, settings.damping_rate * dt)
     weight = min(1.0, state.weight + dt / settings.fade_time)
 
-    asked_x = spring_damper(stiffness, damping, to_x.position - x, to_x.velocity - vx)
-    asked_y = spring_damper(stiffness, damping, to_y.position - y, to_y.velocity - vy)
+    spring_x = spring_damper(stiffness, damping, to_x.position - x, to_x.velocity - vx)
+    spring_y = spring_damper(stiffness, damping, to_y.position - y, to_y.velocity - vy)
+    asked_x = (1.0 - inp.slot_weight) * spring_x + inp.slot_x
+    asked_y = (1.0 - inp.slot_weight) * spring_y + inp.slot_y
     kept = _within(settings.force_limit, asked_x, asked_y)
     force_x = _bounded(settings, asked_x * kept, x, vx, settings.half_width)
     force_y = _bounded(settings, asked_y * kept, y, vy, settings.half_depth)
@@ -148,6 +160,9 @@ def _usable(inp: PlanarInput, dt: float) -> bool:
         and abs(inp.elbow) <= LARGEST_ANGLE
         and abs(inp.shoulder_velocity) <= FASTEST_JOINT
         and abs(inp.elbow_velocity) <= FASTEST_JOINT
+        and abs(inp.slot_x) <= STRONGEST
+        and abs(inp.slot_y) <= STRONGEST
+        and 0.0 <= inp.slot_weight <= 1.0
         and dt > 0.0
     )
 
@@ -155,8 +170,8 @@ def _usable(inp: PlanarInput, dt: float) -> bool:
 def _idle(settings: PlanarSettings, x: float, y: float) -> PlanarState:
     """Return the state in which nothing is commanded, set point at x, y [m]."""
     return PlanarState(
-        SetPoint(clamp(x, -settings.half_width, settings.half_width), 0.0),
-        SetPoint(clamp(y, -settings.half_depth, settings.half_depth), 0.0),
+        at_rest(clamp(x, -settings.half_width, settings.half_width)),
+        at_rest(clamp(y, -settings.half_depth, settings.half_depth)),
         settings.stiffness,
         settings.damping,
         0.0,

@@ -9,6 +9,11 @@ from ..samples import sequence_gap
 # topic make it rise towards ten.
 _REPEATS_KEPT = 0.9
 _REPEATS_OF_TWO_SENDERS = 5.0
+# A bucket that every sample fills, also one that is not accepted, and time empties a little faster
+# than one sender can fill it. What it holds more than a burst of late samples comes from another
+# sender, at whatever rate: so many repeats that they pass for the order of things, too.
+_BURST = 10.0
+_DRAIN = 1.02
 
 
 class Stream:
@@ -27,9 +32,11 @@ class Stream:
         self._period_ns = period_ns
         self._sequence: int | None = None
         self._repeats = 0.0
+        self._held, self._seen_ns = 0.0, 0
 
     def accept(self, sequence: int, monotonic_ns: int, now_ns: int) -> bool:
         """Return whether the sample seen at now_ns [ns] is newer than all before, and note it."""
+        self._count(now_ns)
         if monotonic_ns > now_ns + self._period_ns:
             # It would look fresh for ever.
             self.fault = self.fault or f"{self.name}: a sample is stamped in the future"
@@ -49,6 +56,17 @@ class Stream:
         self.seen, self._sequence, self.monotonic_ns = True, sequence, monotonic_ns
         return True
 
+    def _count(self, now_ns: int) -> None:
+        """Note a fault when samples come faster than their period lets one node send them."""
+        elapsed = max(0, now_ns - self._seen_ns) / self._period_ns
+        self._seen_ns = now_ns
+        self._held = max(0.0, self._held - _DRAIN * elapsed) + 1.0
+        if self._held > _BURST:
+            self.fault = self.fault or (
+                f"{self.name}: more samples than one each {self._period_ns / 1e6:g} ms; is a "
+                "second node sending, or one with another rate?"
+            )
+
     def check_age(self, now_ns: int, largest_ns: int) -> None:
         """Note a fault when the newest sample is older than largest_ns at now_ns [ns]."""
         age_ns = now_ns - self.monotonic_ns
@@ -62,4 +80,4 @@ class Stream:
         """
         self.fault = ""
         self._sequence = None
-        self._repeats = 0.0
+        self._repeats = self._held = 0.0

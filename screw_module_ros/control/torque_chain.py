@@ -3,11 +3,11 @@
 
 ::
 
-    force -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (5.2) -> I2t and peak (3.1.6)
-          -> linearization (4.1.1) -> whole per mille of the rated torque (6071)
+    force -> 4000 N/s -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (5.2)
+          -> I2t and peak (3.1.6) -> linearization (4.1.1) -> whole per mille of rated (6071)
 
 Nodes, closed-loop tests, the compiled in-process loop and whoever wants to know what a force came
-to on the wire call this. The heat of the motor is its only memory.
+to on the wire call this. It remembers the heat of the motor, and `followed` the last force.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 from ..geometry import SCREW, Screw, force_to_torque
 from ..units import from_per_mille, to_per_mille
-from .limits import CommandLimits, TorqueLimits, clamp, limit_torque
+from .limits import CommandLimits, TorqueLimits, clamp, limit_torque, slew
 from .linearization import IDENTITY, Linearization, torque_command
 
+_MOMENT = 1e-3  # [s], in which a cold motor may give its peak torque
 COLD = 0.0
 """Heat of a motor that has rested [Nm^2]."""
 
@@ -65,6 +66,14 @@ def torque_chain(
     )
 
 
+def followed(chain: TorqueChain, last: float, force: float, dt: float) -> float:
+    """Return the force [N] to act upon dt [s] after the `last` one [N]: at a limited rate.
+
+    Zero is followed at once: nobody who asks for less has to wait.
+    """
+    return 0.0 if force == 0.0 else slew(last, force, chain.commands.command_rate * dt)
+
+
 def commanded(
     chain: TorqueChain, heat: float, force: float, scale: float, dt: float
 ) -> tuple[Commanded, float]:
@@ -87,6 +96,17 @@ def commanded_torque(
     if chain.linearized and torque != 0.0:
         command = torque_command(chain.linearization, torque)
     return Commanded(torque, command, torque != wanted), heat
+
+
+def largest_command(chain: TorqueChain) -> float:
+    """Return the largest torque command [Nm] of either sign that the chain can ask for.
+
+    What the drive is told as its own limit, object 6072: more than this is never ours.
+    """
+    up, down = chain.commands.command_up, chain.commands.command_down
+    return max(
+        abs(commanded(chain, COLD, force, 1.0, _MOMENT)[0].command) for force in (up, -down)
+    )
 
 
 def on_the_wire(chain: TorqueChain, command: float) -> float:

@@ -23,15 +23,19 @@ command, which also carries the weight and overcomes friction, has limits of its
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ..filters import LowpassState, lowpass_coefficients, lowpass_step
+from .chatter import QUIET_GUARD, GuardState, guard_step
 from .force_feedback import feedback_force
-from .friction import FrictionModel, friction_force
+from .friction import FrictionModel
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
-from .modes import uses_feedback, uses_friction, uses_impedance
-from .setpoint import Range, SetPoint, follow
+from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
+from .observer import ObserverState, least_damping, observer_at, observer_step, remembered
+from .presliding import presliding_step
+from .setpoint import Range, SetPoint, at_rest, follow
 from .vertical_settings import VerticalSettings
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
@@ -39,6 +43,7 @@ LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause make
 FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 STRONGEST = 1e5  # [N]
+RESTING_SPEED = 3e-4  # [m/s]
 
 
 class VerticalInput(NamedTuple):
@@ -46,7 +51,9 @@ class VerticalInput(NamedTuple):
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
-    [m/s]; active: False holds the command at zero and the set point at the measured position.
+    [m/s]; active: False holds the command at zero and the set point at the measured position;
+    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
+    and damper.
     """
 
     mode: int
@@ -56,6 +63,8 @@ class VerticalInput(NamedTuple):
     setpoint_position: float
     setpoint_velocity: float
     active: bool
+    slot_force: float = 0.0
+    slot_weight: float = 0.0
 
 
 class VerticalOutput(NamedTuple):
@@ -63,7 +72,7 @@ class VerticalOutput(NamedTuple):
 
     force: total after limits [N]; impedance, gravity, friction, feedback: its parts before the
     limits on the total [N]; saturated: a limit acted; desired_position [m], desired_velocity [m/s]:
-    set point in use.
+    set point in use; share: of the force gain that the chatter guard leaves, 0 to 1.
     """
 
     force: float
@@ -74,13 +83,14 @@ class VerticalOutput(NamedTuple):
     saturated: bool
     desired_position: float
     desired_velocity: float
+    share: float = 1.0
 
 
 class Blend(NamedTuple):
     """What is in force between two settings.
 
-    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback:
-    weights of the parts, 0 to 1, base for spring, damper and gravity.
+    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback,
+    observer: weights of the parts, 0 to 1, base for spring, damper and gravity.
     """
 
     stiffness: float
@@ -90,20 +100,31 @@ class Blend(NamedTuple):
     base: float
     friction: float
     feedback: float
+    observer: float
 
 
 class VerticalState(NamedTuple):
-    """Memory of the law: set point in use, blend, filter of the handle force, last command [N]."""
+    """Memory of the law.
+
+    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; position: last
+    sample [m]; friction: modelled, at full size [N]; observer; error_lowpass: of the force error
+    that OBSERVER feeds back; guard: of the force gains.
+    """
 
     setpoint: SetPoint
     blend: Blend
     lowpass: LowpassState
     force: float
+    position: float
+    friction: float
+    observer: ObserverState
+    error_lowpass: LowpassState
+    guard: GuardState
 
 
 def initial_state(settings: VerticalSettings) -> VerticalState:
     """Return the state before the first step: everything at zero."""
-    return _idle(settings, 0.0, LowpassState(0.0, 0.0))
+    return _unplaced(_idle(settings, 0.0, LowpassState(0.0, 0.0), QUIET_GUARD))
 
 
 def vertical_step(
@@ -118,30 +139,49 @@ def vertical_step(
     An input that is not finite or beyond anything real gives zero output; the caller latches.
     """
     if not _usable(inp, dt):
-        idle = _idle(settings, state.setpoint.position, state.lowpass)
-        return _nothing(idle), idle
+        # Where the nut is, is not known any more: the next good sample is a first one.
+        idle = _idle(settings, state.setpoint.position, state.lowpass, state.guard)
+        return _nothing(idle), _unplaced(idle)
     dt = min(dt, LONGEST_STEP)
     coefficients = lowpass_coefficients(settings.force_cutoff, dt)
     handle_force, lowpass = lowpass_step(coefficients, state.lowpass, inp.force)
+    guard = guard_step(state.guard, inp.force, settings.chatter_limit, dt)
     if not inp.active:
-        idle = _idle(settings, inp.position, lowpass)
+        idle = _idle(settings, inp.position, lowpass, guard)
         return _nothing(idle), idle
 
+    last, observed = state.position, state.observer
+    if math.isnan(last):
+        last, observed = inp.position, observer_at(inp.position)
     setpoint = _followed(settings, state, inp, dt)
     blend = _blended(settings, state.blend, inp.mode, dt)
-    pull = spring_damper(
-        blend.stiffness,
-        blend.damping,
-        setpoint.position - inp.position,
-        setpoint.velocity - inp.velocity,
-    )
+    modelled = presliding_step(
+        friction_model, settings.friction_stiffness, state.friction, inp.position, inp.velocity,
+        inp.position - last,
+    )  # fmt: skip
+    friction = guard.share * _friction(settings, blend, modelled)
+    gravity = blend.base * blend.gravity
+    observer = observer_step(
+        observed, inp.position, inp.force - gravity - friction, settings.mass,
+        settings.observer_bandwidth, settings.observer_delay, settings.observer_limit,
+        _resting(settings, state), dt,
+    )  # fmt: skip
+    spring = _pull(settings, blend, setpoint, inp, observer.velocity, guard.share)
+    pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
-    gravity = blend.base * blend.gravity
-    friction = _friction(settings, friction_model, inp) * blend.friction
-    feedback = blend.feedback * feedback_force(
-        blend.gain, impedance, handle_force, settings.feedback_limit
+    error, error_lowpass = lowpass_step(
+        lowpass_coefficients(settings.observer_cutoff, dt),
+        state.error_lowpass,
+        impedance + inp.force,
     )
+    feedback = blend.feedback * feedback_force(
+        guard.share * blend.gain, impedance, handle_force, settings.feedback_limit
+    )
+    feedback += blend.observer * feedback_force(
+        guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
+    )
+    friction += blend.observer * observer.disturbance
     asked = impedance + gravity + friction + feedback
     allowed = _limited(settings, blend.base, inp, asked)
     force = slew(state.force, allowed, settings.force_rate * dt)
@@ -154,8 +194,12 @@ def vertical_step(
         force != asked or desired != pull,
         setpoint.position,
         setpoint.velocity,
+        guard.share,
     )
-    return output, VerticalState(setpoint, blend, lowpass, force)
+    observer = remembered(observer, force)
+    return output, VerticalState(
+        setpoint, blend, lowpass, force, inp.position, modelled, observer, error_lowpass, guard
+    )
 
 
 def _usable(inp: VerticalInput, dt: float) -> bool:
@@ -164,34 +208,52 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
         abs(inp.position) <= FARTHEST
         and abs(inp.velocity) <= FASTEST
         and abs(inp.force) <= STRONGEST
+        and abs(inp.slot_force) <= STRONGEST
+        and 0.0 <= inp.slot_weight <= 1.0
         and dt > 0.0
     )
 
 
-def _idle(settings: VerticalSettings, position: float, lowpass: LowpassState) -> VerticalState:
+def _idle(
+    settings: VerticalSettings, position: float, lowpass: LowpassState, guard: GuardState
+) -> VerticalState:
     """Return the state in which nothing is commanded, set point at position [m]."""
     blend = Blend(
-        settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0
-    )
-    return VerticalState(_setpoint_at(settings, position), blend, lowpass, 0.0)
+        settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0,
+        0.0,
+    )  # fmt: skip
+    return VerticalState(
+        _setpoint_at(settings, position), blend, lowpass, 0.0, position, 0.0,
+        observer_at(position), LowpassState(0.0, 0.0), guard,
+    )  # fmt: skip
+
+
+def _unplaced(state: VerticalState) -> VerticalState:
+    """Return a state that does not know where the nut was last."""
+    return VerticalState(
+        state.setpoint, state.blend, state.lowpass, state.force, math.nan, state.friction,
+        state.observer, state.error_lowpass, state.guard,
+    )  # fmt: skip
 
 
 def _nothing(idle: VerticalState) -> VerticalOutput:
-    return VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, idle.setpoint.position, 0.0)
+    return VerticalOutput(
+        0.0, 0.0, 0.0, 0.0, 0.0, False, idle.setpoint.position, 0.0, idle.guard.share
+    )
 
 
 def _setpoint_at(settings: VerticalSettings, position: float) -> SetPoint:
-    return SetPoint(clamp(position, settings.travel_low, settings.travel_high), 0.0)
+    return at_rest(clamp(position, settings.travel_low, settings.travel_high))
 
 
 def _followed(
     settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
 ) -> SetPoint:
-    """Return the set point moved on; it stays with the nut while no spring pulls."""
+    """Return the set point moved on; it stays with the nut while no spring pulls or a slot does."""
     setpoint = state.setpoint
-    if state.blend.base == 0.0:
+    if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
         setpoint = _setpoint_at(settings, inp.position)
-    if not uses_impedance(inp.mode):
+    if not uses_impedance(inp.mode) or inp.slot_weight >= 1.0:
         return setpoint
     allowed = Range(
         settings.travel_low,
@@ -213,13 +275,59 @@ def _blended(settings: VerticalSettings, blend: Blend, mode: int, dt: float) -> 
         slew(blend.base, 1.0 if uses_impedance(mode) else 0.0, share),
         slew(blend.friction, 1.0 if uses_friction(mode) else 0.0, share),
         slew(blend.feedback, 1.0 if uses_feedback(mode) else 0.0, share),
+        # Not before the rest is in: until then the amplifier's own ramp may hold torque back,
+        # which the observer would take for friction.
+        slew(blend.observer, 1.0 if uses_observer(mode) and blend.base == 1.0 else 0.0, share),
     )
 
 
-def _friction(settings: VerticalSettings, model: FrictionModel, inp: VerticalInput) -> float:
-    """Return the friction feed-forward at full weight [N]."""
-    push = settings.friction_fraction * friction_force(model, inp.position, inp.velocity)
-    return clamp(push, -settings.friction_limit, settings.friction_limit)
+def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> float:
+    """Return the friction feed-forward [N]; modelled: at full size [N]."""
+    share = blend.friction * settings.friction_fraction
+    share += blend.observer * settings.observer_friction
+    return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
+
+
+def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
+    """Return whether the handle rests, near enough to the force that it should have.
+
+    Friction holds it there. An observer that went on would build up force until it breaks away, and
+    catch it beyond: the hunting of every integral against stiction.
+    """
+    return (
+        abs(state.observer.velocity) < RESTING_SPEED
+        and abs(state.error_lowpass.y) < settings.observer_rest
+    )
+
+
+def _pull(
+    settings: VerticalSettings,
+    blend: Blend,
+    setpoint: SetPoint,
+    inp: VerticalInput,
+    estimated: float,
+    share: float,
+) -> float:
+    """Return the force of spring and damper [N].
+
+    OBSERVER takes the velocity that its observer estimates [m/s], which lags less than the filtered
+    one, and never runs with less damping than it needs, whatever was set since it began.
+    """
+    weight = blend.observer
+    velocity = inp.velocity + weight * (estimated - inp.velocity)
+    least = least_damping(
+        blend.stiffness, settings.mass, settings.observer_gain, settings.observer_cutoff,
+        settings.observer_delay, settings.observer_damping_ratio,
+    )  # fmt: skip
+    damping = blend.damping + weight * max(0.0, least - blend.damping)
+    lively = max(weight, blend.feedback, blend.friction)
+    damping += lively * (1.0 - share) * settings.chatter_damping
+    return spring_damper(
+        blend.stiffness,
+        damping,
+        setpoint.position - inp.position,
+        setpoint.velocity - velocity,
+    )
 
 
 def _limited(settings: VerticalSettings, weight: float, inp: VerticalInput, force: float) -> float:

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
 from .limits import CommandLimits
+from .modes import uses_observer
+from .observer import least_damping
 
 _COMMAND = CommandLimits()
 
@@ -32,10 +35,54 @@ class VerticalSettings(NamedTuple):
     force_cutoff: Annotated[
         float, Setting("cutoff of the handle force's filter", "Hz", 1.0, 400.0)
     ] = 30.0
+    friction_stiffness: Annotated[
+        float,
+        Setting("of the modelled friction's turn-round; below the module's own", "N/m", 1e3, 1e6),
+    ] = 1e5
     friction_limit: Annotated[float, Setting("largest friction feed-forward", "N", 0.0, 60.0)] = (
         25.0
     )
     feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 60.0
+    mass: Annotated[
+        float, Setting("that moves with the handle, the hand's not counted", "kg", 0.5, 50.0)
+    ] = 5.5
+    observer_gain: Annotated[
+        float, Setting("force gain k of OBSERVER; it leaves mass / (1 + k)", "", 0.0, 30.0)
+    ] = 10.0
+    observer_cutoff: Annotated[
+        float, Setting("cutoff of the force that this gain acts on", "Hz", 1.0, 100.0)
+    ] = 10.0
+    observer_bandwidth: Annotated[
+        float, Setting("triple pole of the disturbance observer", "rad/s", 20.0, 1000.0)
+    ] = 300.0
+    observer_delay: Annotated[
+        float,
+        Setting("from a sample to the force in answer to it, amplifier included", "s", 0.0, 5e-3),
+    ] = 1.4e-3
+    observer_limit: Annotated[float, Setting("largest disturbance estimated", "N", 0.0, 60.0)] = (
+        35.0
+    )
+    observer_rest: Annotated[
+        float,
+        Setting("force error that a handle at rest may keep, so that it does not hunt", "N",
+                0.0, 5.0),
+    ] = 0.5
+    observer_friction: Annotated[
+        float,
+        Setting("share of modelled friction fed forward in OBSERVER; a calibration sets it", "",
+                0.0, 1.0),
+    ] = 0.0
+    observer_damping_ratio: Annotated[
+        float,
+        Setting("that a released handle must have in OBSERVER; 0 asks for no damper", "", 0.0, 1.0),
+    ] = 0.25
+    chatter_limit: Annotated[
+        float,
+        Setting("rms of rapid handle force beyond which force gains go down", "N", 0.2, 50.0),
+    ] = 1.2
+    chatter_damping: Annotated[
+        float, Setting("damper in place of what the guard took away", "Ns/m", 0.0, 200.0)
+    ] = 30.0
     fade_time: Annotated[
         float, Setting("time in which a part of the force comes or goes", "s", 0.05, 10.0)
     ] = 0.5
@@ -103,3 +150,22 @@ class VerticalSettings(NamedTuple):
                 f"{self.soft_stop_zone:g} m"
             )
         return self
+
+    @property
+    def least_damping(self) -> float:
+        """Smallest damping with which OBSERVER brings a released handle to rest [Ns/m]."""
+        return least_damping(
+            self.stiffness, self.mass, self.observer_gain, self.observer_cutoff,
+            self.observer_delay, self.observer_damping_ratio,
+        )  # fmt: skip
+
+    def refusal(self, mode: int) -> str:
+        """Return why these settings cannot run in a mode, empty when they can."""
+        if not uses_observer(mode) or self.damping >= self.least_damping:
+            return ""
+        return (
+            f"mode OBSERVER with a stiffness of {self.stiffness:g} N/m needs a damping of "
+            f"{math.ceil(10.0 * self.least_damping) / 10.0:g} Ns/m or more, because it takes the "
+            f"friction away that would bring a released handle to rest; it is {self.damping:g} "
+            "Ns/m: raise the damping first, or choose another mode"
+        )

@@ -74,11 +74,14 @@ class Drive:
         self._setup = setup.DriveSetup(0, settings.rated_torque)
         self._torque_of = self._asked = 0.0
         self._excess = ExcessTorque(
-            settings.excess_torque * settings.rated_torque, round(1e9 / settings.rate)
+            settings.excess_torque * settings.rated_torque,
+            settings.lasting_torque * settings.rated_torque,
+            round(1e9 / settings.rate),
         )
         self._configured = self._running = self._armed = False
         self._hears = True
         self._started_ns = 0
+        port.subscribe(self._command_id, self._on_foreign_command)
 
     # -- configuration: blocking -----------------------------------------------------------------
 
@@ -121,17 +124,20 @@ class Drive:
         """
         self._running = self._configured = self._armed = False
         settings = self.settings
-        if self._port.heard({self.beat.can_id: bool}, settings.listen) is not None:
+        heard = self._port.heard({self.beat.can_id: bool, self._command_id: bool}, settings.listen)
+        if heard is not None:
+            told = f"heartbeat of master {settings.master_id}"
             raise Occupied(
-                f"somebody already commands the {self.label} on {self._port.name} (heartbeat of "
-                f"master {settings.master_id}): is a second copy of this node running?"
+                f"somebody already commands the {self.label} on {self._port.name} "
+                f"({told if heard == self.beat.can_id else self._command_text}): is a second copy "
+                "of this node running?"
             )
         self._setup = found = setup.configure(self.node, settings)
         self._torque_of = settings.direction * from_per_mille(1, found.rated_torque)
         self.reports.configured(found.mode, self._torque_of)
         self.unguarded = found.unguarded
         self.warnings = [
-            f"UNGUARDED: the {self.label} will not stop by itself: no {guard}"
+            f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
         self._configured = True
@@ -200,6 +206,8 @@ class Drive:
         )
         if logic.recovery.active and logic.recovery.nmt_start_due(state, now_ns):
             node.start()
+        elif logic.nmt_stop_due(now_ns):
+            node.stop()
         per_mille = 0
         if controlword == cia402.ENABLE_OPERATION and state is State.OPERATION_ENABLED:
             per_mille = self._per_mille(torque_nm)
@@ -278,7 +286,7 @@ class Drive:
             raise NotEnabled(f"the {self.label} is not in mode {self.mode}, 6061 is {shown}")
         if self.unguarded and not self.settings.allow_unguarded:
             raise NotEnabled(
-                f"the {self.label} would not stop by itself, it has no "
+                f"the {self.label} would not hold its torque back by itself, it has no "
                 f"{'; no '.join(self.unguarded)}; allow_unguarded overrides this"
             )
         self._logic.enable()
@@ -305,6 +313,16 @@ class Drive:
     def snapshot(self) -> DriveCounters:
         """Return a copy of the counters."""
         return replace(self.counters)
+
+    @property
+    def _command_text(self) -> str:
+        return f"frames 0x{self._command_id:X} on {self._port.name}"
+
+    def _on_foreign_command(self, _data: bytes, _arrival_ns: int) -> None:
+        """Stop at the first command that is not ours: own frames do not come in here."""
+        self.counters.foreign += 1
+        if self._armed:
+            self._logic.intruded(self._command_text)
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1

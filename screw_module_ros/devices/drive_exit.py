@@ -87,7 +87,8 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
                 off.append(drive)
                 drive_setup.disarm(drive.node)
             except (DeviceError, TimeStandsStill) as error:
-                problems.append(f"guards of {drive.label} not disarmed: {error}")
+                why = f"{drive.fault}; {error}" if drive.fault else f"{error}"
+                problems.append(f"guards of {drive.label} not disarmed: {why}")
         port.clock.leave()
 
     talker = threading.Thread(target=talk, name="disarm", daemon=True)

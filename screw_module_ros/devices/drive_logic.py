@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decides what a drive is told each tick: goals, latched faults, recovery. No bus, no clock.
 
-Every exit from operation enabled that was not asked for is latched, also one without a fault.
-Recovering leads up to switched on at most; enabling again is a separate act.
+Every exit from operation enabled that was not asked for is latched, also one without a fault, and
+so is every stay in it. Recovering leads up to switched on at most; enabling again is a separate
+act.
+
+A latched fault must end in no torque also where somebody else commands the drive between two of our
+commands. A drive that stays in operation enabled all the same, or that hears somebody else, is
+sent to NMT STOPPED, where it hears no commands at all (CiA 301, 7.3.2.2) and treats the connection
+as lost (CiA 402, 6007): see `nmt_stop_due`.
 """
 
 from __future__ import annotations
@@ -15,6 +21,9 @@ from .node import NMT_STATES, OPERATIONAL
 _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 _STOPPING = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+_PATIENCE_NS = 20_000_000
+"""A drive may show operation enabled for so long when it is not asked for any more."""
+_NMT_EVERY_NS = 100_000_000
 
 
 class DriveLogic:
@@ -37,6 +46,10 @@ class DriveLogic:
         self._silence_ns = round(silence * 1e9)
         self._started_ns = 0
         self._enabling_since_ns: int | None = None
+        self._unasked_since_ns: int | None = None
+        self._leaving = False
+        self._intruded = False
+        self._nmt_stopped_ns: int | None = None
 
     @property
     def fault(self) -> str:
@@ -59,6 +72,7 @@ class DriveLogic:
         """Ask for torque off."""
         if self.goal is Goal.OPERATION_ENABLED:
             self.goal = Goal.SWITCHED_ON
+            self._leaving = True
 
     def recover(self) -> None:
         """Begin to lead the drive out of its fault."""
@@ -68,6 +82,7 @@ class DriveLogic:
     def forget(self) -> None:
         """Drop a latched fault: for a drive that has just been configured anew."""
         self.reason = self._cause = ""
+        self._intruded = False
         self.recovery.finish()
 
     # -- what happens ----------------------------------------------------------------------------
@@ -78,6 +93,11 @@ class DriveLogic:
         self.recovery.finish()
         if not self.reason:
             self.reason, self._cause = reason, cause
+
+    def intruded(self, what: str) -> None:
+        """Note that somebody else commands the drive. what: how we know."""
+        self.latch(f"somebody else commands the {self._label}: {what}")
+        self._intruded = True
 
     def explain(self, cause: str) -> None:
         """Add what the drive says of a fault latched before it said so."""
@@ -98,6 +118,7 @@ class DriveLogic:
         heard_ns: arrival of the last heartbeat, None when the drive sends none. nmt: network state
         in it. now_ns: CLOCK_MONOTONIC [ns].
         """
+        self._note_unasked(state, now_ns)
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:
@@ -108,6 +129,37 @@ class DriveLogic:
             return QUICK_STOP
         return CONTROLWORD[self.goal][state]
 
+    def nmt_stop_due(self, now_ns: int) -> bool:
+        """Return whether to send the node to NMT STOPPED now, after `step`; repeated each 100 ms.
+
+        Not while recovering: that wants to hear from the drive.
+        """
+        needed = self._intruded or self._stays_enabled(now_ns)
+        if not (self.reason and needed) or self.recovery.active:
+            return False
+        last_ns = self._nmt_stopped_ns
+        if last_ns is not None and now_ns - last_ns < _NMT_EVERY_NS:
+            return False
+        self._nmt_stopped_ns, self._intruded = now_ns, False
+        return True
+
+    def _note_unasked(self, state: State, now_ns: int) -> None:
+        """Note since when the drive is in operation enabled without being asked to be."""
+        if state is not State.OPERATION_ENABLED:
+            self._leaving = self._leaving and state is State.UNKNOWN
+            self._unasked_since_ns = None
+        elif self.goal is Goal.OPERATION_ENABLED:
+            self._unasked_since_ns = None
+        elif self._unasked_since_ns is None:
+            self._unasked_since_ns = now_ns
+
+    def _stays_enabled(self, now_ns: int) -> bool:
+        since_ns = self._unasked_since_ns
+        # One that brakes on being disabled, as it was told to, may take its time for that.
+        ramp = self._brake and self._leaving
+        patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
+        return since_ns is not None and now_ns - since_ns >= patience_ns
+
     def _supervise(
         self, state: State, shown: State, heard_ns: int | None, nmt: int | None, now_ns: int
     ) -> None:
@@ -117,6 +169,8 @@ class DriveLogic:
             self.latch(f"the heartbeat of the {self._label} is missing")
         elif heard_ns is not None and self._fell_back(heard_ns, nmt):
             self.latch(f"the {self._label} fell back to {NMT_STATES.get(nmt, nmt)}")
+        elif self._stays_enabled(now_ns):
+            self.latch(f"the {self._label} is in operation enabled, but nobody asked for it")
         elif self.goal is Goal.OPERATION_ENABLED:
             self._supervise_enabling(state, shown, now_ns)
 

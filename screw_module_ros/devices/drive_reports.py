@@ -22,7 +22,7 @@ class DriveCounters:
     writes: commands sent. received: statuswords. missing: SYNCs without one. unexpected:
     statuswords nobody asked for. wrong_length: frames dropped. bad_statusword: patterns that
     CiA 402 lacks. illegal_transitions: states that cannot follow each other. bad_torque: commands
-    that were not finite. saturated: commands beyond max_torque.
+    that were not finite. saturated: commands beyond max_torque. foreign: commands of somebody else.
     """
 
     writes: int = 0
@@ -37,6 +37,7 @@ class DriveCounters:
     emcy: int = 0
     boot_ups: int = 0
     bus_errors: int = 0
+    foreign: int = 0
 
 
 class DriveReports:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Annotated, NamedTuple
 
 from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
+from ..units import LARGEST_PER_MILLE, PER_MILLE
 from . import pdo
 from .bus_load import Traffic
 
@@ -27,6 +29,7 @@ _SLOW_STATUS_ENTRIES = (
 )  # fmt: skip
 SLOW_STATUS_MS = 100
 
+_ROUNDING = 1e-6
 COAST, BRAKE = "coast", "brake"
 
 
@@ -45,12 +48,17 @@ class DriveSettings(NamedTuple):
         float, Setting("rated torque, checked against object 6076", "Nm", 1e-4, 1e4)
     ] = 0.42
     max_torque: Annotated[
-        float, Setting("largest torque ever written", "Nm", 0.0, 1e5)
+        float, Setting("largest torque ever written, and the drive's own limit, object 6072", "Nm",
+                       0.0, 1e5)
     ] = 1.6
     excess_torque: Annotated[
         float, Setting("torque beyond the command that stops the drive, by its own word (6077)",
                        "of rated", 0.05, 100.0)
     ] = 0.25
+    lasting_torque: Annotated[
+        float, Setting("torque beyond the command that may last, by the drive's own word (6077)",
+                       "of rated", 0.005, 10.0)
+    ] = 0.05
     counts_per_turn: Annotated[
         int, Setting("counts of the position (6064) per turn of the screw or the joint", "counts",
                      4, 2**31)
@@ -112,12 +120,26 @@ def cross_checked(settings: DriveSettings) -> DriveSettings:
             f"DriveSettings: command_timeout = {settings.command_timeout!r} s: more than one "
             f"period of {settings.rate:g} Hz is wanted, or the guard trips by itself"
         )
+    if settings.lasting_torque >= settings.excess_torque:
+        raise ValueError(
+            f"DriveSettings: lasting_torque = {settings.lasting_torque!r} of rated: less than "
+            f"excess_torque = {settings.excess_torque:g} is wanted, which stops the drive at once"
+        )
     if settings.master_id == settings.node_id:
         raise ValueError(
             f"DriveSettings: master_id = {settings.master_id}: another than the drive's node_id "
             "is wanted"
         )
     return settings
+
+
+def own_limit(max_torque: float, rated_torque: float) -> int:
+    """Return object 6072 for a largest torque, both [Nm]: whole per mille of rated, rounded up.
+
+    The object holds both directions alike, so it needs no `direction`.
+    """
+    per_mille = math.ceil(max_torque / rated_torque * PER_MILLE - _ROUNDING)
+    return max(0, min(LARGEST_PER_MILLE, per_mille))
 
 
 def milliseconds(seconds: float) -> int:

@@ -2,8 +2,9 @@
 """Configures a CiA 402 drive for torque and arms the guards that stop it without us.
 
 The drive is the last guard: it must drop the torque by itself when our heartbeat (1016) or our
-commands (1400:05) stop, and it must do so as the settings say (6007, 605A, 605E). Each of these is
-read back; what a drive refuses is returned, and such a drive is not enabled.
+commands (1400:05) stop, it must do so as the settings say (6007, 605A, 605E), and it must give no
+more torque than we would ever ask for (6072), whoever else writes a target. Each of these is read
+back; what a drive refuses is returned, and such a drive is not enabled.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from .drive_settings import (
     DriveSettings,
     command_pdo,
     milliseconds,
+    own_limit,
     slow_status_pdo,
     status_pdo,
 )
@@ -73,7 +75,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
         pdo.configure(sdo, each)
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
     unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
-    unguarded += _guards(node, settings)
+    unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
     node.undisturbed(boot_ups)
     return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
@@ -122,8 +124,8 @@ def _select_mode(node: CanopenNode) -> tuple[int, list[str]]:
     return mode, _optional(node, 0x6087, _STEEPEST_SLOPE, 4, "torque slope")
 
 
-def _guards(node: CanopenNode, settings: DriveSettings) -> list[str]:
-    """Arm the guards; return those the drive refused."""
+def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[str]:
+    """Arm the guards; return those the drive refused. rated: torque [Nm]."""
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
     stop = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _QUICK_STOP_RAMP
     guards = (
@@ -132,6 +134,7 @@ def _guards(node: CanopenNode, settings: DriveSettings) -> list[str]:
         (0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, "fault on lost connection 6007"),
         (0x605A, 0, stop, 2, "quick stop reaction 605A"),
         (0x605E, 0, stop, 2, "fault reaction 605E"),
+        (0x6072, 0, own_limit(settings.max_torque, rated), 2, "torque limit 6072"),
     )
     refused = []
     for index, subindex, value, size, what in guards:

@@ -3,33 +3,53 @@
 
 from __future__ import annotations
 
+from collections import deque
+
+_LATE_NS = 5_000_000
 _SHORTEST_NS = 20_000_000
 _PERIODS = 3
+_ROUNDING = 1e-9
 
 
 class ExcessTorque:
-    """Compares the torque asked for with the torque given; all times are passed in.
+    """Compares the torque given with the torques asked for of late; all times are passed in.
 
-    Less than asked for is a weak robot, more or the other way round is a dangerous one.
+    Less than asked for is a weak robot, more or the other way round is a dangerous one. Excess
+    beyond `lasting` fills a bucket, anything less empties it: an excess of `largest` is a fault
+    after 20 ms, a smaller one later, and no mean excess above `lasting` is borne for ever, however
+    it comes and goes.
     """
 
-    def __init__(self, tolerance: float, period_ns: int):
-        """Start with nothing seen: tolerance [Nm], period of the commands [ns]."""
-        self._tolerance = tolerance
-        self._patience_ns = max(_SHORTEST_NS, _PERIODS * period_ns)
-        self._since_ns: int | None = None
+    def __init__(self, largest: float, lasting: float, period_ns: int):
+        """Start with nothing seen: both excesses [Nm], period of the commands [ns]."""
+        self._largest, self._lasting = largest, lasting
+        patience_ns = max(_SHORTEST_NS, _PERIODS * period_ns)
+        self._late_ns = max(_LATE_NS, _PERIODS * period_ns)
+        self._longest_ns = period_ns * _PERIODS
+        self._bucket = (largest - lasting) * patience_ns * (1.0 - _ROUNDING)
+        self._asked: deque[tuple[int, float]] = deque()
+        self.restart()
 
     def restart(self) -> None:
         """Forget what was seen: the drive is not enabled."""
-        self._since_ns = None
+        self._dose = 0.0
+        self._last_ns: int | None = None
+        self._asked.clear()
 
     def check(self, asked: float, given: float, now_ns: int) -> bool:
-        """Return whether too much torque [Nm] has been there for too long at now_ns [ns]."""
-        excess = abs(given - asked) > self._tolerance and (
-            abs(given) > abs(asked) or given * asked < 0.0
-        )
-        if not excess:
-            self._since_ns = None
-        elif self._since_ns is None:
-            self._since_ns = now_ns
-        return excess and now_ns - self._since_ns >= self._patience_ns
+        """Return whether too much torque [Nm] has been there for too long at now_ns [ns].
+
+        asked: by the newest command. Whatever was asked within the last 5 ms, or three periods
+        where these are longer, may still be given: a drive follows late.
+        """
+        while self._asked and now_ns - self._asked[0][0] > self._late_ns:
+            self._asked.popleft()
+        self._asked.append((now_ns, asked))
+        low = min(0.0, *(torque for _, torque in self._asked))
+        high = max(0.0, *(torque for _, torque in self._asked))
+        excess = max(given - high, low - given, 0.0)
+        elapsed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
+        self._last_ns = now_ns
+        fill = (min(excess, self._largest) - self._lasting) * min(elapsed_ns, self._longest_ns)
+        self._dose = max(0.0, self._dose + fill)
+        return self._dose >= self._bucket

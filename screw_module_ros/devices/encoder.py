@@ -18,6 +18,7 @@ from .bus_load import Traffic
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
 from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
+from .homing import Rehoming
 from .motion import Motion
 from .node import CanopenNode
 from .polled import Polled
@@ -62,6 +63,7 @@ class Encoder:
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
         self._configured = self._running = False
+        self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
@@ -196,7 +198,8 @@ class Encoder:
     def home(self) -> float:
         """Declare that the nut stands at the reference mark; return that height [m].
 
-        Raises NotHomed when there is no sample yet, an old one, a fault, or the nut moves.
+        Raises NotHomed when there is no sample yet, an old one, a fault, or the nut moves, and at
+        first where it contradicts the last homing since `configure`: see `Rehoming`.
         """
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
@@ -212,6 +215,10 @@ class Encoder:
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
                 f"(limit {settings.home_speed_limit:g} m/s)"
             )
+        if self.homed:
+            mark, place = settings.home_position, self._motion.position
+            if doubt := self._rehoming.doubt([mark], [place], self._port.clock.now_ns()):
+                raise NotHomed(doubt)
         self._motion.home(settings.home_position)
         return settings.home_position
 

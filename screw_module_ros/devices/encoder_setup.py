@@ -58,6 +58,10 @@ class EncoderSettings(NamedTuple):
     home_speed_limit: Annotated[
         float, Setting("homing is refused while the nut moves faster", "m/s", 0.0, 1.0)
     ] = 0.005
+    home_shift: Annotated[
+        float, Setting("homing must be asked for twice when it moves the origin further", "m",
+                       0.0, 1.0)
+    ] = 0.005
     velocity_cutoff: Annotated[
         float, Setting("cutoff of the velocity filter", "Hz", 0.1, 1000.0)
     ] = 30.0

@@ -20,6 +20,7 @@ OPERATIONAL = 0x05
 PRE_OPERATIONAL = 0x7F
 
 _NMT_START = 0x01
+_NMT_STOP = 0x02
 _NMT_PRE_OPERATIONAL = 0x80
 _HEARTBEAT_BASE = 0x700
 _EMCY_BASE = 0x080
@@ -88,6 +89,10 @@ class CanopenNode:
     def pre_operational(self) -> None:
         """Make this node, and no other, PRE-OPERATIONAL: its PDOs stop."""
         self._nmt.send_command(_NMT_PRE_OPERATIONAL)
+
+    def stop(self) -> None:
+        """Make this node, and no other, STOPPED: it hears neither PDOs nor SDOs any more."""
+        self._nmt.send_command(_NMT_STOP)
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
         """Read who the node is and refuse another than expected; 0 = any.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, NamedTuple, get_args
 
-import yaml
-
+from ..plain_yaml import PlainYamlError, load_plain_yaml
+from ..quoting import named, quoted
 from ..settings import Field, declared, problem
 from . import (
     amplifier_response,
@@ -96,21 +96,26 @@ def listing() -> str:
     )
 
 
+_LARGEST_SETTINGS = 10_000  # characters
+
+
 def settings_from_yaml(text: str, kind: type) -> Any:
     """Return the settings `kind` with the values of a YAML mapping; empty text = defaults.
 
     Raises ValueError in one sentence that names what is wrong.
     """
+    if len(text) > _LARGEST_SETTINGS:
+        raise ValueError(f"settings are longer than {_LARGEST_SETTINGS} characters")
     try:
-        given = yaml.safe_load(text) or {}
-    except yaml.YAMLError as error:
-        raise ValueError(f"settings are not YAML: {' '.join(str(error).split())}") from error
+        given = load_plain_yaml(text) or {}
+    except PlainYamlError as error:
+        raise ValueError(f"settings are not YAML: {error}") from None
     if not isinstance(given, dict):
         raise ValueError("settings: a YAML mapping like '{speed: 0.02}' is wanted")
     known = declared(kind)
     for name in given:
         if name not in known:
-            raise ValueError(f"settings: {name} is unknown; known are {', '.join(known)}")
+            raise ValueError(f"settings: {named(name)} is unknown; known are {', '.join(known)}")
     return kind(**{name: _value(known[name], value) for name, value in given.items()})
 
 
@@ -120,7 +125,7 @@ def _value(field: Field, value: Any) -> Any:
     parts = get_args(field.kind)
     if parts:
         if not isinstance(value, list):
-            raise ValueError(f"{label} = {value!r}: a list is wanted")
+            raise ValueError(f"{label} = {quoted(value)}: a list is wanted")
         value = tuple(_plain(label, part, parts[0]) for part in value)
     else:
         value = _plain(label, value, field.kind)
@@ -132,7 +137,10 @@ def _value(field: Field, value: Any) -> Any:
 
 def _plain(label: str, value: Any, kind: type) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"{label} = {quoted(value)}: a finite number is wanted") from None
     if type(value) is not kind:
-        raise ValueError(f"{label} = {value!r}: {kind.__name__} is wanted")
+        raise ValueError(f"{label} = {quoted(value)}: {kind.__name__} is wanted")
     return value

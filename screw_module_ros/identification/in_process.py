@@ -60,6 +60,8 @@ _CHUNK = 100_000  # ticks between two reports of progress
 _ZERO_S = 0.5  # over which the transducer's zero is averaged
 _HUNG_AT = 0.25  # height at which friction holds a handle that nobody holds [m]
 _SETTLE_S = 3.0  # from a handle at rest to a spring that has faded in
+_WAY_S = 1.0  # in which a hand goes to where the trial wants it
+_SIDE_OMEGA = 2.0  # of the force sideways [rad/s]
 
 
 class LoopSettings(NamedTuple):
@@ -109,9 +111,21 @@ class InProcessBench:
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=_sine(trial))
-        rows, state = self._ticks(params, state, _length(trial), told)
+        rows, state = self._moved(trial, params, state, told)
         force, torque, _ = self._zero(params, state)
         return _samples(rows, params, force, torque)
+
+    def _moved(
+        self, trial: Trial, params: LoopParams, state: LoopState, told: Told
+    ) -> tuple[np.ndarray, LoopState]:
+        """Return the samples of the trial; a hand that lets go does so between two of them."""
+        length = _length(trial)
+        held = min(length, getattr(trial, "released_after", math.inf))
+        rows, state = self._ticks(params, state, held, told)
+        if held == length:
+            return rows, state
+        loose, state = self._ticks(params._replace(fixture=FREE), state, length - held, told)
+        return np.concatenate((rows, loose)), state
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return what the transducer shows with nothing at the handle, a mean of half a second."""
@@ -137,7 +151,7 @@ class InProcessBench:
         arm = HumanArm("active", *trial.arm, 0.0) if isinstance(trial, MotionTrial) else w.arm
         plant = vertical_params(
             w.vertical, w.friction, w.amplifier, w.transducer,
-            arm_force(arm, w.vertical.gravity), substep,
+            arm_force(arm, w.vertical.gravity), substep, w.sensor.bandwidth,
         )  # fmt: skip
         quiet = LoopParams(
             plant=plant,
@@ -254,6 +268,8 @@ def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams
         chain=_linearized(quiet.chain, trial.linearization or default_linearization()),
         centre=float(trial.centre),
         path=resting(float(trial.centre)),
+        side_force=float(trial.side_force),
+        side_omega=_SIDE_OMEGA,
     )
 
 
@@ -265,8 +281,9 @@ def _linearized(chain: TorqueChain, linearization: Linearization | None) -> Torq
 
 def _sine(trial: MotionTrial) -> HandPath:
     """Return the path of the virtual hand during the excitation."""
-    c = float(trial.centre)
-    return HandPath(c, c, 0.0, 0.0, float(trial.amplitude), float(trial.omega), 0.0)
+    c, way = float(trial.centre), float(trial.way)
+    amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
+    return HandPath(c, c + way, 0.0, _WAY_S if way else 0.0, amplitude, omega, tremor)
 
 
 def _length(trial: Trial) -> float:
@@ -299,7 +316,7 @@ def _samples(rows: np.ndarray, params: LoopParams, force: float, torque: float) 
         rows[:, 2] - drifted * force,
         rows[:, 3] - drifted * torque,
         rows[:, 4],
-        rows[:, 5],
+        *rows[:, 5:].T,
     )
 
 

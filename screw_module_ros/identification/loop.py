@@ -30,7 +30,9 @@ from ..plant.transducer import RotorStep
 from ..plant.vertical import vertical_step
 
 REST, SINE, LAW = 0, 1, 2
-COLUMNS = 6  # position, velocity, force, torque, command, current
+# position, velocity, force, torque, command, current; truth: handle, its velocity, patient's force;
+# what is left of the force gain
+COLUMNS = 10
 
 
 class Transducer(NamedTuple):
@@ -54,7 +56,8 @@ class LoopParams(NamedTuple):
     chain: to the torque command; amperes: per newton metre of it, into the amplifier.
     period: of the samples [s]; steps: substeps in it; late: those before a command acts, which may
     be more than a period has. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode,
-    centre [m]: of the law.
+    centre [m]: of the law. side_force: amplitude of the planar force on the handle [N], at
+    side_omega [rad/s].
     """
 
     plant: VerticalParams
@@ -79,6 +82,8 @@ class LoopParams(NamedTuple):
     upright: float
     stage_speed: float
     stage_target: float
+    side_force: float = 0.0
+    side_omega: float = 0.0
 
 
 class LoopState(NamedTuple):
@@ -123,6 +128,8 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     command = on_the_wire(p.chain, asked)
     row[0], row[1], row[2], row[3], row[4] = position, velocity, force, torque, command
     row[5] = s.volts if p.fixture == LOCKED_ROTOR else module.current
+    row[6], row[7], row[8] = module.handle, module.handle_velocity, module.patient_force
+    row[9] = law.guard.share
     under_way = np.empty(s.under_way.size + 1)
     under_way[:-1] = s.under_way
     under_way[-1] = bridge_current(p.amplifier, command * p.amperes)
@@ -146,7 +153,7 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
     t = p.transducer
     noise_1, noise_2, first, second = normal_pair(s.first, s.second)
     warm = 1.0 - math.exp(-s.on_time / t.drift_time)
-    force = s.module.patient_force + t.force_zero + warm * t.force_drift + t.force_noise * noise_1
+    force = s.module.filtered_force + t.force_zero + warm * t.force_drift + t.force_noise * noise_1
     torque = s.module.rotor_angle / p.plant.rotor.compliance
     torque += t.torque_zero + warm * t.torque_drift + t.torque_noise * noise_2
     return (
@@ -182,6 +189,7 @@ def _period(
     module, sensor, volts = s.module, s.sensor, s.volts
     dt, arrives = p.plant.dt, p.late % p.steps
     hand, hand_velocity = hand_point(p.path, s.ticks * p.period)
+    side_force = abs(p.side_force * math.sin(p.side_omega * s.ticks * p.period))
     for step in range(p.steps):
         bridge = before if step < arrives else after
         module = vertical_step(
@@ -189,7 +197,7 @@ def _period(
             module,
             VerticalInput(
                 bridge, True, False, p.fixture, False, p.upright, hand, hand_velocity,
-                p.stage_speed, p.stage_target, 0.0,
+                p.stage_speed, p.stage_target, side_force,
             ),
         )  # fmt: skip
         hand += hand_velocity * dt

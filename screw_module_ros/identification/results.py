@@ -10,6 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
+from ..plain_yaml import load_plain_yaml
+from ..regular_file import read_regular
+
+_LARGEST_FILE = 1_000_000  # bytes; of the text, the arrays are beside it
+
 
 class Quantity(NamedTuple):
     """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
@@ -81,7 +86,7 @@ class Result(NamedTuple):
 def load_result(folder: Path, experiment: str) -> Result:
     """Read what `Result.save` wrote. Raises OSError, ValueError when it is damaged."""
     text = folder / f"{experiment}.yaml"
-    content = yaml.safe_load(text.read_text(encoding="utf-8"))
+    content = load_plain_yaml(read_regular(text, _LARGEST_FILE).decode())
     try:
         quantities = tuple(
             Quantity(

@@ -11,6 +11,7 @@ no torque on the rotor, and subtracts the straight line between the two: drift i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
@@ -86,8 +87,11 @@ class MotionTrial(NamedTuple):
     mode: constant of `control.modes`; settings: of the law; friction, linearization: None = the
     thesis's; arm; centre, amplitude [m], omega [rad/s]: of the virtual hand's sine, which is also
     where the spring's set point stays (centre); duration [s], after the handle has come to rest at
-    the centre; preloaded: with a nut that has no backlash, as thesis 6.4.3 suggests (on a simulated
-    module only).
+    the centre; preloaded: with a nut that has no backlash, as thesis 6.4.3 suggests.
+
+    way: how far the middle of the sine lies from the centre, reached within a second [m];
+    side_force: amplitude of what the hand presses sideways, at 2 rad/s [N]; tremor: of the hand
+    [m]; released_after: when the hand lets go [s]. These and `preloaded` need a simulated module.
     """
 
     mode: int
@@ -100,6 +104,10 @@ class MotionTrial(NamedTuple):
     omega: float = 0.8
     duration: float = 18.0
     preloaded: bool = False
+    way: float = 0.0
+    side_force: float = 0.0
+    tremor: float = 0.0
+    released_after: float = math.inf
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial
@@ -113,6 +121,9 @@ class Samples(NamedTuple):
     zero taken off [N]; torque: about z [Nm]; command: torque commanded to the amplifier in answer
     to this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN where nothing
     measures it, for a TorqueTrial through the current sensor of thesis C.2 and in volts.
+
+    What no sensor shows, None on a real module: handle [m], handle_velocity [m/s], true_force: of
+    the patient on the robot [N]. share: of the force gain that the chatter guard leaves, 0 to 1.
     """
 
     time: np.ndarray
@@ -122,6 +133,10 @@ class Samples(NamedTuple):
     torque: np.ndarray
     command: np.ndarray
     current: np.ndarray
+    handle: np.ndarray | None = None
+    handle_velocity: np.ndarray | None = None
+    true_force: np.ndarray | None = None
+    share: np.ndarray | None = None
 
 
 class Bench(Protocol):

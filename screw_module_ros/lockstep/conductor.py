@@ -39,7 +39,7 @@ class Conductor:
 
     def __init__(self, page: Page, speed: float, tell: Callable[[str], None]):
         self._page = page
-        self._speed = speed
+        self.speed = speed
         self._tell = tell
         with page.locked():
             if page.conductor and page.conductor != os.getpid() and alive(page.conductor):
@@ -110,15 +110,15 @@ class Conductor:
 
     def too_early(self) -> float:
         """Return how long wall clock has to catch up before time may move [s], 0 = it may."""
-        return max(0.0, self._due_s - time.monotonic()) if self._speed else 0.0
+        return max(0.0, self._due_s - time.monotonic()) if self.speed else 0.0
 
     def move(self, to_ns: int) -> None:
         """Set the time; nobody is woken yet."""
         page = self._page
         elapsed_s = (to_ns - page.now_ns) * 1e-9
         now_s = self._progress_s = time.monotonic()
-        if self._speed:
-            self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self._speed
+        if self.speed:
+            self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self.speed
         page.topic_settled[:] = page.topic_published
         page.now_ns = to_ns
         if now_s - self._factor_s > 1.0:
@@ -175,7 +175,7 @@ class Conductor:
 
     def _dismiss_ended(self) -> None:
         page = self._page
-        pids = {*page.slot_pid[: self._top], *page.line_pid, *page.topic_pid, *page.hop_pid} - {0}
+        pids = {*page.user_pid} - {0}
         for pid in pids:
             if not alive(pid):
                 with page.locked():

@@ -14,6 +14,7 @@ import mmap
 import os
 import platform
 import re
+import threading
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -24,9 +25,9 @@ NOBODY = -1
 START_NS = 1_000_000_000_000
 """Simulated time begins here [ns]: far enough from 0, which stands for never."""
 
-SLOTS, LINES, TOPICS, HOPS = 96, 64, 192, 320
+USERS, SLOTS, LINES, TOPICS, HOPS = 64, 96, 64, 192, 320
 _NAME_BYTES = 96
-_VERSION = 4
+_VERSION = 5
 _FOLDER = Path("/dev/shm")
 _FUTEX = {"x86_64": 202, "aarch64": 98}.get(platform.machine())
 _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
@@ -34,6 +35,7 @@ _WORD = 8
 
 _HEADER = ("version", "now", "conductor", "roster", "wake", "asleep", "factor", "top")
 _TABLES = (
+    ("user_pid", USERS),
     ("slot_pid", SLOTS), ("slot_until", SLOTS), ("slot_wake", SLOTS), ("slot_asleep", SLOTS),
     ("slot_declared", SLOTS),
     ("line_pid", LINES), ("line_bus", LINES), ("line_sent", LINES), ("line_handled", LINES),
@@ -62,16 +64,27 @@ class Page:
 
     now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
     row that is taken or given back. factor: real-time factor in per mille.
-    slot_*: one row per thread: until when it is content [ns], what wakes it, how often it has
-    declared. line_*: one row per open bus: frames sent and handled. topic_*: messages published,
-    and of these before the time of now.
+    user_*: one row per process that has the page open. slot_*: one row per thread: until when it is
+    content [ns], what wakes it, how often it has declared. line_*: one row per open bus: frames
+    sent and handled. topic_*: messages published, and of these before the time of now.
     hop_*: one row per subscription: the newest message taken, whether it has kept up, who waits.
     """
 
     def __init__(self, name: str):
         """Open the page called `name`, make it where there is none. Raises OSError."""
         self.path = _FOLDER / f"screw_module_ros_{os.getuid()}_{name}"
-        self._file = _opened(self.path)
+        self._lock = threading.Lock()  # a file lock does not keep the threads of a process apart
+        self._file = _opened_and_locked(self.path)
+        try:
+            self._map()
+            for pid in {*self.user_pid} - {0}:
+                if not alive(pid):
+                    self.dismiss(pid)
+            self._user = self.take(self.user_pid, os.getpid(), "process")
+        finally:
+            fcntl.flock(self._file, fcntl.LOCK_UN)
+
+    def _map(self) -> None:
         memory = mmap.mmap(self._file, _SIZE)
         self._memory = memory
         words = memoryview(memory)[: _WORDS * _WORD].cast("q")
@@ -87,25 +100,26 @@ class Page:
         self._prepare()
 
     def _prepare(self) -> None:
-        with self.locked():
-            if self.header[0] == _VERSION:
-                return
-            for index in range(SLOTS):
-                self.slot_until[index] = FOREVER
-            for table in (self.line_waiter, self.hop_waiter):
-                for index in range(len(table)):
-                    table[index] = NOBODY
-            self.header[1] = START_NS
-            self.header[0] = _VERSION
+        if self.header[0] == _VERSION:
+            return
+        self._memory[:] = bytes(_SIZE)  # of another version of this package
+        for index in range(SLOTS):
+            self.slot_until[index] = FOREVER
+        for table in (self.line_waiter, self.hop_waiter):
+            for index in range(len(table)):
+                table[index] = NOBODY
+        self.header[1] = START_NS
+        self.header[0] = _VERSION
 
     @contextmanager
     def locked(self):
-        """Hold the page: rows are taken and given back by one process at a time."""
-        fcntl.flock(self._file, fcntl.LOCK_EX)
-        try:
-            yield
-        finally:
-            fcntl.flock(self._file, fcntl.LOCK_UN)
+        """Hold the page: rows are taken and given back by one thread of one process at a time."""
+        with self._lock:
+            fcntl.flock(self._file, fcntl.LOCK_EX)
+            try:
+                yield
+            finally:
+                fcntl.flock(self._file, fcntl.LOCK_UN)
 
     # Header --------------------------------------------------------------------------------
 
@@ -178,6 +192,9 @@ class Page:
 
     def dismiss(self, pid: int) -> None:
         """Give back all rows of a process; hold the lock."""
+        for index in range(USERS):
+            if self.user_pid[index] == pid:
+                self.user_pid[index] = 0
         for index in range(SLOTS):
             if self.slot_pid[index] == pid:
                 self.slot_until[index] = FOREVER
@@ -202,9 +219,10 @@ class Page:
     def close(self) -> None:
         """Leave the page; remove it when nobody is left."""
         with self.locked():
-            self.dismiss(os.getpid())
-            others = {pid for pid in self.slot_pid if pid} | {self.conductor}
-            if not any(alive(pid) for pid in others if pid):
+            self.user_pid[self._user] = 0
+            if os.getpid() not in self.user_pid:
+                self.dismiss(os.getpid())
+            if not any(alive(pid) for pid in {*self.user_pid} - {0}):
                 with suppress(FileNotFoundError):
                     self.path.unlink()
         os.close(self._file)
@@ -269,18 +287,14 @@ def alive(pid: int) -> bool:
     return state not in "ZX"
 
 
-def _opened(path: Path) -> int:
-    """Open or make the file; not one that its last user is just removing."""
+def _opened_and_locked(path: Path) -> int:
+    """Open or make the file, and lock it; not one that its last user is just removing."""
     while True:
         file = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
         fcntl.flock(file, fcntl.LOCK_EX)
-        try:
+        with suppress(FileNotFoundError):
             if os.fstat(file).st_ino == os.stat(path).st_ino:
                 if os.fstat(file).st_size < _SIZE:
                     os.ftruncate(file, _SIZE)
                 return file
-        except FileNotFoundError:
-            pass
-        finally:
-            fcntl.flock(file, fcntl.LOCK_UN)
         os.close(file)

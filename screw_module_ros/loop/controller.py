@@ -8,6 +8,7 @@ import math
 from ..control.agreement import Agreement, AgreementSettings
 from ..control.friction import FrictionModel
 from ..control.modes import OFF
+from ..control.slot import SlotLimits
 from ..control.timing import DeadlineMeter
 from ..control.vertical import (
     VerticalInput,
@@ -19,9 +20,11 @@ from ..control.vertical import (
 from ..control.vertical_settings import VerticalSettings
 from ..control.watch import ForceLike, VerticalWatch, WatchSettings
 from ..samples import EncoderReading
+from .guide import Guide
 from .wanted import Wanted
 
 _DRIVE_AGE_NS = 200_000_000
+_SLOT_LIMITS = SlotLimits()
 NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
 
@@ -29,11 +32,11 @@ class VerticalController:
     """Watch and law of the vertical axis; all times are passed in [ns].
 
     mode, settings: may be replaced at any time, the law fades over. output: of the last step.
-    wanted: the set point, height alone. held: why the owner wants no force, empty while not.
-    answered: the newest sample acted upon, None before the
-    first. handle_force: newest that was believed [N]. meter: from a sample to its command. reason:
-    why the force is held at zero, empty while it is not. A fault seen while the amplifier is on or
-    a force is out stays until `reset`; any other goes when its cause does.
+    wanted: the set point, height alone. guide: the slot, if there is one. held: why the owner wants
+    no force, empty while not. answered: the newest sample acted upon, None before the first.
+    handle_force: newest that was believed [N]. meter: from a sample to its command. reason: why the
+    force is held at zero, empty while it is not. A fault seen while the amplifier is on or a force
+    is out stays until `reset`; any other goes when its cause does.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class VerticalController:
         agreement: AgreementSettings,
         period_ns: int,
         mode: int = OFF,
+        slot_limits: SlotLimits = _SLOT_LIMITS,
     ):
         self.settings = settings
         self.mode = mode
@@ -52,12 +56,13 @@ class VerticalController:
         self.reason = self.held = ""
         self.handle_force = 0.0
         self.wanted = Wanted(axes=1)
+        self.guide = Guide(slot_limits)
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)
         self._friction = friction
         self._watch = VerticalWatch(watch, period_ns)
         self._agreement = Agreement(agreement)
-        self._disagreement = ""
+        self._doubt = ""
         self._period_ns = period_ns
         self._enabled: bool | None = None
         self._drive_ns: int | None = None
@@ -66,7 +71,7 @@ class VerticalController:
     @property
     def faulted(self) -> bool:
         """Whether a fault is latched."""
-        return bool(self._watch.fault or self._disagreement)
+        return bool(self._watch.fault or self._doubt)
 
     def on_force(self, sample: ForceLike, now_ns: int) -> None:
         """Take a force sample."""
@@ -82,6 +87,9 @@ class VerticalController:
         last, self.answered = self.answered, sample
         elapsed_ns = sample.monotonic_ns - last.monotonic_ns if last else self._period_ns
         self._check(now_ns)
+        slot = self.guide.guidance(
+            sample.position, 0.0, sample.velocity, 0.0, now_ns, elapsed_ns * 1e-9
+        )
         inp = VerticalInput(
             self.mode,
             sample.position,
@@ -89,6 +97,8 @@ class VerticalController:
             self.handle_force,
             *self.wanted.at(now_ns),
             not self.reason and self._enabled is not False,
+            slot.force_x,
+            slot.weight,
         )
         self.output, self.state = vertical_step(
             self.settings, self._friction, self.state, inp, elapsed_ns * 1e-9
@@ -99,6 +109,11 @@ class VerticalController:
         """Take what the drive says: torque on or off, nut travel [m]."""
         self._drive_ns = now_ns
         self._hear_drive(enabled, position, now_ns)
+
+    def distrust(self, reason: str) -> None:
+        """Hold the force at zero for a reason that the samples themselves do not show."""
+        self._doubt = self._doubt or reason
+        self._keep_fault()
 
     def end_tick(self, now_ns: int) -> None:
         """Notice a drive that has said nothing for a while."""
@@ -120,7 +135,7 @@ class VerticalController:
 
     def reset(self, now_ns: int) -> None:
         """Forget a latched fault; it comes back at once while its cause persists."""
-        self._disagreement = ""
+        self._doubt = ""
         self._must_reset = False
         self._agreement.restart()
         self._watch.reset(now_ns)
@@ -134,16 +149,16 @@ class VerticalController:
             self._agreement.restart()
         else:
             wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
-            self._disagreement = self._disagreement or wrong or ""
+            self._doubt = self._doubt or wrong or ""
         self._enabled = enabled
         self._keep_fault()
 
     def _check(self, now_ns: int) -> None:
-        self.reason = self._watch.check(now_ns) or self._disagreement or self.held
+        self.reason = self._watch.check(now_ns) or self._doubt or self.held
         self._keep_fault()
 
     def _keep_fault(self) -> None:
         """Note at once, before the amplifier goes off over it, that a fault came in operation."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True
-        self.reason = self.reason or self._watch.fault or self._disagreement
+        self.reason = self.reason or self._watch.fault or self._doubt

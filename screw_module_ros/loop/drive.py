@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
 from ..control.timing import DeadlineMeter, empty_histogram, note_latency
-from ..control.torque_chain import COLD, TorqueChain, commanded
+from ..control.torque_chain import COLD, TorqueChain, commanded, followed
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
 from ..devices.port import Port
@@ -24,6 +24,7 @@ from .ticker import Tick
 
 LARGEST_FORCE = 150.0
 """No controller of this robot may ask for more [N]."""
+_LONGEST_STEP = 5  # periods: what is older closes the gate
 _ANSWER = 0.1  # periods that the drive has to answer SYNC before the command is waited for
 _LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
 
@@ -70,10 +71,11 @@ class VerticalDrive:
         self._port, self._clock = port, port.clock
         self._watch = CommandWatch(period_ns, LARGEST_FORCE)
         self._chain = chain
-        self._force = 0.0
+        self._force = self._followed = 0.0
         self._heat = COLD
         self._written_ns = self._pumped_ns = 0
         self._period_ns = period_ns
+        self._longest_step = _LONGEST_STEP * period_ns * 1e-9
         self._missed_limit = missed_limit
         self._look_every = max(1, round(_LOOK_NS / period_ns))
 
@@ -163,6 +165,11 @@ class VerticalDrive:
         scale = self.drives.step(self._watch.newest_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
-        made, self._heat = commanded(self._chain, self._heat, force, scale, max(elapsed, 1e-6))
+        elapsed = max(elapsed, 1e-6)
+        # Where nothing passes, nothing was felt: the next force begins from zero.
+        last = self._followed if scale else 0.0
+        self._followed = followed(self._chain, last, force, min(elapsed, self._longest_step))
+        limited = self._followed != force
+        made, self._heat = commanded(self._chain, self._heat, self._followed, scale, elapsed)
         sent = self.drive.write(made.command, now_ns)
-        self.last = Written(made.torque if sent else 0.0, sent, made.limited)
+        self.last = Written(made.torque if sent else 0.0, sent, made.limited or limited)

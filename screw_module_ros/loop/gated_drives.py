@@ -159,6 +159,11 @@ class GatedDrives:
         """Whether torque is being passed on."""
         return self.gate.phase == gate.OPEN
 
+    def at_rest(self, now_ns: int) -> bool:
+        """Return whether the gate is closed and no drive is in operation enabled at now_ns [ns]."""
+        states = [drive.state(now_ns) for drive in self.drives]
+        return self.gate.phase == gate.CLOSED and State.OPERATION_ENABLED not in states
+
     @property
     def faulted(self) -> bool:
         """Whether something is latched that `clear_fault` must clear."""

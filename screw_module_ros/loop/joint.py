@@ -25,6 +25,10 @@ class JointSettings(NamedTuple):
     home_speed_limit: Annotated[
         float, Setting("homing is refused while a joint moves faster", "rad/s", 0.0, 1.0)
     ] = 0.02
+    home_shift: Annotated[
+        float, Setting("homing must be asked for twice when it moves the handle further", "m",
+                       0.0, 1.0)
+    ] = 0.005
     speed: Annotated[float, Setting("fastest joint that is believed", "rad/s", 0.1, 50.0)] = 6.0
     jump: Annotated[
         float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)

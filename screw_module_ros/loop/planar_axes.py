@@ -22,23 +22,28 @@ from ..control.planar import (
     planar_step,
 )
 from ..control.planar_settings import PlanarSettings
+from ..control.slot import SlotLimits
 from ..devices import drive_exit
 from ..devices.drive import Drive
 from ..devices.errors import BusError
+from ..devices.homing import Rehoming
 from ..devices.port import Port
-from ..geometry import MANUS, inverse
+from ..geometry import MANUS, forward, inverse, jacobian
 from .gated_drives import GatedDrives
+from .guide import Guidance, Guide
 from .joint import Joint, JointSettings
 
 _FRESH_NS = 100_000_000
 _HAND_UNKNOWN = (math.nan, math.nan)
 _FREEZE = FreezeSettings()
+_SLOT_LIMITS = SlotLimits()
 
 
 class PlanarAxes:
     """Both joints, their drives and the law; the loop's thread unless said otherwise.
 
-    settings, joints, gate, freeze: see there; `settings` may be replaced at any time.
+    settings, joints, gate, freeze: see there; `settings` may be replaced at any time. guide: the
+    slot, if there is one.
     """
 
     def __init__(
@@ -49,13 +54,16 @@ class PlanarAxes:
         joints: JointSettings,
         gate: GateSettings,
         freeze: FreezeSettings = _FREEZE,
+        slot_limits: SlotLimits = _SLOT_LIMITS,
     ):
         self.settings = settings
         self.drives = GatedDrives(drives, gate, period_ns)
         self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
+        self.guide = Guide(slot_limits)
         self.output: PlanarOutput | None = None
         self.written = (0.0, 0.0)
         self._joint_settings = joints
+        self._rehoming = Rehoming(joints.home_shift)
         self._period_ns = period_ns
         self._law = initial_state(settings)
         self._acted_ns = 0
@@ -106,9 +114,18 @@ class PlanarAxes:
             elbow.velocity,
             *setpoint,
             self.homed and self.drives.enabled,
+            *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
         self.output, self._law = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
         self._write(now_ns)
+
+    def _guidance(self, now_ns: int, dt: float) -> Guidance:
+        shoulder, elbow = self.joints
+        x, y = forward(shoulder.angle, elbow.angle, MANUS)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, MANUS)
+        vx = x_s * shoulder.velocity + x_e * elbow.velocity
+        vy = y_s * shoulder.velocity + y_e * elbow.velocity
+        return self.guide.guidance(x, y, vx, vy, now_ns, dt)
 
     def idle(self, now_ns: int) -> None:
         """Write zero in a tick without both answers; latch when there were too many.
@@ -166,10 +183,13 @@ class PlanarAxes:
     # -- any thread ------------------------------------------------------------------------------
 
     def home(self, now_ns: int) -> str:
-        """Declare that the handle stands at the reference mark; return why not, else empty."""
+        """Declare that the handle stands at the reference mark; return why not, else empty.
+
+        Not while enabled, moving or silent; twice where it contradicts the last one (`Rehoming`).
+        """
         settings = self._joint_settings
-        if self.drives.enabled:
-            return "disable the plane first"
+        if not self.drives.at_rest(now_ns):
+            return "the plane is enabled: disable it first"
         if not self._acted_ns or now_ns - self._acted_ns > _FRESH_NS:
             return "the drives do not answer"
         for drive, joint in zip(self.drives.drives, self.joints, strict=True):
@@ -178,7 +198,12 @@ class PlanarAxes:
                     f"{drive.label} turns at {joint.velocity:.3f} rad/s; let the handle rest at "
                     "the reference mark"
                 )
-        angles = inverse(settings.home_x, settings.home_y, MANUS)
+        mark = settings.home_x, settings.home_y
+        if self.homed:
+            place = forward(*(joint.angle for joint in self.joints), MANUS)
+            if doubt := self._rehoming.doubt(mark, place, now_ns):
+                return doubt
+        angles = inverse(*mark, MANUS)
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.home(angle)
         return ""

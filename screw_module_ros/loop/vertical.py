@@ -70,6 +70,7 @@ class VerticalLoop:
         self._period_ns = period_ns
         self._ticker = Ticker(clock, period_ns)
         self._force_pace = Pace(period_ns)
+        self._encoder_is_silent = False
 
     def step(self, parts: Parts) -> None:
         """Do one period. A controller alone has no ticks: it follows the samples that come."""
@@ -113,11 +114,18 @@ class VerticalLoop:
     def _answers(
         self, parts: Parts, tick: Tick, due_ns: int
     ) -> tuple[EncoderReading | None, ForceReading | None]:
-        """Return what encoder and force sensor answered; the latter keeps no drive waiting."""
+        """Return what encoder and force sensor answered; the latter keeps no drive waiting.
+
+        An encoder that was silent on the last tick comes second: to wait for it takes the period.
+        """
         sample = force = None
+        first_force = parts.force_sensor is not None and self._encoder_is_silent
+        if first_force:
+            force = parts.force_sensor.answer(self._clock.now_ns() + self._period_ns // 2)
         if parts.encoder is not None:
             sample = parts.encoder.answer(due_ns)
-        if parts.force_sensor is not None:
+            self._encoder_is_silent = sample is None
+        if parts.force_sensor is not None and not first_force:
             force = self._force_answer(parts, due_ns)
         if parts.drive is not None and parts.controller is None:
             parts.drive.await_answer(tick)

@@ -11,7 +11,7 @@ from screw_module_ros.calibration.chosen import LinearizationSettings, chosen_li
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
-from screw_module_ros.control.torque_chain import torque_chain
+from screw_module_ros.control.torque_chain import largest_command, torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
@@ -28,8 +28,11 @@ from .support.due import Due
 from .support.flat import COMMAND, Command
 from .support.module_node import Health
 from .support.runtime import main as run_node
+from .support.senders import Senders, too_many_senders
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
+
+_COMMANDS = "screw/force_command"
 
 
 class AmplifierSettings(NamedTuple):
@@ -55,6 +58,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
+        self._senders: Senders | None = None
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -64,18 +68,28 @@ class AmplifierNode(DriveNode):
         """Find the drive, configure it and its guards."""
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(DriveSettings)._replace(rate=rate)
-        self._linearization, self._state.calibration = chosen_linearization(
+        self._screw = self.parameters.read(Screw)
+        linearization, self._state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)
         )
+        self._chain = torque_chain(
+            self.parameters.read(CommandLimits),
+            self.parameters.read(TorqueLimits, "torque"),
+            linearization,
+            self._screw,
+            settings.rated_torque,
+        )
+        largest = min(settings.max_torque, largest_command(self._chain))
+        settings = settings._replace(max_torque=largest)
         port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
-        self._screw = self.parameters.read(Screw)
         self.configure_drives(Drive(port, settings, "vertical drive", per_turn=self._screw.lead))
         self.check_bus_load(self.drives[0].traffic)
         self.get_logger().info(f"linearization: {self._state.calibration}")
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            COMMAND, "screw/force_command", qos.COMMAND, wakes=True
+            COMMAND, _COMMANDS, qos.COMMAND, wakes=True
         )
+        self._senders = Senders(self, [_COMMANDS])
         self.follow_permission(inbox, "vertical_permitted")
         self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
 
@@ -88,13 +102,7 @@ class AmplifierNode(DriveNode):
             self.port,
             self.period_ns,
             self.parameters.read(GateSettings, "gate"),
-            torque_chain(
-                self.parameters.read(CommandLimits),
-                self.parameters.read(TorqueLimits, "torque"),
-                self._linearization,
-                self._screw,
-                drive.settings.rated_torque,
-            ),
+            self._chain,
             own.missed_limit,
         )
         self._state_due = Due(own.state_rate)
@@ -106,6 +114,13 @@ class AmplifierNode(DriveNode):
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
         drive.start()
         self.start_polls()
+
+    def disconnect(self) -> None:
+        """Close the bus."""
+        if self._senders is not None:
+            self._senders.close()
+            self._senders = None
+        super().disconnect()
 
     def leave(self) -> str:
         """Leave the drive cleanly."""
@@ -127,6 +142,12 @@ class AmplifierNode(DriveNode):
                 self.gated.fault = self.gated.fault or self._rate_check.wrong
         return command
 
+    def permission(self, drives: GatedDrives, now_ns: int) -> None:
+        """Tell the gate what the supervisor permits; two who command while it is open stop it."""
+        super().permission(drives, now_ns)
+        if self._senders.warning and drives.enabled:
+            drives.fault = drives.fault or self._senders.warning
+
     def tell_state(self, now_ns: int) -> None:
         """Publish the state when it is due."""
         if self._state_due(now_ns):
@@ -143,10 +164,7 @@ class AmplifierNode(DriveNode):
 
     def enable(self) -> str:
         """Enable, unless more than one node gives commands; return why not."""
-        publishers = self._inbox.publishers("screw/force_command")
-        if publishers > 1:
-            return f"{publishers} nodes publish screw/force_command: one is allowed"
-        return super().enable()
+        return too_many_senders(self, _COMMANDS) or super().enable()
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""

@@ -28,6 +28,7 @@ from .support.bench_report import LEGEND, content_of, loop_table, processor_tabl
 from .support.console import Console
 from .support.graph_run import Interrupted
 from .support.isolation import own_place
+from .support.options import FiniteRange
 from .support.robot import RobotError
 from .support.single import AlreadyRunning
 
@@ -36,7 +37,7 @@ LOOP = "loop"
 
 @click.command(context_settings={"show_default": True})
 @click.option("--runs", default=5, type=click.IntRange(1, 100), help="Of each measurement.")
-@click.option("--seconds", default=15.0, type=click.FloatRange(2.0, 3600.0), help="Of a run.")
+@click.option("--seconds", default=15.0, type=FiniteRange(2.0, 3600.0), help="Of a run.")
 @click.option("--quick", is_flag=True, help="One run of 5 s each.")
 @click.option(
     "--only", multiple=True, type=click.Choice([SEPARATE, COMPOSED, LOOP]),

@@ -8,7 +8,6 @@ for environments without the launch package.
 from __future__ import annotations
 
 import ctypes
-import os
 import signal
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from pathlib import Path
 
 import click
 
+from screw_module_ros.domain import domain_id
 from screw_module_ros.lockstep.page import sweep
 
 from .support.plan import checked_values, plan
@@ -172,7 +172,7 @@ def _watch(processes: list[Process], stopping: threading.Event) -> dict[str, int
     finally:
         begun = time.monotonic()
         codes = stop(processes)
-        sweep(os.environ.get("ROS_DOMAIN_ID", "0"))
+        sweep(str(domain_id()))
         click.echo(f"bringup: all stopped in {time.monotonic() - begun:.1f} s", err=True)
     return codes
 

@@ -27,6 +27,7 @@ from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, sett
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
+from screw_module_ros.quoting import quoted
 from screw_module_ros.settings import Setting
 
 from .live.action import OneGoalServer, Outcome
@@ -229,7 +230,7 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     experiment = EXPERIMENTS.get(request.experiment)
     if experiment is None:
         raise ValueError(
-            f"no experiment {request.experiment!r}; there are {', '.join(EXPERIMENTS)}"
+            f"no experiment {quoted(request.experiment)}; there are {', '.join(EXPERIMENTS)}"
         )
     settings = settings_from_yaml(request.settings, experiment.settings)
     if not request.folder:

@@ -8,7 +8,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.devices.errors import DeviceError, NotHomed
 from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -21,6 +21,7 @@ from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
+from .support.torque_off import TorqueOff
 
 
 class EncoderNode(DriverNode):
@@ -46,6 +47,7 @@ class EncoderNode(DriverNode):
         self._publish = self.outlet(EncoderSample, "screw/encoder", qos.SAMPLE, raw=True)
         self._publish_slow = self.outlet(EncoderSample, topics.SLOW_ENCODER, qos.SAMPLE, raw=True)
         self._slow_every = max(1, round(rate / topics.SLOW_RATE))
+        self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Let the samples flow."""
@@ -83,9 +85,17 @@ class EncoderNode(DriverNode):
         self.device.poll_slow()
 
     def _home(self, request: Trigger.Request) -> Done:
-        if self.device.fault:
-            self.device.clear_fault()
-        return Done(f"homed at {self.device.home():g} m")
+        self._torque_off.check("would pull to another place")
+        device = self.device
+        cleared = bool(device.fault)
+        if cleared:
+            device.clear_fault()
+        try:
+            return Done(f"homed at {device.home():g} m")
+        except NotHomed as error:
+            if cleared and device.homed:
+                raise NotHomed(f"the fault is cleared, the last homing holds; {error}") from None
+            raise
 
     def health(self) -> Health:
         """Rate, faults, counters."""

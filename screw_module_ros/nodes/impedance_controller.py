@@ -15,6 +15,7 @@ from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
@@ -32,8 +33,11 @@ from .support.flat import pack_command
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.realtime import Inbox
 from .support.runtime import main as run_node
+from .support.senders import Senders
 from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
+
+_SAMPLES = ("screw/encoder", "handle/force")
 
 
 class ControllerSettings(NamedTuple):
@@ -64,9 +68,11 @@ class ImpedanceControllerNode(ModuleNode):
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
         self.parameters.declare(AgreementSettings, "agreement")
+        self.parameters.declare(SlotLimits, "slot")
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._friction: ChosenFriction | None = None
+        self._senders: Senders | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -80,6 +86,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._load(chosen.friction_file)
         forces = Inbox(self, self.clock, self.direct)
         self._inputs = ControllerInputs(self.new_inbox(), forces, self._period_ns)
+        self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
@@ -111,6 +118,7 @@ class ImpedanceControllerNode(ModuleNode):
             self.parameters.read(AgreementSettings, "agreement"),
             self._period_ns,
             chosen.mode,
+            self.parameters.read(SlotLimits, "slot"),
         )
         self.part.wanted = self._inputs.wanted
         self._inputs.restart()
@@ -134,6 +142,9 @@ class ImpedanceControllerNode(ModuleNode):
         """Remove the topics."""
         if self._inbox is not None:
             self._inputs.close()
+        if self._senders is not None:
+            self._senders.close()
+            self._senders = None
 
     def changed(self, kind: type) -> None:
         """Take over live parameters; the law fades them in."""
@@ -157,8 +168,10 @@ class ImpedanceControllerNode(ModuleNode):
         self._publish(pack_command(sample, output, mode))
 
     def hear(self, now_ns: int) -> None:
-        """Take set point and amplifier state, where they come by a topic."""
+        """Take set point, slot and amplifier state, where they come by a topic."""
         self._inputs.hear(self.part, now_ns)
+        if self._senders.warning:
+            self.part.distrust(self._senders.warning)
 
     def tell_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""

@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
@@ -27,6 +28,7 @@ from .support.flat import FORCE
 from .support.module_node import Health
 from .support.planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.runtime import main as run_node
+from .support.slot_input import SlotInbox
 from .support.states import fill_plane
 
 
@@ -47,6 +49,7 @@ class ManusNode(DriveNode):
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
+        self.parameters.declare(SlotLimits, "slot")
         self._state = PlanarState()
         self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
@@ -58,8 +61,8 @@ class ManusNode(DriveNode):
 
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
-        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate)
         law = self.parameters.read(PlanarSettings).validated()
+        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate, law)
         names = [f"drive node {each.node_id}" for each in settings]
         port = self.open_port(*names, f"master {settings[0].master_id}")
         self.configure_drives(*make_drives(port, settings))
@@ -72,6 +75,7 @@ class ManusNode(DriveNode):
             self.parameters.read(JointSettings, "joints"),
             self.parameters.read(GateSettings, "gate"),
             self.parameters.read(FreezeSettings, "freeze"),
+            self.parameters.read(SlotLimits, "slot"),
         )
         self._make_topics()
 
@@ -79,6 +83,7 @@ class ManusNode(DriveNode):
         inbox = self.new_inbox()
         self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
         self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
+        self._slot = SlotInbox(inbox, vertical=False)
         self._wanted = Wanted(axes=2)
         self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
@@ -122,6 +127,7 @@ class ManusNode(DriveNode):
         force = self._take_force()
         if force is not None:
             self._loop.on_force(force.fx, force.fy, now_ns)
+        self._slot.hear(self._axes.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity

@@ -43,7 +43,8 @@ class SimulationSettings(NamedTuple):
                        1e-4, 0.01)
     ] = 0.001
     speed: Annotated[
-        float, Setting("simulated seconds per second at most, 0 = as fast as it goes", "", 0.0, 1e3)
+        float, Setting("simulated seconds per second at most, 0 = as fast as it goes", "", 0.0, 1e3,
+                       live=True)
     ] = 1.0
     truth_rate: Annotated[float, Setting("sim/truth messages per second", "Hz", 1.0, 500.0)] = 100.0
 
@@ -97,6 +98,11 @@ class SimRigNode(ModuleNode):
         if settings not in self._buses:
             self._buses[settings] = open_bus(settings)
         return self._buses[settings]
+
+    def changed(self, kind: type) -> None:
+        """Take over a new speed."""
+        if kind is SimulationSettings and self._time is not None:
+            self._time.speed = self.parameters.read(kind).speed
 
     def disconnect(self) -> None:
         """Close the buses."""

@@ -32,6 +32,7 @@ from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
 from .support import qos
 from .support.console import Console
 from .support.graph_run import GraphRun, Interrupted
+from .support.options import FiniteRange
 from .support.processes import usage
 from .support.robot import Robot, RobotError, arm
 from .support.single import AlreadyRunning
@@ -71,10 +72,10 @@ class Options(NamedTuple):
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--minutes", default=10.0, type=click.FloatRange(0.1, 6000.0), help="How long.")
+@click.option("--minutes", default=10.0, type=FiniteRange(0.1, 6000.0), help="How long.")
 @click.option("--quick", is_flag=True, help=f"Only {_QUICK_S:g} s, to see that it works.")
-@click.option("--every", default=5.0, type=click.FloatRange(0.5, 600.0), help="Look each [s].")
-@click.option("--change", default=20.0, type=click.FloatRange(2.0, 3600.0),
+@click.option("--every", default=5.0, type=FiniteRange(0.5, 600.0), help="Look each [s].")
+@click.option("--change", default=20.0, type=FiniteRange(2.0, 3600.0),
               help="Another mode each [s].")  # fmt: skip
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
               default=Path("soak_output"), help="Each run makes a folder of its own in here.",

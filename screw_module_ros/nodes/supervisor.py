@@ -86,7 +86,7 @@ class SupervisorNode(ModuleNode):
         except (OSError, ValueError) as error:
             self.get_logger().warning(
                 f"what was stopped before cannot be read, so it counts as an emergency stop; look "
-                f"whether the vertical axis is locked, then call ~/reset ({self._kept.path}: "
+                f"whether the vertical axis is locked, then call ~/reset ({self._kept.place}: "
                 f"{error})"
             )
             return supervision.estop(SupervisorState())
@@ -102,7 +102,7 @@ class SupervisorNode(ModuleNode):
         except OSError as error:
             self.get_logger().warning(
                 f"a restart of the supervisor would forget what is stopped or locked now: "
-                f"{self._kept.path}: {error}"
+                f"{self._kept.place}: {error}"
             )
 
     def connect(self) -> None:

@@ -32,7 +32,7 @@ class HumanArm(NamedTuple):
     """The patient's arm as it is when the rig starts."""
 
     kind: Annotated[str, Setting("what the arm does", choices=KINDS)]
-    mass: Annotated[float, Setting("moved with the handle", "kg", 0.0, 20.0)]
+    mass: Annotated[float, Setting("moved with the handle", "kg", 0.0, 60.0)]
     stiffness: Annotated[float, Setting("towards the virtual hand", "N/m", 0.0, 5000.0)]
     damping: Annotated[float, Setting("towards the virtual hand", "N s/m", 0.0, 500.0)]
     carried: Annotated[float, Setting("share of its weight on the handle", "", 0.0, 1.0)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ..quoting import quoted
 from .module import LOCKED_ROTOR, STAGE
 
 NAMES = ("human_arm", "free", "stage", "locked_rotor")  # by number
@@ -57,7 +58,7 @@ def changed_fixture(
     be and why.
     """
     if name and name not in NAMES:
-        raise ValueError(f"fixture = {name!r}: one of {', '.join(NAMES)} is wanted")
+        raise ValueError(f"fixture = {quoted(name)}: one of {', '.join(NAMES)} is wanted")
     kind = NAMES.index(name) if name else old.kind
     placing = not math.isnan(position)
     if placing and not 0.0 <= position <= travel:

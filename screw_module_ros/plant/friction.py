@@ -15,7 +15,11 @@ that was mapped. On top come effects no controller of this project models:
   carries the whole force. Below `ELASTIC` of the level it only bends, so a load below that is held
   without creep;
 - load: the moment on the linear bearing, from the handle's 77.85 mm offset and from sideways force,
-  raises friction above what the same speed has in the passive runs that gave the map.
+  raises friction above what the same speed has in the passive runs that gave the map;
+- waves along the screw that no polynomial of the thesis's order follows;
+- rollers that slip: their ripple's phase moves on with the way travelled, so that it does not
+  repeat with the height;
+- warm-up and wear: the level starts too high and falls with the way travelled since power-on.
 
 The bristle is integrated implicitly and can only lose energy, whatever level and speed do.
 """
@@ -70,21 +74,27 @@ class Friction(NamedTuple):
     damping: Annotated[float, Setting("bristles before slip", "N s/m", 0.0, 1e5)]
     load_gain: Annotated[float, Setting("friction per bearing moment", "N/Nm", 0.0, 10.0)]
     load_time: Annotated[float, Setting("lag of the load effect", "s", 1e-4, 1.0)]
+    wave: Annotated[float, Setting("amplitude of waves along the screw", "N", 0.0, 10.0)]
+    wave_length: Annotated[float, Setting("of these waves", "m", 0.005, 1.0)]
+    wave_phase: Annotated[float, Setting("of these waves at z = 0", "rad", -10.0, 10.0)]
+    roller_phase: Annotated[float, Setting("of the rollers at power-on", "rad", -10.0, 10.0)]
+    roller_slip: Annotated[float, Setting("phase lost per way travelled", "rad/m", 0.0, 100.0)]
+    cold: Annotated[float, Setting("excess of the level at power-on", "", 0.0, 2.0)]
+    cold_way: Annotated[float, Setting("way over which that excess goes", "m", 0.01, 1000.0)]
 
 
 def steady_level(
-    p: Friction, turn_rate: float, height: float, speed: float, against: bool
+    p: Friction, turn_rate: float, height: float, speed: float, against: bool, way: float = 0.0
 ) -> float:
     """Return |friction| at constant speed in a passive run [N], without the load effect.
 
     turn_rate: 2 pi / lead [rad/m]; height [m], held within the map; speed: |v| [m/s];
-    against: moving against gravity.
+    against: moving against gravity; way: travelled since power-on, up and down [m].
     """
     z = min(max(height, 0.0), p.range_end)
     phase = turn_rate * z + p.phase
     sine = math.sin(phase)
-    double = 2.0 * sine * math.cos(phase)
-    roller = p.roller_amplitude * 2.0 * double * (1.0 - 2.0 * sine * sine)  # sin(4 phase)
+    roller = p.roller_amplitude * math.sin(4.0 * phase + p.roller_phase + p.roller_slip * way)
     moving = max(speed, p.slowest) * _MM
     if against:
         place = _place(p.against, z * _MM, sine)
@@ -93,6 +103,8 @@ def steady_level(
         place = _place(p.along, z * _MM, sine)
         factor = _speed_factor(p.along, moving)
     place = p.scale * place + roller
+    place += p.wave * math.sin(2.0 * math.pi * z / p.wave_length + p.wave_phase)
+    place *= 1.0 + p.cold * math.exp(-way / p.cold_way)
     uneven = p.stribeck * (1.0 - 2.0 * z / p.range_end)
     ratio = speed / p.stribeck_speed
     level = factor * place + uneven / (1.0 + ratio * ratio)

@@ -32,6 +32,13 @@ class Vertical(NamedTuple):
     contact_damping: Annotated[float, Setting("nut to handle", "N s/m", 0.0, 1e5)]
     film_damping: Annotated[float, Setting("grease film across the play", "N s/m", 0.0, 1e4)]
     contact_depth: Annotated[float, Setting("where damping is full", "m", 1e-8, 1e-3)]
+    rail_friction: Annotated[
+        float, Setting("guide and cable on the handle's side of the play", "N", 0.0, 20.0)
+    ]
+    rail_stiffness: Annotated[float, Setting("bristles of that friction", "N/m", 1e3, 1e8)]
+    mount_stiffness: Annotated[float, Setting("screw's mount, 0 = rigid", "N/m", 0.0, 1e9)]
+    mount_damping: Annotated[float, Setting("screw's mount", "N s/m", 0.0, 1e5)]
+    mount_mass: Annotated[float, Setting("that moves in the mount", "kg", 0.5, 50.0)]
     travel: Annotated[float, Setting("between the end stops", "m", 0.05, 2.0)]
     stop_stiffness: Annotated[float, Setting("end stops", "N/m", 1e3, 1e7)]
     stop_damping: Annotated[float, Setting("end stops", "N s/m", 0.0, 1e5)]
@@ -42,7 +49,10 @@ class Vertical(NamedTuple):
 
 
 class VerticalParams(NamedTuple):
-    """Everything `vertical_step` needs, for substeps of `dt` [s]. turn_rate: 2 pi/lead [rad/m]."""
+    """Everything `vertical_step` needs, for substeps of `dt` [s].
+
+    turn_rate: 2 pi / lead [rad/m]; force_lag: time constant of the transducer's filter [s].
+    """
 
     module: Vertical
     friction: Friction
@@ -52,6 +62,7 @@ class VerticalParams(NamedTuple):
     torque_constant: float
     turn_rate: float
     dt: float
+    force_lag: float = 0.0
 
 
 class VerticalInput(NamedTuple):
@@ -82,7 +93,9 @@ class VerticalState(NamedTuple):
     nut, handle [m] and velocities [m/s]; bristle: force it carries [N]; load: lagged moment on the
     bearing [Nm]; friction, patient_force, contact_force (of the handle on the nut) [N]; current [A]
     and the three commands before [A]; torque: on the rotor [Nm]; rotor_angle, rotor_velocity: of
-    the rotor locked to the transducer [rad], [rad/s].
+    the rotor locked to the transducer [rad], [rad/s]; way: travelled by the nut since power-on [m];
+    rail_bristle: force of the friction on the handle's side [N]; mount [m], mount_velocity: of the
+    screw in its mount; filtered_force: patient_force behind the transducer's filter [N].
     """
 
     nut: float
@@ -101,6 +114,11 @@ class VerticalState(NamedTuple):
     torque: float
     rotor_angle: float
     rotor_velocity: float
+    way: float
+    rail_bristle: float
+    mount: float
+    mount_velocity: float
+    filtered_force: float
 
 
 def vertical_params(
@@ -110,10 +128,12 @@ def vertical_params(
     transducer: Transducer,
     arm: ArmForce,
     dt: float,
+    force_bandwidth: float = math.inf,
 ) -> VerticalParams:
     """Return the parameters of `vertical_step` for substeps of dt [s].
 
-    Raises ValueError when dt does not suit the amplifier's delay.
+    force_bandwidth: of the transducer's filter [Hz]. Raises ValueError when dt does not suit the
+    amplifier's delay.
     """
     return VerticalParams(
         module,
@@ -124,6 +144,7 @@ def vertical_params(
         amplifier.torque_constant,
         2.0 * math.pi / module.lead,
         dt,
+        1.0 / (2.0 * math.pi * force_bandwidth),
     )
 
 

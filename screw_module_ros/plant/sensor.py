@@ -8,7 +8,8 @@ the transducer: it enters friction, not this wrench. On the locked-rotor fixture
 reads the rotor's torque about z.
 
 Zeros drift as the electronics warm up: each axis goes exponentially to an offset of its own.
-Quantisation is the business of the simulated ATI electronics.
+Quantisation is the business of the simulated ATI electronics. The filter before the converter acts
+on the force along z alone, the one that a loop is closed over; `plant.vertical` applies it.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class Sensor(NamedTuple):
     force_drift: Annotated[float, Setting("zero, when warm", "N", 0.0, 100.0)]
     torque_drift: Annotated[float, Setting("zero, when warm", "Nm", 0.0, 10.0)]
     drift_time: Annotated[float, Setting("warm-up time constant", "s", 1.0, 1e5)]
+    bandwidth: Annotated[float, Setting("first-order filter, force along z", "Hz", 10.0, 1e5)]
 
 
 class SensorParams(NamedTuple):

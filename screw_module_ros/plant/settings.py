@@ -8,8 +8,9 @@ import random
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
-import yaml
-
+from ..plain_yaml import load_plain_yaml
+from ..quoting import named, quoted
+from ..regular_file import read_regular
 from ..resources import resource_path
 from ..settings import Setting, declared, problem
 from .amplifier import Amplifier, amplifier_step_settings
@@ -20,6 +21,7 @@ from .planar import Planar, resting_plane
 from .sensor import Sensor
 from .transducer import Transducer
 
+_LARGEST_FILE = 1_000_000  # bytes
 DEFAULT_FILE = "params/plant.yaml"
 POLYNOMIALS = {"trend": 8, "rotation": 6}  # coefficients, highest power first
 
@@ -65,10 +67,10 @@ def load_world(path: str | Path | None = None, perturb_seed: int | None = None) 
     """
     file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
     try:
-        content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        content = load_plain_yaml(read_regular(file, _LARGEST_FILE).decode())
     except OSError as error:
         raise PlantFileError(f"plant file {file} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise PlantFileError(f"plant file {file} is not YAML: {error}") from error
     try:
         settings = checked(_section(WorldSettings, content, ""))
@@ -84,7 +86,7 @@ def _section(kind: type, content: Any, where: str) -> Any:
     hints = get_type_hints(kind)
     for key in content:
         if key not in hints:
-            raise ValueError(f"{where}{key} is unknown; known are {', '.join(hints)}")
+            raise ValueError(f"{where}{named(key)} is unknown; known are {', '.join(hints)}")
     missing = [name for name in hints if name not in content]
     if missing:
         raise ValueError(f"{where}{missing[0]} is missing")
@@ -99,10 +101,11 @@ def _value(kind: type, name: str, hint: type, value: Any, where: str) -> Any:
         value = _numbers(value, label, POLYNOMIALS[name])
     elif hint is float:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ValueError(f"{label} = {value!r}: a number is wanted (write 1.0e-4, not 1e-4)")
-        value = float(value)
+            told = f"{label} = {quoted(value)}"
+            raise ValueError(f"{told}: a number is wanted (write 1.0e-4, not 1e-4)")
+        value = _double(value, label)
     elif type(value) is not hint:
-        raise ValueError(f"{label} = {value!r}: {hint.__name__} is wanted")
+        raise ValueError(f"{label} = {quoted(value)}: {hint.__name__} is wanted")
     wrong = problem(declared(kind)[name], value, label)
     if wrong:
         raise ValueError(wrong)
@@ -113,7 +116,14 @@ def _numbers(value: Any, label: str, count: int) -> tuple[float, ...]:
     good = isinstance(value, list) and len(value) == count
     if not good or not all(type(number) in (int, float) for number in value):
         raise ValueError(f"{label}: a list of {count} numbers is wanted")
-    return tuple(float(number) for number in value)
+    return tuple(_double(number, label) for number in value)
+
+
+def _double(value: float, label: str) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{label} = {quoted(value)}: a finite number is wanted") from None
 
 
 def checked(settings: WorldSettings) -> WorldSettings:
@@ -138,14 +148,16 @@ def checked(settings: WorldSettings) -> WorldSettings:
 def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
     """Return another rig of the same build, drawn round `settings`; the same for the same seed.
 
-    Changed are friction (level, ripples, phase, slopes, stiction, Stribeck), masses and with them
-    gravity, the motor constant, the dead zone and the play; by about as much as one module differs
-    from the next or from itself after it was taken apart (thesis 5.1.1).
+    Changed are friction (level, ripples, phases, slopes, shape of the trend, stiction, Stribeck,
+    bristles, load, slip, warm-up), masses and with them gravity, the motor constant, dead zone and
+    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer; by
+    about as much as one module differs from the next or from itself after it was taken apart
+    (thesis 5.1.1).
     """
     draw = random.Random(f"plant {seed}")
 
     def about(value: float, spread: float) -> float:
-        return value * math.exp(draw.uniform(-spread, spread))
+        return _about(draw, value, spread)
 
     def map_about(settled):
         ripple = math.exp(draw.uniform(-0.4, 0.4))
@@ -177,4 +189,82 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
         dead_zone=about(amplifier.dead_zone, 0.3),
         torque_constant=about(amplifier.torque_constant, 0.03),
     )
-    return settings._replace(friction=friction, vertical=vertical, amplifier=amplifier)
+    # A stream of its own, so that what a seed drew before this was added is still what it draws.
+    return _less_known(
+        settings._replace(friction=friction, vertical=vertical, amplifier=amplifier),
+        random.Random(f"plant, what nobody measures, {seed}"),
+    )
+
+
+def _about(draw: random.Random, value: float, spread: float) -> float:
+    return value * math.exp(draw.uniform(-spread, spread))
+
+
+def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
+    """Return the rig with other values where neither thesis nor data sheet gives one."""
+    f, v = settings.friction, settings.vertical
+    friction = f._replace(
+        against=_bent(f.against, draw),
+        along=_bent(f.along, draw),
+        stribeck_speed=_about(draw, f.stribeck_speed, 0.5),
+        stiffness=_about(draw, f.stiffness, 0.7),
+        damping=_about(draw, f.damping, 0.7),
+        load_gain=_about(draw, f.load_gain, 0.7),
+        load_time=_about(draw, f.load_time, 0.7),
+        wave=draw.uniform(0.2, 0.8),
+        wave_length=draw.uniform(0.03, 0.09),
+        wave_phase=draw.uniform(-math.pi, math.pi),
+        roller_phase=draw.uniform(-math.pi, math.pi),
+        roller_slip=draw.uniform(0.0, 3.0),
+        cold=draw.uniform(0.0, 0.15),
+        cold_way=draw.uniform(2.0, 20.0),
+    )
+    vertical = v._replace(
+        contact_stiffness=_about(draw, v.contact_stiffness, 1.0),
+        contact_damping=_about(draw, v.contact_damping, 0.5),
+        film_damping=_about(draw, v.film_damping, 0.5),
+        rail_friction=draw.uniform(0.1, 0.8),
+        rail_stiffness=_about(draw, v.rail_stiffness, 0.7),
+    )
+    amplifier = settings.amplifier._replace(delay=_about(draw, settings.amplifier.delay, 0.2))
+    sensor = settings.sensor._replace(
+        force_noise=_about(draw, settings.sensor.force_noise, 0.7),
+        bandwidth=draw.uniform(300.0, 2000.0),
+    )
+    return settings._replace(
+        friction=friction, vertical=vertical, amplifier=amplifier, sensor=sensor
+    )
+
+
+def _bent(branch, draw: random.Random):
+    """Return a map whose trend is tilted and bent by up to 1.2 N at the ends of the screw."""
+    tilt, bend = draw.uniform(-1.2, 1.2), draw.uniform(-1.2, 1.2)
+    length = 355.0  # [mm] of the map
+    added = (4.0 * bend / length**2, (2.0 * tilt - 4.0 * bend) / length, bend / 3.0 * 2.0 - tilt)
+    trend = tuple(
+        old + more for old, more in zip(branch.trend, (0.0,) * 5 + added, strict=True)
+    )
+    return branch._replace(trend=trend)
+
+
+def changed_later(settings: WorldSettings, seed: int) -> WorldSettings:
+    """Return the rig as it is some time after it was calibrated; the same for the same seed.
+
+    Wear and grease change the friction's level and play, rollers have slipped to another phase, a
+    heavier or lighter handle is on, the transducer has another zero. What calibration found no
+    longer holds.
+    """
+    draw = random.Random(f"plant, later, {seed}")
+    f, v, s = settings.friction, settings.vertical, settings.sensor
+    return settings._replace(
+        friction=f._replace(
+            scale=_about(draw, f.scale, 0.2),
+            roller_phase=draw.uniform(-math.pi, math.pi),
+            phase=f.phase + draw.uniform(-0.3, 0.3),
+        ),
+        vertical=v._replace(
+            moving_mass=v.moving_mass + draw.uniform(-0.1, 0.3),
+            play=_about(draw, v.play, 0.2),
+        ),
+        sensor=s._replace(force_bias=_about(draw, s.force_bias, 0.5)),
+    )

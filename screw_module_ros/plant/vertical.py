@@ -46,27 +46,47 @@ def vertical_step(p: VerticalParams, s: VerticalState, u: VerticalInput) -> Vert
         return VerticalState(
             s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
             current, history_1, history_2, history_3, drive, angle, speed,
+            s.way, s.rail_bristle, s.mount, 0.0, 0.0,
         )  # fmt: skip
-    nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient = _move(
+    nut, nut_velocity, handle, handle_velocity, bristle, friction, contact, patient, rail = _move(
         p, s, u, drive
     )
     brake = p.module.brake_damping * p.turn_rate * nut_velocity if u.braked else 0.0
     moment = p.module.handle_offset * abs(patient) + p.module.grip_height * u.side_force
     load = s.load + (moment - s.load) * p.dt / (p.friction.load_time + p.dt)
+    mount, mount_velocity = _mount(p, s, contact)
+    filtered = s.filtered_force + (patient - s.filtered_force) * p.dt / (p.force_lag + p.dt)
     return VerticalState(
         nut, nut_velocity, handle, handle_velocity, bristle, load, friction, patient, contact,
         current, history_1, history_2, history_3, drive - brake, 0.0, 0.0,
+        s.way + abs(nut_velocity) * p.dt, rail, mount, mount_velocity, filtered,
     )  # fmt: skip
+
+
+def _mount(p: VerticalParams, s: VerticalState, contact: float) -> tuple[float, float]:
+    """Return deflection [m] and velocity of the screw in its mount (thesis appendix A, case 3).
+
+    The handle's force goes through the nut into screw and mount; the encoder turns with the screw
+    and does not see how far that gives way. Spring and damper implicit, the force is the substep's.
+    """
+    m = p.module
+    if m.mount_stiffness == 0.0:
+        return 0.0, 0.0
+    push = contact - m.mount_stiffness * s.mount + m.mount_mass / p.dt * s.mount_velocity
+    velocity = push / (m.mount_mass / p.dt + m.mount_damping + m.mount_stiffness * p.dt)
+    return s.mount + p.dt * velocity, velocity
 
 
 def _friction_level(p: VerticalParams, s: VerticalState, upright: float) -> float:
     """Return |friction| the bristle tends to at the present speed [N]."""
     f = p.friction
     against = s.nut_velocity * upright > 0.0
-    level = steady_level(f, p.turn_rate, s.nut, abs(s.nut_velocity), against)
+    level = steady_level(f, p.turn_rate, s.nut, abs(s.nut_velocity), against, s.way)
     weight = p.module.moving_mass * p.module.gravity
     mapped = p.module.handle_offset * passive_force(level, weight, against)
-    return max(level + f.load_gain * (s.load - mapped), f.smallest)
+    # The map was pushed at the handle: what rubs there is part of it and does not act on the nut.
+    nut = level - p.module.rail_friction
+    return max(nut + f.load_gain * (s.load - mapped), f.smallest)
 
 
 def _stop_terms(m: Vertical, position: float, velocity: float, dt: float) -> tuple[float, float]:
@@ -87,10 +107,11 @@ def _stop_terms(m: Vertical, position: float, velocity: float, dt: float) -> tup
 
 def _move(
     p: VerticalParams, s: VerticalState, u: VerticalInput, drive: float
-) -> tuple[float, float, float, float, float, float, float, float]:
+) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Solve one substep of both masses; drive: mean motor torque [Nm].
 
-    Returns nut [m], its velocity, handle, its velocity, bristle, friction, contact, patient [N].
+    Returns nut [m], its velocity, handle, its velocity, bristle, friction, contact, patient and the
+    handle's own bristle [N].
     """
     m = p.module
     dt = p.dt
@@ -116,7 +137,13 @@ def _move(
         steady += stiffness * (u.hand - s.handle) + viscous * u.hand_velocity
     stop, stopped = _stop_terms(m, s.handle, s.handle_velocity, dt)
     stop_gain = stopped * (m.stop_stiffness * dt + m.stop_damping)
-    own = -u.upright * weight + stop
+    rail_keep, rail_slope, _ = bristle_terms(
+        m.rail_stiffness, 0.0, s.rail_bristle, s.handle_velocity, max(m.rail_friction, 1e-9), dt
+    )
+    if m.rail_friction == 0.0:
+        rail_keep, rail_slope = 0.0, 0.0
+    own = -u.upright * weight + stop - rail_keep * s.rail_bristle
+    stop_gain += rail_slope
     handle_gain = mass / dt + stiffness * dt + viscous + stop_gain
     handle_push = mass / dt * s.handle_velocity + own + steady
     stage = math.nan
@@ -137,6 +164,9 @@ def _move(
         patient -= p.arm.mass * acceleration + u.upright * p.arm.weight
     else:
         patient = 0.0
+    rail = settled_bristle(
+        rail_keep * s.rail_bristle + rail_slope * handle_velocity, s.rail_bristle, m.rail_friction
+    )
     bent = keep * s.bristle + slope * nut_velocity
     return (
         s.nut + dt * nut_velocity,
@@ -147,6 +177,7 @@ def _move(
         bent + micro * nut_velocity,
         contact,
         patient,
+        rail,
     )
 
 
@@ -167,9 +198,10 @@ def _solve(
     `stage`, NaN = none) prescribe their side's velocity. The contact is assumed open or closed by
     where the masses are heading, and the answer is checked: a contact does not pull.
     """
-    gap = s.handle - s.nut
+    gap = s.handle - s.nut - s.mount
     half = 0.5 * m.play
-    ahead = gap + dt * (s.handle_velocity - s.nut_velocity)
+    sway = s.mount_velocity  # of the screw in its mount, with which the nut moves along
+    ahead = gap + dt * (s.handle_velocity - s.nut_velocity - sway)
     nut_velocity = 0.0
     handle_velocity = 0.0
     contact = 0.0
@@ -183,20 +215,23 @@ def _solve(
         if locked:
             nut_velocity = 0.0
         elif stage == stage:
-            nut_velocity = (nut_push + spring + gain * stage) / (nut_gain + gain)
+            nut_velocity = (nut_push + spring + gain * (stage - sway)) / (nut_gain + gain)
         else:
-            first = nut_push + spring
-            second = handle_push - spring
+            first = nut_push + spring - gain * sway
+            second = handle_push - spring + gain * sway
             nut_velocity = (first * (handle_gain + gain) + second * gain) / (
                 nut_gain * handle_gain + gain * (nut_gain + handle_gain)
             )
         if stage == stage:
             handle_velocity = stage
         else:
-            handle_velocity = (handle_push - spring + gain * nut_velocity) / (handle_gain + gain)
-        contact = spring + gain * (handle_velocity - nut_velocity)
-        pulls = side * (spring + firm * (handle_velocity - nut_velocity)) < 0.0
-        ahead = gap + dt * (handle_velocity - nut_velocity)
+            handle_velocity = (handle_push - spring + gain * (nut_velocity + sway)) / (
+                handle_gain + gain
+            )
+        closing = handle_velocity - nut_velocity - sway
+        contact = spring + gain * closing
+        pulls = side * (spring + firm * closing) < 0.0
+        ahead = gap + dt * closing
         if side == 0.0 and abs(ahead) <= half:
             break
         if side != 0.0 and not pulls:

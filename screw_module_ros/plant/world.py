@@ -11,6 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiled import compiled, packed
+from ..quoting import quoted
 from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
@@ -101,7 +102,8 @@ class World:
         arm = arm_force(self._patient.arm, s.vertical.gravity)
         return self._prepared(
             SimulationParams(
-                vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep),
+                vertical_params(s.vertical, s.friction, s.amplifier, s.transducer, arm, s.substep,
+                                s.sensor.bandwidth),
                 planar_params(s.planar, arm, s.substep),
                 *self._patient.paths,
             )
@@ -200,7 +202,7 @@ class World:
         true = true_wrench(
             plane.force_x,
             plane.force_y,
-            v.patient_force,
+            v.filtered_force,
             self.settings.vertical.grip_height,
             self.settings.transducer.stiffness * v.rotor_angle,
         )
@@ -291,4 +293,4 @@ class World:
         elif kind == "force_bias":
             self._force_bias = float(value)
         else:
-            raise ValueError(f"disturbance {kind!r}: noise_gain or force_bias is wanted")
+            raise ValueError(f"disturbance {quoted(kind)}: noise_gain or force_bias is wanted")

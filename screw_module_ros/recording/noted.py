@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from ..plain_yaml import PlainYamlError, load_plain_yaml
 from .audit import Counts
 from .bag import AUDIT, METADATA_FILE, PREFIX, STATE
 from .errors import BagReadError
@@ -16,7 +17,6 @@ from .files import read_text
 from .metadata import TopicLine, decoded
 
 _LIMIT = 2 * 2**20  # B; of the parameters of every node there are some 50 kB
-_QUOTED = 80
 
 
 class Noted(NamedTuple):
@@ -59,13 +59,9 @@ def read_noted(folder: Path) -> Noted:
 def parsed(text: str, name: str) -> Any:
     """Return the content of a YAML text. Raises BagReadError that calls it `name`."""
     try:
-        return yaml.safe_load(text)
-    except yaml.MarkedYAMLError as error:
-        where = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        why = f"{str(error.problem)[:_QUOTED]}{where}"
-    except Exception as error:  # dates, numbers and keys that cannot be raise what they like
-        why = f"{type(error).__name__}: {str(error)[:_QUOTED]}"
-    raise BagReadError(f"{name} is no YAML: {why}")
+        return load_plain_yaml(text, _LIMIT)
+    except PlainYamlError as error:
+        raise BagReadError(f"{name} is no YAML: {error}") from None
 
 
 def noted_from(information: Any) -> Noted:

@@ -18,10 +18,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ..regular_file import read_regular
 from .audit import Counts
 from .bag import BagWriter, Topic
-from .errors import BagReadError, BagWriteError
-from .files import refuse_special
+from .errors import BagWriteError
 from .mcap_file import Message
 from .storage import StorageSettings
 
@@ -199,17 +199,18 @@ def _log_time(message: Message) -> int:
     return message[1]
 
 
+_LARGEST_HASHED = 2**26  # bytes of a configuration file
+
+
 def file_hashes(names: Sequence[str]) -> dict[str, str]:
     """Return the SHA-256 of each file; one that cannot be read says so in its place."""
     found = {}
     for name in filter(None, names):
         try:
-            path = Path(name).expanduser()
-            refuse_special(path)
-            content = path.read_bytes()
+            content = read_regular(Path(name).expanduser(), _LARGEST_HASHED)
             found[name] = f"sha256:{hashlib.sha256(content).hexdigest()}"
         except OSError as error:
             found[name] = f"unreadable: {error.strerror}"
-        except (BagReadError, RuntimeError, ValueError) as error:  # or nobody has that home folder
+        except (RuntimeError, ValueError) as error:  # or nobody has that home folder
             found[name] = f"unreadable: {error}"
     return found

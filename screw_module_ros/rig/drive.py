@@ -17,7 +17,7 @@ from screw_module_ros.rig.axis import Axis
 from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
 from screw_module_ros.rig.device_faults import add_common_faults
 from screw_module_ros.rig.drive_faults import add_drive_faults
-from screw_module_ros.rig.object_dictionary import INVALID_VALUE
+from screw_module_ros.rig.object_dictionary import INVALID_VALUE, READ_ONLY
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.port import Link
 
@@ -66,7 +66,7 @@ class Drive(CanopenDevice):
         self.error_code = 0
         self.causes: dict[str, int] = {}  # faults that last: name -> error code
         self.warning = self.torque_off = self.refuse_enable = self.motor_open = False
-        self.mode_lost = False
+        self.mode_lost = self.refuse_torque_limit = False
         self.stuck_torque: float | None = None
         self.position_shift = 0
         self.frozen_position: int | None = None
@@ -200,7 +200,7 @@ class Drive(CanopenDevice):
 
     def _wire_objects(self) -> None:
         node = self.node
-        node.checks.append(self._check_mode)
+        node.checks += (self._check_mode, self._check_torque_limit)
         node.sources.update(
             {
                 (0x603F, 0): lambda: self.error_code,
@@ -243,6 +243,10 @@ class Drive(CanopenDevice):
     def _check_mode(self, index: int, _subindex: int, value: int) -> None:
         if index == 0x6060 and not self._supported(value):
             raise SdoAbortedError(INVALID_VALUE)
+
+    def _check_torque_limit(self, index: int, _subindex: int, _value: int) -> None:
+        if index == 0x6072 and self.refuse_torque_limit:
+            raise SdoAbortedError(READ_ONLY)
 
     def _set_mode(self, value: int) -> None:
         if self._supported(value):

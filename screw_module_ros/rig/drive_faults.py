@@ -40,6 +40,7 @@ def add_drive_faults(drive: Drive) -> None:
         ("warning", "warning", "statusword bit 7 is set"),
         ("refuse_enable", "refuse_enable", "it never gets beyond switched on"),
         ("mode_lost", "mode_lost", "6061 says mode 0"),
+        ("refuse_torque_limit", "refuse_torque_limit", "it aborts writes to 6072"),
     ):
         add(name, _output_switch(drive, attribute, text))
     add("stuck_torque", _stuck(drive))

@@ -110,6 +110,10 @@ class Port:
             table[can_id] = _present((before, *devices, after))
         self._table = table
 
+    def expects(self) -> bool:
+        """Return whether a frame may be waiting; a stranger's is not foreseen in lock step."""
+        return self._arrivals.expects()
+
     def receive(self, now_ns: int) -> bool:
         """Handle the next waiting frame, if there is one; never blocks. True when there was."""
         self.now_ns = now_ns

@@ -18,6 +18,7 @@ import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.quoting import quoted
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.drive import Drive
 from screw_module_ros.rig.faults import CLEAR, catalogue
@@ -154,8 +155,7 @@ class Rig:
             conductor.look()
             now_ns = conductor.now_ns
             self._serve_requests()
-            while sum(port.receive(now_ns) for port in self._distinct):
-                pass
+            self._serve_expected(now_ns)
             content_ns = conductor.quiet()
             if content_ns is None:
                 conductor.sleep(_LOOK_S)
@@ -165,8 +165,18 @@ class Rig:
                 now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
                 conductor.move(now_ns)
                 self._housekeep(now_ns)
+                for port in self._distinct:  # strangers are heard once a step
+                    while port.receive(now_ns):
+                        pass
                 stepped(now_ns)
                 conductor.release()
+
+    def _serve_expected(self, now_ns: int) -> None:
+        """Handle the frames that members have sent, one from each bus in turn."""
+        while True:
+            waiting = [port for port in self._distinct if port.expects()]
+            if not sum(port.receive(now_ns) for port in waiting):
+                return
 
     def call(self, function: Callable[[], object]) -> None:
         """Have `function` called between two frames, by the thread that runs the rig.
@@ -265,5 +275,5 @@ class Rig:
         port = self._buses().get(name)
         if port is None:
             known = ", ".join((*self.devices, *self._buses(), ALL))
-            raise ValueError(f"there is no '{name}' here; there are {known}")
+            raise ValueError(f"there is no {quoted(name)} here; there are {known}")
         return [device for device in self.devices.values() if device.link.port is port]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction files, and whatever else somebody may name as one: refused by key, with a way out."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,14 @@ def changed(tmp_path, old, new):
         ("screw_module_ros/friction", "screw_module_ros/linearization", "format: "),
         ("version: 1", "version: [", "not a YAML file"),
         ("version: 1", "version: 2001-99-99", "not a YAML file"),
+        ("high_mm: 355.0", "high_mm: 1.0e+400", "high_mm: inf is not a finite"),
+        ("high_mm: 355.0", "high_mm: 1" + "0" * 399, "high_mm: an integer of 1326 bits is not"),
+        ("high_mm: 355.0", "high_mm: 1" + "0" * 9999, "high_mm: a number of 10000 characters"),
+        ("high_mm: 355.0", "high_mm: !!python/name:os.system ''", "high_mm: tag .*os.system"),
+        ("low_gain: 0.754", "low_gain: !!python/tuple [1]", "up.low_gain: tag"),
+        ("high_mm: 355.0", "high_mm: [" + "[1, 2], " * 9999 + "]", "high_mm: a number is needed"),
+        ("high_mm: 355.0", f"high_mm: {'x' * 9999}", "high_mm: a number is needed"),
+        ("high_mm: 355.0", f"high_mm: 1.0\n{'k' * 999}: 1", "unknown key"),
     ],
 )
 def test_a_malformed_file_is_refused_by_key(tmp_path, old, new, named):
@@ -74,3 +83,25 @@ def test_an_absent_file_and_a_folder_are_refused(tmp_path):
         load_friction_model(tmp_path / "nothing.yaml")
     with pytest.raises(FrictionFileError, match="cannot be read"):
         load_friction_model(tmp_path)
+
+
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{after}: &{after} [{', '.join([f'*{name}'] * 9)}]\n"
+    for name, after in zip("abcdefg", "bcdefgh", strict=True)
+)
+
+
+@pytest.mark.timeout(20)
+def test_a_few_bytes_that_stand_for_gigabytes_are_refused_at_once(tmp_path):
+    path = changed(tmp_path, "high_mm: 355.0", f"{BOMB}high_mm: *h")
+    with pytest.raises(FrictionFileError, match=r"alias \*a") as caught:
+        load_friction_model(path)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.timeout(20)
+def test_devices_and_fifos_are_refused_unread(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    for path in ("/dev/zero", tmp_path / "fifo"):
+        with pytest.raises(FrictionFileError, match="cannot be read.*FIFO or device"):
+            load_friction_model(path)

@@ -66,3 +66,42 @@ def test_a_number_from_the_future_blocks_nobody_for_ever(watch):
     watch.reset()
     assert all(send(watch, tick) for tick in range(110, 120))
     assert not watch.fault
+
+
+@pytest.mark.parametrize("rate", [1, 2, 3, 4, 5, 10])
+@pytest.mark.parametrize("numbered", ["by the clock", "one by one"])
+def test_a_second_sender_is_noticed_at_any_rate(watch, rate, numbered):
+    """It sends `rate` samples a period, each newer than the true one before it."""
+    number = 0
+    for tick in range(1, 20_000):
+        number = max(number, tick)
+        send(watch, tick)
+        for k in range(rate):
+            now_ns = tick * PERIOD_NS + 250_000 + k * 70_000
+            number += numbered == "one by one"
+            watch.accept(number, now_ns, 30.0, now_ns)
+        if watch.fault:
+            break
+    assert "second node" in watch.fault
+    assert tick < 20
+
+
+def test_one_late_or_stuttering_sender_is_no_second_one(watch):
+    """Jitter of half a period, a burst after a pause, a repetition now and then."""
+    now_ns = 0
+    for tick in range(1, 20_000):
+        late_ns = PERIOD_NS // 2 * (tick % 2)
+        if tick % 1000 < 5:
+            late_ns = (6 - tick % 1000) * PERIOD_NS  # the queue of a node that was kept waiting
+        now_ns = max(now_ns, tick * PERIOD_NS + late_ns)
+        assert watch.accept(tick, tick * PERIOD_NS, 1.0, now_ns)
+        if tick % 50 == 0:
+            watch.accept(tick, tick * PERIOD_NS, 0.0, now_ns)
+    assert watch.fault == ""
+
+
+def test_commands_at_another_rate_than_ours_are_told(watch):
+    for half in range(2, 200):
+        stamp_ns = half * PERIOD_NS // 2
+        watch.accept(half, stamp_ns, 1.0, stamp_ns)
+    assert "another rate" in watch.fault

@@ -15,9 +15,12 @@ from screw_module_ros.control.torque_chain import (
     TorqueChain,
     commanded,
     commanded_torque,
+    followed,
+    largest_command,
     on_the_wire,
     torque_chain,
 )
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import SCREW, Screw
 
 DT = 0.001
@@ -77,3 +80,50 @@ def test_never_more_than_the_peak_nor_the_scaled_force(steps):
         made, heat = commanded(CHAIN, heat, force, scale, DT)
         largest = scale * (95.0 if force > 0.0 else 75.0) * NEWTON
         assert abs(made.torque) <= min(largest, CHAIN.limits.peak) + 1e-12
+
+# -- rate ----------------------------------------------------------------------------------------
+
+
+def test_a_foreign_sender_cannot_make_the_force_jump():
+    """True and foreign commands by turns, ten a millisecond: 4 N a millisecond at most."""
+    force, steps = 0.0, []
+    for k in range(1000):
+        after = followed(BARE, force, 95.0 if k % 2 else -75.0, 1e-4)
+        steps.append(abs(after - force))
+        force = after
+    assert max(steps) == pytest.approx(0.4)
+    assert abs(force) < 1.0
+
+
+def test_the_controller_s_own_steps_pass_also_with_jitter():
+    """`force_rate` moves the force by 2 N a millisecond; writes come 0.5 and 1.5 ms apart."""
+    rate = VerticalSettings().force_rate
+    asked = after = 0.0
+    for k in range(40):
+        asked += rate * DT
+        after = followed(BARE, after, asked, DT * (0.5 if k % 2 else 1.5))
+        assert after == asked
+
+
+def test_zero_is_followed_at_once():
+    assert followed(BARE, 95.0, 0.0, DT) == 0.0
+    assert followed(BARE, -75.0, -0.0, DT) == 0.0
+
+
+# -- the drive's own limit -----------------------------------------------------------------------
+
+
+@given(st.floats(-200.0, 200.0), st.floats(0.0, 1.0), st.floats(0.0, 0.2))
+def test_no_command_is_beyond_what_the_drive_is_told(force, scale, heat):
+    for chain in (BARE, CHAIN):
+        made, _ = commanded(chain, heat, force, scale, DT)
+        assert abs(made.command) <= largest_command(chain) + 1e-12
+
+
+def test_the_largest_command_is_that_of_the_larger_force():
+    assert largest_command(BARE) == pytest.approx(95.0 * NEWTON)
+    down = BARE._replace(commands=CommandLimits(10.0, 60.0))
+    assert largest_command(down) == pytest.approx(60.0 * NEWTON)
+    strong = BARE._replace(commands=CommandLimits(150.0, 150.0), limits=TorqueLimits(peak=0.3))
+    assert largest_command(strong) == pytest.approx(0.3)
+    assert largest_command(CHAIN) == pytest.approx(torque_command(MAP, 95.0 * NEWTON))

@@ -58,6 +58,15 @@ def run(inp, seconds=3.0, law=SETTINGS, state=None):
     return output, state
 
 
+def moved(inp, seconds=0.4, law=SETTINGS):
+    """Output and last input after an input has stood still and then moved at its velocity."""
+    _, state = run(inp._replace(velocity=0.0), law=law)
+    for _ in range(round(seconds / DT)):
+        inp = inp._replace(position=inp.position + inp.velocity * DT)
+        output, state = vertical_step(law, MODEL, state, inp, DT)
+    return output, inp
+
+
 def test_impedance_is_spring_and_gravity():
     output, _ = run(REST)
     assert output.impedance == pytest.approx(100.0 * 0.08)
@@ -88,14 +97,43 @@ def test_a_constant_gravity_is_exact_from_the_first_step():
 
 def test_damper_acts_on_both_velocities():
     law = SETTINGS._replace(damping=20.0)
-    output, _ = run(REST._replace(velocity=0.1, setpoint_velocity=0.05), law=law)
-    assert output.impedance == pytest.approx(100.0 * 0.08 + 20.0 * (0.05 - 0.1))
+    state = initial_state(law)
+    inp = REST._replace(velocity=0.1, setpoint_velocity=0.05)
+    for step in range(1, 1001):  # the set point moves as it says
+        moved = inp._replace(setpoint_position=REST.position + 0.05 * step * DT)
+        output, state = vertical_step(law, MODEL, state, moved, DT)
+    assert output.impedance == pytest.approx(100.0 * 0.05 + 20.0 * (0.05 - 0.1))
 
 
 def test_friction_compensation_adds_nine_tenths_of_the_model():
-    output, _ = run(REST._replace(mode=modes.FRICTION_COMPENSATION, velocity=-0.05))
-    assert output.friction == pytest.approx(0.9 * friction_force(MODEL, 0.10, -0.05))
+    output, inp = moved(REST._replace(mode=modes.FRICTION_COMPENSATION, velocity=-0.05))
+    assert output.friction == pytest.approx(
+        0.9 * friction_force(MODEL, inp.position, -0.05), rel=0.01
+    )
     assert output.friction < 0.0
+
+
+def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
+    """A ramp over the velocity is negative damping at rest: a hand that holds still was shaken."""
+    mode = modes.FRICTION_COMPENSATION
+    inp = REST._replace(mode=mode, position=0.18)
+    output, state = run(inp)
+    assert output.friction == 0.0
+    for velocity in (0.002, -0.002, 0.01):  # a noisy velocity, and no way
+        output, state = vertical_step(SETTINGS, MODEL, state, inp._replace(velocity=velocity), DT)
+        assert output.friction == 0.0
+    small = 1e-6
+    output, state = vertical_step(
+        SETTINGS, MODEL, state, inp._replace(position=0.18 + small, velocity=small / DT), DT
+    )
+    assert output.friction == pytest.approx(0.9 * SETTINGS.friction_stiffness * small, rel=0.01)
+
+
+def test_first_sample_is_no_way_travelled():
+    output, _ = vertical_step(
+        SETTINGS, MODEL, initial_state(SETTINGS), REST._replace(mode=modes.COMBINED), DT
+    )
+    assert output.friction == 0.0
 
 
 def test_force_feedback_is_equation_6_6():
@@ -105,10 +143,13 @@ def test_force_feedback_is_equation_6_6():
 
 
 def test_combined_is_the_sum_of_its_parts():
-    output, _ = run(REST._replace(mode=modes.COMBINED, force=-7.0, velocity=0.05))
-    assert output.friction == pytest.approx(0.9 * friction_force(MODEL, 0.10, 0.05))
-    assert output.feedback == pytest.approx(5.0 * (8.0 - 7.0))
-    assert output.force == pytest.approx(18.0 + output.friction + output.feedback)
+    output, inp = moved(REST._replace(mode=modes.COMBINED, force=-7.0, velocity=0.05))
+    spring = 100.0 * (0.18 - inp.position)
+    assert output.friction == pytest.approx(
+        0.9 * friction_force(MODEL, inp.position, 0.05), rel=0.01
+    )
+    assert output.feedback == pytest.approx(5.0 * (spring - 7.0))
+    assert output.force == pytest.approx(10.0 + spring + output.friction + output.feedback)
 
 
 @pytest.mark.parametrize(("target", "limit"), [(0.35, 65.0), (0.01, -45.0)])

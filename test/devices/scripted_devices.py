@@ -88,6 +88,7 @@ class ScriptedDrive(ScriptedNode):
                 (0x6060, 0): unsigned(0, 1),
                 (0x6061, 0): unsigned(0, 1),
                 (0x6071, 0): unsigned(0, 2),
+                (0x6072, 0): unsigned(4000, 2),
                 (0x6076, 0): unsigned(420, 4),
                 (0x6502, 0): unsigned(0x0208, 4),
                 **pdo_objects(0x1400, 1, 0x200 + node_id, [0x60400010], kind=255),
@@ -98,7 +99,7 @@ class ScriptedDrive(ScriptedNode):
             },
         )
         self.state = "switch on disabled"
-        self.torque = 0
+        self.torque = self.given = 0
         self.position = 0
         self.cause_stands = False
         self.answering = True
@@ -122,7 +123,8 @@ class ScriptedDrive(ScriptedNode):
     def report(self) -> None:
         word = STATUSWORDS[self.state].to_bytes(2, "little")
         position = self.position.to_bytes(4, "little", signed=True)
-        self.wire.emit(0x180 + self.node_id, word + position + b"\x00\x00")
+        given = self.given.to_bytes(2, "little", signed=True)
+        self.wire.emit(0x180 + self.node_id, word + position + given)
 
     def report_slowly(self, error_code: int = 0, mode: int = 10) -> None:
         payload = error_code.to_bytes(2, "little") + bytes([mode]) + b"\x00\x00\x00\x00"

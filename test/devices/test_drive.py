@@ -480,3 +480,104 @@ def test_a_recovery_that_fails_enables_nothing(wire, drive, drive_end):
     for _ in range(5):
         assert tick(wire, drive, 0.3) == 0.0
         assert commands(wire)[-1] == "00 00 00 00"
+
+
+# -- somebody else commands the drive ------------------------------------------------------------
+
+WALK_UP = ("06 00 00 00", "07 00 00 00", "0F 00 64 00")
+"""Controlwords of a foreign master on the way to operation enabled, with 100 per mille."""
+
+
+def alive(wire, drive, torque=0.0):
+    """One period in which the drive's heartbeat comes."""
+    wire.emit(0x701, "05")
+    return tick(wire, drive, torque)
+
+
+def foreign(wire, drive_end, frame):
+    """A command that the drive hears and, since it is not our echo, we do as well."""
+    drive_end.handle(0x201, bytes.fromhex(frame))
+    wire.emit(0x201, frame)
+
+
+@pytest.mark.parametrize("was_enabled", [False, True])
+def test_a_foreign_command_stops_the_drive_at_once_and_for_good(
+    wire, drive, drive_end, was_enabled
+):
+    if was_enabled:
+        drive.request_enable()
+        for _ in range(3):
+            alive(wire, drive, 0.1)
+    wire.frames.clear()
+    for frame in WALK_UP * 30:
+        foreign(wire, drive_end, frame)
+        assert alive(wire, drive, 0.1) == 0.0
+    assert "somebody else commands the vertical drive: frames 0x201" in drive.fault
+    assert wire.sent(0x000)[0] == b"\x02\x01", "NMT stop: it hears no more commands"
+    assert not drive_end.operational
+    assert drive.counters.foreign == 90
+    drive.clear_fault()
+    for _ in range(300):
+        alive(wire, drive)
+    assert drive.fault == ""
+    assert drive_end.operational
+    drive.request_enable()
+
+
+def test_a_drive_in_operation_that_nobody_enabled_is_a_fault(wire, drive, drive_end):
+    """Its statusword alone tells, as where the foreign frames are not heard."""
+    for k in range(25):
+        for frame in WALK_UP:
+            drive_end.command(int.from_bytes(bytes.fromhex(frame)[:2], "little"))
+        assert drive_end.state == "operation enabled"
+        alive(wire, drive)
+        assert bool(drive.fault) == (k >= 20), k
+    assert "in operation enabled, but nobody asked for it" in drive.fault
+    assert wire.sent(0x000)[-1] == b"\x02\x01"
+    assert wire.sent(0x000).count(b"\x02\x01") == 1, "no more as long as it obeys"
+
+
+def test_a_drive_that_stays_enabled_in_a_fault_is_stopped_by_the_network(wire, enabled, drive_end):
+    drive_end.command = lambda word: None
+    enabled.write(math.nan, wire.now_ns)
+    wire.frames.clear()
+    for _ in range(30):
+        alive(wire, enabled)
+    assert wire.sent(0x000) == [b"\x02\x01"]
+
+
+def test_disabling_takes_a_moment_and_is_no_fault(wire, enabled, drive_end):
+    command, drive_end.command = drive_end.command, lambda word: None
+    enabled.request_disable()
+    for _ in range(15):
+        alive(wire, enabled)
+    drive_end.command = command
+    for _ in range(50):
+        alive(wire, enabled)
+    assert enabled.fault == ""
+    assert drive_end.state == "switched on"
+
+
+def test_a_drive_that_brakes_when_disabled_may_take_its_time(wire, drive_end):
+    drive = started(wire, drive_end, SETTINGS._replace(stop_reaction="brake"))
+    drive.request_enable()
+    for _ in range(3):
+        alive(wire, drive)
+    command, drive_end.command = drive_end.command, lambda word: None
+    drive.request_disable()
+    for _ in range(500):
+        alive(wire, drive)
+    drive_end.command = command
+    alive(wire, drive)
+    assert drive.fault == ""
+
+
+def test_excess_torque_of_35_newtons_does_not_last(wire, enabled, drive_end):
+    """0.105 Nm beyond the command, a quarter of the rated torque."""
+    drive_end.given = 240
+    seen = 0
+    while not enabled.fault and seen < 1000:
+        alive(wire, enabled)
+        seen += 1
+    assert seen < 40
+    assert "Nm of torque" in enabled.fault

@@ -54,6 +54,7 @@ def test_every_write_in_order(wire, drive_end):
         (0x1400, 2, 255), (0x1400, 5, 20), (0x1400, 1, 0x00000201),
         (0x1017, 0, 50), (0x1016, 1, 0x00700064),
         (0x6007, 0, 1), (0x605A, 0, 0), (0x605E, 0, 0),
+        (0x6072, 0, 3810),  # 1.6 Nm
         (0x605C, 0, 0),
     ]  # fmt: skip
 
@@ -135,6 +136,13 @@ def test_encoder_in_the_drives_place_is_refused(wire, drive_end):
         configured(wire)
 
 
+def test_somebody_who_already_commands_is_named(wire, drive_end):
+    wire.emit(0x201, "00 00 00 00")
+    with pytest.raises(Occupied, match="frames 0x201"):
+        configured(wire, SETTINGS._replace(listen=0.05))
+    assert wire.frames == []
+
+
 def test_second_copy_is_refused_before_anything_is_sent(wire, drive_end):
     wire.emit(0x770, "05")
     with pytest.raises(Occupied, match="master 112"):
@@ -145,7 +153,7 @@ def test_second_copy_is_refused_before_anything_is_sent(wire, drive_end):
 # -- guards --------------------------------------------------------------------------------------
 
 
-GUARDS = [(0x1016, 1), (0x1017, 0), (0x1400, 5), (0x6007, 0), (0x605A, 0), (0x605E, 0)]
+GUARDS = [(0x1016, 1), (0x1017, 0), (0x1400, 5), (0x6007, 0), (0x605A, 0), (0x605E, 0), (0x6072, 0)]
 
 
 @pytest.mark.parametrize("key", GUARDS)
@@ -204,6 +212,7 @@ def test_optional_ramps_that_are_refused_are_only_a_warning(wire, drive_end):
         ("direction", 0),
         ("rated_torque", 0.0),
         ("max_torque", float("nan")),
+        ("lasting_torque", 0.25),
     ],
 )
 def test_settings_that_cannot_work_name_the_field(wire, field, value):
@@ -217,12 +226,33 @@ def test_enabling_before_the_loop_runs_is_refused(wire, drive_end):
         drive.request_enable()
 
 
+@pytest.mark.parametrize(
+    ("torque", "rated", "per_mille"),
+    [(1.6, 0.42, 3810), (0.42, 0.42, 1000), (0.2881, 0.42, 686), (25.0, 10.0, 2500), (0.0, 1.0, 0),
+     (100.0, 0.42, 32767)],
+)  # fmt: skip
+@pytest.mark.parametrize("direction", [1, -1])
+def test_own_limit_lets_every_command_of_ours_pass(
+    wire, drive_end, torque, rated, per_mille, direction
+):
+    drive_end.objects[0x6076, 0] = unsigned(round(rated * 1e3), 4)
+    drive = enabled(
+        wire, SETTINGS._replace(max_torque=torque, rated_torque=rated, direction=direction)
+    )
+    limit = int.from_bytes(drive_end.objects[0x6072, 0], "little")
+    assert limit == per_mille
+    for wanted in (1e3, -1e3):
+        drive.write(wanted, wire.now_ns)
+        assert abs(drive_end.torque) <= limit
+        assert abs(drive_end.torque) >= limit - 1
+
+
 # -- clean exit ----------------------------------------------------------------------------------
 
 
-def enabled(wire):
+def enabled(wire, settings=SETTINGS):
     """Return a drive in operation enabled."""
-    drive = configured(wire)
+    drive = configured(wire, settings)
     drive.start()
     for _ in range(5):
         tick(wire, drive)
@@ -268,7 +298,7 @@ def test_a_drive_that_does_not_go_off_keeps_its_guards(wire, drive_end):
     told = drive.shutdown()
     assert "not disarmed" in told and "operation enabled" in told
     assert drive_end.writes == []
-    assert not wire.sent(0x000), "left to its guards"
+    assert wire.sent(0x000) == [b"\x02\x01"], "NMT stop, and left to its guards"
     assert not drive.running
 
 

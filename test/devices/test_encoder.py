@@ -222,6 +222,62 @@ def test_homing_refuses_without_a_sample_and_in_motion(wire, encoder, encoder_en
         encoder.home()
 
 
+@pytest.fixture
+def homed(wire, encoder, encoder_end):
+    """Homed at 0.1 m, and 57 mm from there since."""
+    encoder.settings = SETTINGS._replace(home_position=0.1)
+    encoder_end.position = 5000
+    tick(wire, encoder)
+    encoder.home()
+    encoder_end.position += round(0.057 / COUNT)
+    for n in range(200):
+        tick(wire, encoder, n)
+    return encoder
+
+
+def test_homing_elsewhere_must_be_asked_for_twice(wire, homed):
+    with pytest.raises(NotHomed, match=r"57\.0 mm against the last homing.*again"):
+        homed.home()
+    assert tick(wire, homed, 300).position == pytest.approx(0.157, abs=1e-6), "nothing moved"
+    wire.advance(3000)
+    tick(wire, homed, 301)
+    assert homed.home() == pytest.approx(0.1)
+    assert tick(wire, homed, 302).position == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("pause_ms", [20, 900, 16_000])
+def test_who_asks_again_at_once_or_much_later_has_not_consented(wire, homed, pause_ms):
+    for n in range(20):
+        with pytest.raises(NotHomed, match="against the last homing"):
+            homed.home()
+        wire.advance(pause_ms)
+        tick(wire, homed, 300 + n)
+
+
+def test_asking_again_at_another_place_is_a_first_time(wire, homed, encoder_end):
+    for n in range(5):
+        with pytest.raises(NotHomed, match="against the last homing"):
+            homed.home()
+        encoder_end.position += round(0.01 / COUNT)
+        wire.advance(2000)
+        for k in range(200):
+            tick(wire, homed, 300 + 200 * n + k)
+
+
+def test_homing_at_the_same_mark_and_after_a_boot_up_is_asked_for_once(wire, homed, encoder_end):
+    encoder_end.position = 5000 + round(0.004 / COUNT)
+    for n in range(200):
+        tick(wire, homed, 300 + n)
+    homed.home()
+    encoder_end.boot_up()
+    wire.port.pump()
+    homed.clear_fault()
+    encoder_end.position = 0
+    tick(wire, homed, 600)
+    homed.home()
+    assert homed.homed
+
+
 @pytest.mark.parametrize(("rate", "longest_ms"), [(1000.0, 100.0), (50.0, 200.0)])
 def test_homing_refuses_an_old_position(wire, encoder_end, rate, longest_ms):
     driver = Encoder(wire.port, SETTINGS._replace(rate=rate))

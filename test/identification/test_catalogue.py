@@ -6,6 +6,13 @@ import pytest
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.settings import declared, validated
 
+BOMB = (
+    "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b]\n"
+    "d: &d [*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d]\nf: &f [*e,*e,*e,*e,*e,*e,*e]\n"
+    "omega: [*f,*f,*f,*f,*f,*f,*f,*f]\n"
+)
+"""Few bytes that stand for a text of many megabytes."""
+
 
 def test_needs_come_first():
     seen = set()
@@ -38,6 +45,14 @@ def test_listing_names_every_experiment_with_a_line():
         ("{omega: [", "not YAML"),
         ("{speed: 1.0}", "speed is unknown; known are centre"),
         ("{omega: fast}", "omega = 'fast': float is wanted"),
+        (f"{{omega: {'x' * 999}}}", "omega = 'xxx"),
+        ("{cycles: 1" + "0" * 350 + "}", "cycles = an integer of 1163 bits: a finite number"),
+        ("{omega: 1" + "0" * 350 + "}", "omega = an integer of 1163 bits: a finite number"),
+        ("{omega: 1" + "0" * 5000 + "}", "omega: a number of 5001 characters"),
+        ("{omega: 1.0e+400}", "omega = inf: a finite number"),
+        ("{omega: !!python/object:os.x {}}", "omega: tag"),
+        (BOMB, "alias"),
+        ("{omega: 1.0} " + " " * 10_000, "longer than"),
         ("{omega: true}", "omega = True: float is wanted"),
         ("{omega: 99.0}", "omega = 99.0 rad/s: above the largest allowed, 3 rad/s"),
         ("{omega: .nan}", "a finite number is wanted"),

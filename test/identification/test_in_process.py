@@ -33,7 +33,7 @@ def quietly(share):
 
 def without_noise(module):
     """Return the module with a perfect transducer."""
-    return module._replace(sensor=type(module.sensor)(*(0.0,) * 6, 900.0))
+    return module._replace(sensor=type(module.sensor)(*(0.0,) * 6, 900.0, 1e5))
 
 
 def test_stage_run_shows_what_the_rigs_world_shows(module):

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import threading
 
 import pytest
@@ -267,15 +268,55 @@ def test_a_full_table_is_told(page):
         Member(page, "one too many", never)
 
 
+def _take_slots(page: Page, count: int) -> None:
+    sys.setswitchinterval(1e-6)
+    threads = [
+        threading.Thread(target=lambda: [Member(page, "one more", never) for _ in range(count)])
+        for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def test_threads_of_several_processes_take_rows_of_their_own(page, name):
+    fork = multiprocessing.get_context("fork")
+    for _ in range(20):
+        child = fork.Process(target=lambda: _take_slots(Page(name), SLOTS // 8))
+        child.start()
+        interval = sys.getswitchinterval()
+        try:
+            _take_slots(page, SLOTS // 8)
+        finally:
+            sys.setswitchinterval(interval)
+            child.join()
+        assert all(page.slot_pid)
+        page.dismiss(child.pid)
+        page.dismiss(os.getpid())
+
+
+def test_a_page_is_kept_for_a_process_that_only_has_it_open(page, name):
+    other = Page(name)
+    Member(other, "gone at once", never)
+    other.close()
+    assert page.path.exists()
+
+
 def test_pages_that_killed_processes_left_are_swept(monkeypatch, tmp_path):
     monkeypatch.setattr("screw_module_ros.lockstep.page._FOLDER", tmp_path)
     kept = Page("7")
     Member(kept, "alive", never)
-    left = [Page(name) for name in ("77", "77_left")]
+    fork = multiprocessing.get_context("fork")
+    killed = fork.Process(target=lambda: [Page("77"), Page("77_left"), os._exit(9)])
+    killed.start()
+    killed.join()
     other = Page("777")
+    left = [kept.path.with_name(f"{kept.path.name}7{end}") for end in ("", "_left")]
+    assert all(path.exists() for path in left)
     sweep("77")
     assert kept.path.exists() and other.path.exists()
-    assert not any(page.path.exists() for page in left)
+    assert not any(path.exists() for path in left)
 
 
 def test_each_domain_and_namespace_has_its_own_time():

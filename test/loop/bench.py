@@ -85,6 +85,9 @@ class Served:
                 self._clock.sleep_until(until_ns)
         return message
 
+    def expects(self) -> bool:
+        return True
+
     def sent(self) -> None:
         pass
 

@@ -120,12 +120,11 @@ class Bench:
             "somebody else commands the amplifier",
         )  # fmt: skip
         robot.wait_until(
-            lambda: robot.state(SafetyState) and robot.state(SafetyState).level == SafetyState.OK,
+            lambda: robot.newest(SafetyState).level == SafetyState.OK,
             10.0,
             "the supervisor does not permit motion again",
         )
-        robot.wait_until(lambda: robot.state(AmplifierState), 10.0, "the amplifier is silent")
-        state = robot.state(AmplifierState)
+        state = robot.newest(AmplifierState)
         assert (state.enabled, state.faulted, state.commanded_torque) == (False, False, 0.0)
         assert state.calibration != "none"
         robot.wait_until(

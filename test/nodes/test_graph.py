@@ -181,17 +181,17 @@ def test_enable_move_and_disable(ready):
             ready.trigger(f"force_sensor/{change}")
     ready.set_setpoint(0.05, 0.0, HOME + 0.06)
     ready.wait_until(
-        lambda: abs(ready.state(PlanarState).position[0] - 0.05) < 0.03,
+        lambda: abs(ready.newest(PlanarState).position[0] - 0.05) < 0.03,
         20.0,
         "no way in the plane",
     )
     ready.wait_until(
-        lambda: ready.state(ImpedanceState).position > HOME + 0.02,
+        lambda: ready.newest(ImpedanceState).position > HOME + 0.02,
         20.0,
         "the handle did not rise",
     )
     ready.enable(False)
-    assert ready.state(AmplifierState).commanded_torque == 0.0
+    assert ready.newest(AmplifierState).commanded_torque == 0.0
 
 
 def test_emergency_stop_and_reset(ready):
@@ -201,14 +201,14 @@ def test_emergency_stop_and_reset(ready):
     ready.trigger("supervisor/estop")
 
     def off() -> bool:
-        return not ready.state(AmplifierState).enabled and not ready.state(PlanarState).enabled
+        return not ready.newest(AmplifierState).enabled and not ready.newest(PlanarState).enabled
 
     ready.wait_until(off, 5.0, "the estop did not take the torque away")
     with pytest.raises(RobotError, match="emergency stop"):
         ready.enable()
     ready.trigger("supervisor/reset")
     ready.wait_until(
-        lambda: ready.state(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
+        lambda: ready.newest(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
     )
     ready.pause(0.5)
     assert off()
@@ -220,7 +220,7 @@ def test_vertical_lock_leaves_the_plane(ready):
     ready.ask(SetBool, "supervisor/lock_vertical", SetBool.Request(data=True))
     try:
         ready.wait_until(
-            lambda: ready.state(SafetyState).vertical_locked, 5.0, "the lock is not shown"
+            lambda: ready.newest(SafetyState).vertical_locked, 5.0, "the lock is not shown"
         )
         with pytest.raises(RobotError, match="permit"):
             ready.enable()
@@ -234,18 +234,18 @@ def test_drive_fault_is_told_and_cleared_by_hand(ready):
     ready.enable()
     ready.inject("drive", "over_temperature")
     ready.wait_until(
-        lambda: ready.state(AmplifierState).faulted, 5.0, "the drive's fault is not shown"
+        lambda: ready.newest(AmplifierState).faulted, 5.0, "the drive's fault is not shown"
     )
-    assert "temperature" in ready.state(AmplifierState).reason
+    assert "temperature" in ready.newest(AmplifierState).reason
     ready.wait_until(
-        lambda: ready.state(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
+        lambda: ready.newest(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
     )
     ready.inject("drive", "clear")
     ready.trigger("amplifier/clear_fault")
-    ready.wait_until(lambda: not ready.state(AmplifierState).faulted, 5.0, "still faulted")
+    ready.wait_until(lambda: not ready.newest(AmplifierState).faulted, 5.0, "still faulted")
     ready.trigger("supervisor/reset")
     ready.wait_until(
-        lambda: ready.state(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
+        lambda: ready.newest(SafetyState).level == SafetyState.OK, 5.0, "no permission after reset"
     )
     ready.enable()
 

@@ -28,11 +28,11 @@ def test_every_tick_is_answered_beside_busy_loops_and_stopped_processes():
         robot.enable()
         robot.enable_plane()
         with harass.harassing(os.getpid(), 2, 0.25, random.Random(1)) as stops:
-            before = robot.state(AmplifierState)
+            before = robot.newest(AmplifierState)
             robot.pause(SECONDS)
-            after = robot.state(AmplifierState)
+            after = robot.newest(AmplifierState)
             assert stops, "nobody was stopped"
         robot.check_enabled()
         assert after.commands - before.commands == pytest.approx(1000 * SECONDS, abs=20)
         assert (after.late, after.lost) == (before.late, before.lost)
-        assert robot.state(PlanarState).lost == 0
+        assert robot.newest(PlanarState).lost == 0

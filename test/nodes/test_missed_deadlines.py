@@ -77,24 +77,24 @@ def test_twenty_missed_in_a_row_stop_the_torque(robot):
     """In time nothing happens; late, the torque goes, says why, and does not come back."""
 
     def stopped() -> bool:
-        state = robot.state(AmplifierState)
+        state = robot.newest(AmplifierState)
         return state.faulted and not state.enabled
 
     sender = Sender(robot)
     sender.start()
     try:
         robot.wait_until(
-            lambda: robot.state(AmplifierState) and robot.state(AmplifierState).commands > 10,
+            lambda: robot.newest(AmplifierState).commands > 10,
             20.0,
             "the commands do not reach the amplifier",
         )
         robot.clear_amplifier()
         robot.enable()
         robot.pause(0.5)
-        assert robot.state(AmplifierState).enabled
+        assert robot.newest(AmplifierState).enabled
         sender.late = 3
         robot.wait_until(stopped, 20.0, "not stopped")
-        state = robot.state(AmplifierState)
+        state = robot.newest(AmplifierState)
         assert "deadlines missed in a row" in state.reason
         assert int(state.reason.split()[0]) >= LIMIT
         assert state.commanded_torque == 0.0 and state.late >= LIMIT // 2
@@ -103,7 +103,7 @@ def test_twenty_missed_in_a_row_stop_the_torque(robot):
         )
         sender.late = 0
         robot.pause(0.5)
-        assert not robot.state(AmplifierState).enabled
+        assert not robot.newest(AmplifierState).enabled
         robot.clear_amplifier()
         robot.enable()
     finally:

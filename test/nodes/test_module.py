@@ -91,9 +91,9 @@ def test_one_process_moves_the_handle(robot, run):
     assert set(COMPOSED.parts) < set(run.names)
     robot.pull()
     robot.wait_until(
-        lambda: robot.state(ImpedanceState).position > HOME + 0.02, 20.0, "the handle stays"
+        lambda: robot.newest(ImpedanceState).position > HOME + 0.02, 20.0, "the handle stays"
     )
-    state = robot.state(AmplifierState)
+    state = robot.newest(AmplifierState)
     assert state.enabled and state.commands > 0 and state.lost == 0
 
 
@@ -109,12 +109,12 @@ def test_the_drive_stops_when_the_loop_hangs(robot, run):
         os.kill(run.pids["module"], signal.SIGCONT)
     robot.wait_until(lambda: robot.state(AmplifierState) is not None, 10.0, "not awake again")
     robot.pause(0.5)
-    state = robot.state(AmplifierState)
+    state = robot.newest(AmplifierState)
     assert not state.enabled and state.reason
     assert abs(robot.truth.motor_torque) < NO_TORQUE
     robot.clear_amplifier()
     robot.wait_until(
-        lambda: robot.state(SafetyState).level != SafetyState.UNKNOWN, 5.0, "no supervisor"
+        lambda: robot.newest(SafetyState).level != SafetyState.UNKNOWN, 5.0, "no supervisor"
     )
     robot.pull()
 
@@ -134,7 +134,7 @@ def test_somebody_else_may_command_while_the_controller_is_off(robot):
     publisher = robot.node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
     try:
         robot.wait_until(lambda: publisher.get_subscription_count() == 1, 10.0, "nobody hears it")
-        before = robot.state(AmplifierState).commands
+        before = robot.newest(AmplifierState).commands
 
         def heard() -> bool:
             sample = samples[-1]
@@ -143,7 +143,7 @@ def test_somebody_else_may_command_while_the_controller_is_off(robot):
                     sequence=sample.sequence, monotonic_ns=sample.monotonic_ns, force=12.5
                 )
             )
-            state = robot.state(AmplifierState)
+            state = robot.newest(AmplifierState)
             return state.commands >= before + 20 and state.commanded_force == 12.5
 
         robot.wait_until(heard, 20.0, "the amplifier does not act upon the topic")
@@ -203,7 +203,7 @@ def test_the_drive_stops_when_the_process_is_killed():
             lambda: abs(robot.truth.motor_torque) < NO_TORQUE, 5.0, "the drive goes on by itself"
         )
         robot.wait_until(
-            lambda: robot.state(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
+            lambda: robot.newest(SafetyState).level == SafetyState.STOPPED, 5.0, "not stopped"
         )
         assert graph.stop() == {"module": -signal.SIGKILL, "supervisor": 0, "sim_rig": 0}
 

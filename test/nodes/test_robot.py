@@ -158,16 +158,17 @@ def test_enabling_waits_for_the_drive(robot, bench):
 
 
 def test_a_drive_that_does_not_switch_tells_why(robot, bench, monkeypatch):
-    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.2)
+    monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
     bench.obeys = False
     bench.states[AmplifierState].reason = "no fresh command"
+    wait_until_heard(robot, bench, AmplifierState)
     with pytest.raises(RobotError, match="amplifier did not switch on: no fresh command"):
         robot.enable()
 
 
-def test_torque_taken_off_is_noticed_with_the_reason(robot, bench, wait_until):
+def test_torque_taken_off_is_noticed_with_the_reason(robot, bench):
     bench.states[AmplifierState].reason = "the cable is out"
-    wait_until(lambda: robot.state(AmplifierState), what="a state of the amplifier")
+    wait_until_heard(robot, bench, AmplifierState)
     with pytest.raises(RobotError, match="amplifier took the torque off: the cable is out"):
         robot.check_enabled()
 
@@ -176,7 +177,7 @@ def test_only_latched_faults_are_cleared(robot, bench):
     robot.clear_faults()
     assert not bench.asked
     bench.states[AmplifierState].faulted = True
-    robot.pause(0.2)
+    wait_until_heard(robot, bench, AmplifierState)
     robot.clear_faults()
     assert len(bench.asked) == 1
 
@@ -185,6 +186,7 @@ def test_a_fault_that_stays_is_told(robot, bench, monkeypatch):
     monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
     bench.states[AmplifierState].faulted = True
     bench.refusal = "no mains"
+    wait_until_heard(robot, bench, AmplifierState)
     with pytest.raises(RobotError, match="fault of amplifier cannot be cleared: no mains"):
         robot.clear_faults()
 
@@ -192,17 +194,21 @@ def test_a_fault_that_stays_is_told(robot, bench, monkeypatch):
 def test_a_drive_that_is_silent_is_waited_for(robot, bench, monkeypatch):
     monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.5)
     bench.states[PlanarState].drive_state = [AmplifierState.UNKNOWN, 1]
+    wait_until_heard(robot, bench, PlanarState)
     with pytest.raises(RobotError, match="manus cannot be cleared: nothing heard"):
         robot.clear_faults()
+
+
+def wait_until_heard(robot, bench, kind):
+    """What was published before the bench changed it is no longer on its way."""
+    robot.wait_until(lambda: robot.state(kind) == bench.states[kind], 5.0, "not heard")
 
 
 @pytest.fixture
 def stopped(robot, bench):
     """The robot of an operator who has seen that it was stopped."""
     bench.states[SafetyState].level = SafetyState.STOPPED
-    robot.wait_until(
-        lambda: robot.state(SafetyState) == bench.states[SafetyState], 5.0, "no safety_state"
-    )
+    wait_until_heard(robot, bench, SafetyState)
     return robot
 
 
@@ -227,6 +233,7 @@ def test_a_cause_that_stays_is_told(stopped, bench, monkeypatch):
 def test_without_permission_the_reason_is_told(robot, bench, monkeypatch):
     monkeypatch.setattr("screw_module_ros.nodes.support.robot.ANSWER_S", 0.3)
     bench.states[SafetyState] = SafetyState(level=SafetyState.WAITING, reasons=["manus: not seen"])
+    wait_until_heard(robot, bench, SafetyState)
     with pytest.raises(RobotError, match="no permission to move: manus: not seen"):
         robot.permit()
 

@@ -39,12 +39,14 @@ class Script:
 def played(folder: Path, seed: int) -> Path:
     """Run the script; return the bag."""
     extra = ["-p", f"session_recorder:folder:={folder}", "-p", "session_recorder:name:=session"]
-    extra += ["-p", f"sim_rig:seed:={seed}"]  # no faster than real time: it starts before we do
+    extra += ["-p", f"sim_rig:seed:={seed}"]
+    extra += ["-p", "sim_rig:speed:=0.1"]  # the graph starts before the first time of the script
     with (
         GraphRun(extra=extra) as graph,
         Robot("script", watch=graph.watch, simulated=True) as robot,
     ):
-        robot.wait_until_ready(graph.names, slowly=True)
+        robot.wait_until_ready(graph.names)
+        robot.set_parameter("sim_rig", "speed", 0.0)
         script = Script(robot)
         script.at(8.0).set_fixture("free")
         script.at(8.1).clear_faults()

@@ -133,7 +133,7 @@ def test_patient_force_holds_the_reaction_of_the_arm_s_mass(vertical, still):
 
 def test_both_masses_obey_newton(vertical, still):
     u = still._replace(fixture=HUMAN_ARM, hand=0.3, current=2.0, powered=True)
-    p = vertical
+    p = vertical._replace(module=vertical.module._replace(rail_friction=0.0))
     s = resting_state(p.module, 0.2, 1.0)
     for _ in range(3000):
         before = s
@@ -144,6 +144,42 @@ def test_both_masses_obey_newton(vertical, still):
         assert handle == pytest.approx(
             s.patient_force - s.contact_force - p.module.moving_mass * 9.81, abs=1e-6
         )
+
+
+def test_friction_on_the_handles_side_is_not_seen_at_the_nut(vertical, still):
+    """With the screw locked the handle moves within the play, against its own friction alone."""
+    module = vertical.module._replace(
+        play=4e-3, rail_friction=3.0, film_damping=0.0, gravity=0.0
+    )
+    p = vertical._replace(module=module, arm=ArmForce(0.0, 0.0, 0.0, 4.0, 0.0))
+    s = resting_state(module, 0.2, 1.0)
+    u = still._replace(fixture=STAGE, locked=True, stage_speed=2e-3, stage_target=0.2015)
+    s = run(p, s, u, 10000)
+    assert s.patient_force == pytest.approx(3.0, abs=0.01)
+    assert s.friction == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_mount_gives_way_under_the_handle_and_the_encoder_does_not_see_it(vertical, still):
+    module = vertical.module._replace(mount_stiffness=2e6, rail_friction=0.0)
+    p = vertical._replace(module=module, arm=ArmForce(1.0, 1e5, 500.0, math.inf, 0.0))
+    u = still._replace(fixture=HUMAN_ARM, locked=True, hand=0.2 + 2e-3)
+    s = run(p, resting_state(module, 0.2, 1.0), u, 20000)
+    assert s.nut == 0.2
+    assert s.mount == pytest.approx(s.contact_force / 2e6, rel=1e-3)
+    stretch = s.handle - s.nut - s.mount - 0.5 * module.play
+    assert stretch == pytest.approx(s.contact_force / module.contact_stiffness, rel=1e-3)
+
+
+def test_the_transducer_filters_the_force(vertical, still):
+    p = vertical._replace(force_lag=1.0 / (2.0 * math.pi * 100.0))
+    u = still._replace(fixture=HUMAN_ARM, hand=0.3)
+    s = resting_state(p.module, 0.2, 1.0)
+    shown = 0.0
+    for _ in range(200):
+        s = quick_step(p, s, u)
+        shown += (s.patient_force - shown) * p.dt / (p.force_lag + p.dt)
+        assert s.filtered_force == pytest.approx(shown, abs=1e-9)
+    assert abs(s.filtered_force - s.patient_force) > 0.0
 
 
 def test_carried_arm_weighs_on_the_handle(vertical, still):

@@ -127,3 +127,10 @@ def test_a_device_or_an_unknown_home_is_no_configuration(tmp_path):
     found = file_hashes(["/dev/zero", str(tmp_path / "fifo"), "~nosuchuser/x"])
     assert all(text.startswith("unreadable: ") for text in found.values())
     assert len(found) == 3
+
+
+def test_a_configuration_file_of_a_terabyte_is_not_read(tmp_path):
+    with (tmp_path / "large").open("wb") as file:
+        file.truncate(2**40)
+    (found,) = file_hashes([str(tmp_path / "large")]).values()
+    assert found == "unreadable: larger than 67108864 bytes"

@@ -25,6 +25,7 @@ from ..support.robot import Robot, RobotError
 
 _MATCHED_S, _POLL_NS = 5.0, 5_000_000  # wall clock
 _SETTLED_S = 0.05  # the other end may know of a match a moment later
+_TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
 """Their messages come between the ticks, where a node has nothing else to do."""
 _BUS_OF = {node: bus for bus, node in NODE_OF_BUS.items()}
@@ -160,4 +161,8 @@ class _Voice:
 
 def _between_ticks(now_ns: int, period: float) -> int:
     """Return a time between two ticks, `period` [s] from now or a little more [ns]."""
-    return (now_ns + round(period * 1e9)) // 1_000_000 * 1_000_000 + _OFF_TICK_NS
+    period_ns = round(period * 1e9)
+    if period_ns >= _TICK_NS:
+        return (now_ns + period_ns) // _TICK_NS * _TICK_NS + _OFF_TICK_NS
+    half_ns = period_ns // 2
+    return ((now_ns - half_ns) // period_ns + 1) * period_ns + half_ns

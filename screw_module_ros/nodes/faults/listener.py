@@ -16,6 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import (
     AmplifierState,
+    EncoderSample,
     EndpointState,
     PlanarState,
     SafetyState,
@@ -25,6 +26,7 @@ from screw_module_msgs.msg import (
 from ..support import qos
 from ..support.realtime import Inbox
 from ..support.robot import Robot
+from ..support.topics import SLOW_ENCODER
 
 NO_TORQUE = 5e-4
 """Less is no torque: the amplifier's pole dies away [Nm]; 0.17 N at the handle."""
@@ -85,6 +87,7 @@ class Listener:
         self._listen(AmplifierState, "screw/amplifier_state", self._note_enabled("amplifier"))
         self._listen(PlanarState, "manus/state", self._note_enabled("manus"))
         self._listen(EndpointState, "endpoint_state", self._endpoint, qos.NEWEST)
+        self._listen(EncoderSample, SLOW_ENCODER, self._sample, qos.SAMPLE)
         self._listen(WrenchStamped, "handle/wrench", self._wrench, qos.NEWEST)
 
     def _listen(self, kind: type, topic: str, note: Callable, profile: QoSProfile = _ALL) -> None:
@@ -142,9 +145,11 @@ class Listener:
 
         return note
 
-    def _endpoint(self, state: EndpointState) -> None:
-        self.homed = state.valid[2]
+    def _endpoint(self, _: EndpointState) -> None:
         self._arrived("endpoint_state")
+
+    def _sample(self, sample: EncoderSample) -> None:
+        self.homed = sample.homed
 
     def _wrench(self, _: WrenchStamped) -> None:
         self._arrived("force_sensor")

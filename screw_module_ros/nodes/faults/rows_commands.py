@@ -21,7 +21,7 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from .acts import both, game, parameter_refused, published, refused
 from .limits import BY_SERVICE, TOLD
 from .patient import SPRING
-from .row import EITHER, GOES_ON, OFF, Act, Alarm, Row, nothing
+from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 
 _NAN, _INF = math.nan, math.inf
 _BAD = {"NaN": _NAN, "infinity": _INF}
@@ -29,7 +29,7 @@ _COUNT, _EVERY_S = 25, 0.007
 _MANY, _TICK_S = 60, 0.001
 
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
-_FORCE = Alarm("impedance_controller", "force sensor", "force")
+_FORCE = Alarm("impedance_controller", "force sensor|nodes publish handle/force", "force")
 _TWO_SUPERVISORS = "nodes publish safety_state"
 _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
 # Every field and every value are gone through by test/properties/test_watches.py; here is one of
@@ -37,8 +37,7 @@ _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
 _SAMPLES = (
     ("screw/encoder", EncoderSample, "position", _NAN, "impedance_controller", _ENCODER),
     ("screw/encoder", EncoderSample, "velocity", _INF, "impedance_controller", _ENCODER),
-    ("handle/force", ForceSample, "fx", _NAN, "impedance_controller or manus",
-     Alarm("supervisor", ".", "force|handle")),
+    ("handle/force", ForceSample, "fx", _NAN, "impedance_controller", _FORCE),
     ("handle/force", ForceSample, "fz", 1e300, "impedance_controller", _FORCE),
     ("handle/force", ForceSample, "tz", _NAN, "impedance_controller", _FORCE),
     ("screw/force_command", ForceCommand, "force", _NAN, "amplifier", _COMMAND),
@@ -53,7 +52,7 @@ _STAMPED = (
 _WITHIN = BY_SERVICE + TOLD
 """Samples: the first comes after 7 of them; a state is heard by the supervisor."""
 _COUNTED = 100 + _WITHIN
-"""Samples: who sends safety_state is counted each 0.1 s."""
+"""Samples: who publishes what one alone may is counted each 0.1 s."""
 _TRUE_GAME = game(*SPRING)
 _LATE_NS = 3_600_000_000_000
 
@@ -86,13 +85,17 @@ def _height(stand) -> float:
 def _foreign(
     name: str, text: str, kind: type, topic: str, who: str, alarm: Alarm, **fields: object
 ) -> Row:  # fmt: skip
-    """Samples or commands of a foreign sender; the true force samples hide some, or all of it."""
+    """Samples or commands of a foreign sender.
+
+    The true force samples hide some of its, or all; that there are two senders they do not.
+    """
     if kind is not ForceSample:
         act = published(kind, topic, _COUNT, _EVERY_S, **fields)
         return _stops(name, text, act, who, alarm, apart=True)
     act = published(kind, topic, _MANY, _TICK_S, **fields)
-    who += ": the newest sample counts, which may be the true one"
-    return _stops(name, text, act, who, None, apart=True)._replace(safe=EITHER, watch=0.1)
+    who += ": two nodes publish it"
+    row = _stops(name, text, act, who, alarm, apart=True)
+    return row._replace(within=_COUNTED, plane_within=_COUNTED + TOLD)
 
 
 def _stops(

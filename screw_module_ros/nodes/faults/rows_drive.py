@@ -75,6 +75,7 @@ def rows() -> Iterator[Row]:
     yield _row("shoulder", "manus", "position_jump", "its position jumps", AT_ONCE, "jumped")
     yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
     yield _refuses_to_enable()
+    yield _without_limit()
 
 
 def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
@@ -112,6 +113,38 @@ def _refuses_to_enable() -> Row:
         name="drive-cleared-too-early",
         inject=both(fault("drive", "over_temperature"), _clear_in_vain),
     )
+
+
+def _without_limit() -> Row:
+    """A drive that restarts and then has no torque limit of its own is not enabled."""
+    row = _row("drive", "amplifier", "reset", "it restarts and refuses a torque limit, 6072",
+               AT_ONCE, "6072")  # fmt: skip
+    return row._replace(
+        name="drive-refuses-6072",
+        inject=_restarted_without_limit,
+        back=both(cured("drive"), fault("drive", "reset")),
+        alarm=Alarm("amplifier", "torque limit 6072", "amplifier"),
+        noticed_by="amplifier: not enabled without its guards",
+    )
+
+
+def _restarted_without_limit(stand) -> float:
+    fault("drive", "refuse_torque_limit")(stand)
+    begin = fault("drive", "reset")(stand)
+    robot = stand.robot
+    if not stand.until(lambda: "amplifier" in stand.heard.disabled_at(), 2.0):
+        raise Failed("the amplifier is still enabled")
+    robot.pause(0.5)
+    answer = robot.call(Trigger, "amplifier/clear_fault", deadline_s=6.0)
+    if not answer.success:
+        raise Failed(f"amplifier/clear_fault: {answer.message}")
+    robot.wait_until(
+        lambda: robot.call(Trigger, "supervisor/reset").success, 5.0, "supervisor/reset is refused"
+    )
+    answer = robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True))
+    if answer.success or "6072" not in answer.message:
+        raise Failed(f"amplifier/enable without a torque limit: {answer.message!r}")
+    return begin
 
 
 def _clear_in_vain(stand) -> None:

@@ -16,7 +16,7 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, called, published, refused
+from .acts import both, called, published, refused, switched
 from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, LOST, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
@@ -24,6 +24,11 @@ from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 GROUP = "intruders"
 _FUTURE = 1_000_000
 _FOREIGN_TORQUE = 300  # per mille of the rated torque; any torque would act, for up to a period
+_TWO_COMMAND = Alarm("amplifier", "force command|nodes publish", "amplifier")
+_FAST = AT_ONCE + 12
+"""Samples: ten more than one sender's make a second one."""
+_COUNTED = 100 + AT_ONCE + 4
+"""Samples: who publishes commands is counted each 0.1 s."""
 _LATER = TOLD + 2 * DYING
 _MISSED = LOST + 2 * 20 + 20 + DYING
 """Samples in which the supervisor misses a node that left in order."""
@@ -56,9 +61,8 @@ def _row(
 
 def _twins() -> Iterator[Row]:
     yield _row("two-controllers", "a second impedance_controller under another name",
-        _second_controller, "amplifier, unless the true commands hide all of the second one's",
-        None, "stop it; amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
-        watch=0.5, apart=True)  # fmt: skip
+        _second_controller, "amplifier", _TWO_COMMAND,
+        "stop it; amplifier/clear_fault, reset, enable", within=_FAST, apart=True)  # fmt: skip
     for node in ("amplifier", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
@@ -128,8 +132,12 @@ def _topics() -> Iterator[Row]:
                apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
-               "amplifier limits it to 95 N; the next true one follows", None,
-               "amplifier/clear_fault, reset, enable", safe=EITHER, within=_LATER,
+               "amplifier: two nodes publish it; it is followed by 4 N at most", _TWO_COMMAND,
+               "stop the sender; amplifier/clear_fault, reset, enable", within=_COUNTED,
+               apart=True)  # fmt: skip
+    yield _row("command-4-khz", "30 N, 4000 times a second, each newer than the true one before it",
+               _fast_commands, "amplifier", _TWO_COMMAND,
+               "stop the sender; amplifier/clear_fault, reset, enable", within=_FAST,
                apart=True)  # fmt: skip
     x, y, z, *_ = SPRING
     yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
@@ -137,6 +145,17 @@ def _topics() -> Iterator[Row]:
                          position__y=math.nan, position__z=z, velocity__x=math.nan),
                "manus leaves its axes alone", None, "none is needed", safe=GOES_ON,
                watch=1.0)  # fmt: skip
+
+
+def _fast_commands(stand) -> float:
+    clock = stand.robot.clock
+    numbers = itertools.count(clock.now_ns() // PERIOD_NS + 2)
+
+    def make() -> ForceCommand:
+        number = next(numbers) & 0xFFFFFFFF
+        return ForceCommand(force=30.0, monotonic_ns=clock.now_ns(), sequence=number)
+
+    return stand.intruders.publish(ForceCommand, "screw/force_command", make, 0, 0.00025)
 
 
 def _future_commands(stand) -> float:
@@ -162,6 +181,11 @@ def _frames() -> Iterator[Row]:
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
                Alarm("amplifier", "drive", "amplifier"),
                "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 11)  # fmt: skip
+    yield _row("foreign-walk-up", "a foreign master walks the drive up, which nobody has enabled",
+               _walk_up,
+               "amplifier: somebody else commands the drive; it stops the node",
+               Alarm("amplifier", "somebody else commands the vertical drive", "amplifier"),
+               "stop it; amplifier/clear_fault, reset, enable")  # fmt: skip
     nmt = struct.pack("<BB", 0x80, 0)
     yield _row("foreign-nmt-preoperational", "a foreign master sends all devices of the drive's "
                "bus to PRE-OPERATIONAL", _frames_on("amplifier", 0x000, nmt, 0.05), "amplifier",
@@ -181,6 +205,23 @@ def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
         stand.intruders.repeat(lambda: port.send(can_id, data), period)
 
     return act
+
+
+def _walk_up(stand) -> float:
+    """Send it to operation enabled with torque, between our commands, a thousand times a second."""
+    for node in ("amplifier", "manus"):
+        switched(f"{node}/enable", False)(stand)
+    port = stand.intruders.port("amplifier")
+    words = [struct.pack("<Hh", word, _FOREIGN_TORQUE) for word in (0x06, 0x07, 0x0F)]
+
+    def walk() -> None:
+        for word in words:
+            port.send(0x201, word)
+
+    stand.robot.pause(0.1)
+    begin = stand.just_now()
+    stand.intruders.repeat(walk, 0.001)
+    return begin
 
 
 def _storms() -> Iterator[Row]:

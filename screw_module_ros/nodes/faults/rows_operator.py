@@ -3,22 +3,23 @@
 
 from __future__ import annotations
 
+import math
 import resource
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from screw_module_msgs.msg import EndpointSetpoint, SafetyState
+from screw_module_msgs.msg import EndpointSetpoint, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK
 
 from ..support.robot import arm
-from .acts import both, called, cured, fault, published, refused, rehomed, repeated, switched
+from .acts import both, called, cured, fault, published, refused, repeated, switched
 from .limits import BY_SERVICE, DYING, STALE, TOLD
-from .patient import SPRING
-from .row import EITHER, GOES_ON, MISSED, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
+from .patient import HOME, SPRING
+from .row import EITHER, GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
 
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
@@ -84,11 +85,17 @@ def _operator() -> Iterator[Row]:
                    repeated(both(switched("amplifier/enable", True),
                                  switched("manus/enable", True)), 10),
                    "amplifier, manus: nothing changes")  # fmt: skip
-    yield _goes_on("home-while-moving", "encoder/home in motion", _home_in_motion,
-                   "encoder refuses, or the origin moves in small steps")._replace(
-        safe=EITHER, within=_BY_CHANCE, plane_within=_BY_CHANCE,
-        way_back="encoder/home at the mark, reset, enable",
-        back=_home_again)  # fmt: skip
+    yield _goes_on("home-while-moving", "encoder/home in motion",
+                   repeated(refused("encoder/home", said="enabled"), 3),
+                   "encoder refuses")  # fmt: skip
+    yield _goes_on("home-while-enabled", "encoder/home while enabled, the hand at rest elsewhere",
+                   both(_at_rest_elsewhere, refused("encoder/home", said="disable it first")),
+                   "encoder refuses: soft stops and set points would move with the origin"
+                   )  # fmt: skip
+    yield _goes_on("home-elsewhere", "encoder/home while disabled, away from the mark",
+                   _home_elsewhere, "encoder refuses the first time, and who asks again at once",
+                   )._replace(safe=OFF, within=BY_SERVICE, plane_within=BY_SERVICE,
+                              way_back="enable")  # fmt: skip
     yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
     yield Row(
@@ -111,10 +118,7 @@ def _heard(stand) -> None:
 def _still_estopped(stand) -> None:
     stand.restart("supervisor")
     stand.await_restarted()
-    stand.robot.wait_until(
-        lambda: stand.robot.state(SafetyState) is not None, 5.0, "the supervisor is silent"
-    )
-    if not stand.robot.state(SafetyState).estopped:
+    if not stand.robot.newest(SafetyState).estopped:
         raise Failed("the emergency stop was forgotten")
 
 
@@ -133,16 +137,32 @@ def _until_latched(stand) -> None:
     stand.robot.pause(0.6)  # until the encoder counts as lost, not only as late
 
 
-def _home_in_motion(stand) -> None:
-    for _ in range(3):
-        stand.robot.call(Trigger, "encoder/home")
+def _at_rest_elsewhere(stand) -> None:
+    """Let the hand rest where the spring and its arm let it, some way from the mark."""
+    stand.patient.rest()
+    if not stand.until(lambda: stand.patient.at_rest, 5.0):
+        raise Failed("the hand does not come to rest")
 
 
-def _home_again(stand) -> None:
-    """Give the encoder its true origin again."""
+def _home_elsewhere(stand) -> float:
+    """Ask for it where the last homing is far off, again and again: the origin must not move."""
+    begin = stand.just_now()
     for node in ("amplifier", "manus"):
         stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
-    rehomed(stand)
+    there = (math.nan, math.nan, HOME + 0.08)  # friction holds it on the way
+    still = (math.nan, math.nan, 0.0)
+    stand.robot.set_arm(arm(there, amplitude=still, omega=still))
+    if not stand.until(lambda: stand.heard.now.height > HOME + 0.02, 5.0):
+        raise Failed("the hand does not leave the mark")
+    stand.robot.pause(1.0)
+    before = stand.heard.now.height
+    for _ in range(10):
+        refused("encoder/home", said="against the last homing")(stand)
+    state = stand.robot.state(ImpedanceState)
+    if state is None or abs(state.position - before) > 0.005:
+        raise Failed("the origin has moved")
+    stand.patient.place()
+    return begin
 
 
 def _patient() -> Iterator[Row]:

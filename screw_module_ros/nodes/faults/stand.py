@@ -27,7 +27,12 @@ STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
 _ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
 _CREEP_S = 0.0005
-_ONE_SENDER = {"safety_state": "supervisor", "screw/force_command": "impedance_controller"}
+_ONE_SENDER = {
+    "safety_state": "supervisor",
+    "screw/force_command": "impedance_controller",
+    "screw/encoder": "encoder",
+    "handle/force": "force_sensor",
+}
 """Topics whose hearers enable nothing while there are two senders. The middleware forgets one that
 was killed after 20 s of wall clock."""
 _POLL_NS = 5_000_000

@@ -193,7 +193,7 @@ class Motion:
         limits = [f"torque.{name}" for name in TorqueLimits._fields]
         given = parameters(self._session.robot, AMPLIFIER, [*names, *limits])
         chain = torque_chain(
-            CommandLimits(given["command_up"], given["command_down"]),
+            CommandLimits(*(given[name] for name in CommandLimits._fields)),
             TorqueLimits(*(given[name] for name in limits)),
             linearization,
             Screw(given["lead"]),

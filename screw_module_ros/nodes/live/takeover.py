@@ -3,8 +3,9 @@
 
 The amplifier lets only one node command it and the supervisor wants to hear a controller. So the
 controller is cleaned up, which takes its publishers out of the graph, `characterize` publishes in
-its stead, and the amplifier is configured again without its linearization and with force limits
-wide enough. Giving back verifies every step; what could not be put back is said.
+its stead, and the amplifier is configured again without its linearization and with limits of the
+force and of its rate wide enough. Giving back verifies every step; what could not be put back is
+said.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from .torque_source import TorqueSource
 CONTROLLER, AMPLIFIER = "impedance_controller", "amplifier"
 _MARGIN = 1.02  # of the force limits above the peak
 _ANSWER_S = 10.0
+_FASTEST = 1e6  # [N/s]: a locked rotor may have any sine
 
 
 class Takeover:
@@ -65,7 +67,7 @@ class Takeover:
         if not self._begun:
             self._check_robot()
             self._found = parameters(
-                self._robot, AMPLIFIER, ("linearize", "command_up", "command_down")
+                self._robot, AMPLIFIER, ("linearize", "command_up", "command_down", "command_rate")
             )
             self._begun = True
             bring(self._robot, CONTROLLER, UNCONFIGURED)
@@ -76,7 +78,8 @@ class Takeover:
         widened = {
             name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
         }
-        set_parameters(self._robot, AMPLIFIER, {"linearize": False, **widened})
+        freed = {"linearize": False, "command_rate": _FASTEST}
+        set_parameters(self._robot, AMPLIFIER, {**freed, **widened})
         bring(self._robot, AMPLIFIER, ACTIVE)
         self._wait_until_ready()
         return self.source
@@ -146,7 +149,7 @@ def check_disabled(robot: Robot) -> None:
     """Raise NotPossible with the way out unless the amplifier says that no torque passes."""
     if not robot.met(lambda: robot.state(AmplifierState) is not None, _ANSWER_S):
         raise NotPossible("the amplifier is silent: start and activate it first")
-    if robot.state(AmplifierState).enabled:
+    if robot.newest(AmplifierState).enabled:
         raise NotPossible(
             f"the amplifier is enabled: ros2 service call {topic_of(robot, 'amplifier/enable')} "
             "std_srvs/srv/SetBool"

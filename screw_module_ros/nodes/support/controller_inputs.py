@@ -14,6 +14,7 @@ from . import qos
 from .flat import ENCODER, FORCE
 from .freshness import Newest
 from .realtime import Inbox
+from .slot_input import SlotInbox
 
 _SAFETY_AGE_NS = 200_000_000
 
@@ -32,6 +33,7 @@ class ControllerInputs:
         self._take_encoder = take(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
         self._take_force = forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
         self._take_setpoint = take(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self._slot = SlotInbox(inbox, vertical=True)
         self._take_amplifier = take(AmplifierState, "screw/amplifier_state", qos.NEWEST)
         take_safety = take(SafetyState, "safety_state", qos.COMMAND)
         self._safety = Newest(take_safety, _SAFETY_AGE_NS)
@@ -62,8 +64,9 @@ class ControllerInputs:
         return sample
 
     def hear(self, controller: VerticalController, now_ns: int) -> None:
-        """Take set point and amplifier state, where they come by a topic."""
+        """Take set point, slot and amplifier state, where they come by a topic."""
         controller.held = self.wrong_rate
+        self._slot.hear(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)

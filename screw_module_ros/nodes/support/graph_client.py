@@ -37,12 +37,12 @@ _POLL_NS = 20_000_000
 _SERVE_S = 0.5
 ANSWER_S = 10.0
 _LOST_S = 1.0
-_CREEP_NS = 2_000_000
 _READY_S = 90.0
 _STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
+_STATE_S = 5.0
 _STATES = {
     SafetyState: "safety_state",
     ImpedanceState: "screw/controller_state",
@@ -167,12 +167,10 @@ class Client:
         nodes: Iterable[str],
         deadline_s: float = _READY_S,
         told: Callable[[list[str]], None] = lambda waiting: None,
-        slowly: bool = False,
     ) -> None:
         """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet.
 
-        deadline_s: of wall clock. slowly: simulated time hardly moves meanwhile, so that what comes
-        afterwards can be bound to times known before.
+        deadline_s: of wall clock.
         """
         waiting = list(nodes)
         asked: dict[str, tuple[Any, int]] = {}
@@ -182,23 +180,18 @@ class Client:
             told(waiting)
             return not waiting
 
-        if not self._met_by_wall(ready, deadline_s, slowly and self.clock.simulated):
+        if not self._met_by_wall(ready, deadline_s):
             said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
-    def _met_by_wall(
-        self, condition: Callable[[], Any], deadline_s: float, slowly: bool
-    ) -> bool:
-        if not slowly:
-            self.clock.idle()
+    def _met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        self.clock.idle()
         end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
         while not condition():
             if _WALL.now_ns() > end_ns:
                 return False
             self.watch()
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-            if slowly and self.clock.page.conductor:
-                self._sleep(self.clock.now_ns() + _CREEP_NS)
         return True
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
@@ -252,6 +245,13 @@ class Client:
         None when it is older than 0.3 s.
         """
         return self._states[kind].fresh(self.clock.now_ns())
+
+    def newest(self, kind: type, deadline_s: float = _STATE_S) -> Any:
+        """Like `state`, but wait for one. Raises RobotError when none comes in time."""
+        self.wait_until(
+            lambda: self.state(kind), deadline_s, f"nobody publishes {_STATES[kind]}"
+        )
+        return self._states[kind].message
 
     # Services ------------------------------------------------------------------------------
 

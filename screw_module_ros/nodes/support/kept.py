@@ -2,7 +2,9 @@
 """What a node must know again after its process has ended, however it ended: a small file.
 
 It lies in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
-the name by which `single.lock_node` locks the node: ROS domain and full node name.
+the name by which `single.lock_node` locks the node: ROS domain and full node name. However the
+environment spells these, there is one file: a node that is started from another shell, by a service
+manager without HOME or with the domain as 07 must find what it left as domain 7.
 """
 
 from __future__ import annotations
@@ -10,31 +12,51 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pwd
 from pathlib import Path
 from typing import Any
 
+from screw_module_ros.domain import domain_id
+
 STATE_VARIABLE = "XDG_STATE_HOME"
+_LARGEST = 64 * 1024  # bytes
 
 
 class Kept:
-    """The file of one node; written by the one process that holds the node's lock."""
+    """The file of one node; written by the one process that holds the node's lock.
+
+    path: of the file, None where there is no place for one. place: the same for people.
+    """
 
     def __init__(self, full_name: str):
         """Name the file of the node `full_name` in the ROS domain of this process."""
-        home = os.environ.get(STATE_VARIABLE) or os.path.expanduser("~/.local/state")
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
-        self.path = Path(home) / "screw_module_ros" / "node" / f"{domain}{full_name}.json"
+        folder = _state_folder()
+        self.path: Path | None = None
+        self.place = f"no place for it: {STATE_VARIABLE} and HOME are unset or no absolute paths"
+        if folder is not None:
+            name = f"{domain_id()}{full_name}.json"
+            self.path = folder / "screw_module_ros" / "node" / name
+            self.place = str(self.path)
         self._values: Any = None
 
     def read(self) -> Any:
         """Return what was written last, {} when there is no file.
 
-        Raises OSError when it cannot be read, ValueError when it is no JSON.
+        Raises OSError when it cannot be read, or could not have been written, ValueError when it is
+        no JSON.
         """
+        path = self._known_path()
         try:
-            self._values = json.loads(self.path.read_text("utf-8"))
+            with path.open("rb") as file:
+                content = file.read(_LARGEST + 1)
         except FileNotFoundError:
+            _check_writable(path.parent)
             self._values = {}
+            return self._values
+        if len(content) > _LARGEST:
+            raise ValueError(f"more than {_LARGEST} bytes")
+        try:
+            self._values = json.loads(content.decode("utf-8"))
         except RecursionError:
             raise ValueError("nested too deeply") from None
         return self._values
@@ -47,16 +69,49 @@ class Kept:
         if values == self._values:
             return
         self._values = values
+        path = self._known_path()
         if not values:
-            self.path.unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
             return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        beside = self.path.with_suffix(f".{os.getpid()}.tmp")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_suffix(f".{os.getpid()}.tmp")
         try:
             # Not synced: that may take longer than safety_state may be silent. A power failure
             # that cuts the file short leaves one that cannot be read.
             beside.write_text(json.dumps(values), "utf-8")
-            beside.replace(self.path)
+            beside.replace(path)
         finally:
             with contextlib.suppress(OSError):
                 beside.unlink()
+
+    def _known_path(self) -> Path:
+        if self.path is None:
+            raise FileNotFoundError("set HOME, or XDG_STATE_HOME, to an absolute path")
+        return self.path
+
+
+def _state_folder() -> Path | None:
+    """Return where programs keep their state, None without an absolute path for it.
+
+    A relative XDG_STATE_HOME counts as unset, as its specification wants (XDG Base Directory 0.8):
+    it would be another folder from each folder a node is started in. So would a relative HOME.
+    """
+    given = os.environ.get(STATE_VARIABLE, "")
+    if os.path.isabs(given):
+        return Path(given)
+    home = os.environ.get("HOME", "")
+    if not os.path.isabs(home):
+        try:
+            home = pwd.getpwuid(os.getuid()).pw_dir
+        except KeyError:
+            return None
+    return Path(home) / ".local" / "state" if os.path.isabs(home) else None
+
+
+def _check_writable(folder: Path) -> None:
+    """Raise OSError when no file could be written into a folder that may have to be made."""
+    there = next(each for each in (folder, *folder.parents) if each.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(f"{there} is no folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError(f"nothing can be written into {there}")

@@ -15,6 +15,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from screw_module_ros.quoting import quoted
 from screw_module_ros.settings import Field, declared, problem
 
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -151,11 +152,11 @@ def _flat(value: Any):
 def _problem(name: str, field: Field, value: Any, wanted: type) -> str:
     if not _fits(value, wanted):
         example = " (write 1.0, not 1)" if wanted is float and isinstance(value, int) else ""
-        return f"{name} = {value!r}: a value of type {wanted.__name__} is wanted{example}"
+        return f"{name} = {quoted(value)}: a value of type {wanted.__name__} is wanted{example}"
     if wanted is list:
         parts = get_args(field.kind)  # a bare `tuple` and `tuple[str, ...]` have any length
         if parts and ... not in parts and len(value) != len(parts):
-            return f"{name} = {list(value)!r}: {len(parts)} values are wanted"
+            return f"{name} = {quoted(list(value))}: {len(parts)} values are wanted"
     return problem(field, value, name)
 
 

@@ -13,23 +13,26 @@ from screw_module_ros.loop.gated_drives import GatedDrives
 from . import qos
 from .module_node import ModuleNode
 from .realtime import Inbox
+from .senders import Senders
 
 _TOPIC = "safety_state"
-_LOOK_S = 0.1
 
 
 class Permission:
-    """Subscribes `safety_state` for the hot loop and counts its senders in the executor's thread.
+    """Subscribes `safety_state` for the hot loop and counts its senders.
 
-    permitted: reads the axis group's permission from the message. warning: that more than one node
-    publishes it, else empty; a node that was killed counts until DDS forgets it, 20 s later.
+    permitted: reads the axis group's permission from the message.
     """
 
     def __init__(self, node: ModuleNode, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
-        self.warning = ""
-        self._node, self._permitted = node, permitted
+        self._permitted = permitted
         self._take = inbox.subscribe(SafetyState, _TOPIC, qos.PERMISSION)
-        self._timer = node.periodic.every(node.clock, _LOOK_S, self._count_senders)
+        self._senders = Senders(node, [_TOPIC])
+
+    @property
+    def warning(self) -> str:
+        """That more than one node publishes it, else empty."""
+        return self._senders.warning
 
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
         """Tell the gate what came since the last call; two senders are a refusal. now_ns [ns]."""
@@ -39,11 +42,6 @@ class Permission:
         if self.warning:
             drives.permit(False, self.warning, now_ns)
 
-    def _count_senders(self) -> None:
-        count = self._node.count_publishers(_TOPIC)
-        told = f"{count} nodes publish {_TOPIC}: one is allowed"
-        self.warning = told if count > 1 else ""
-
     def close(self) -> None:
         """Count no more; the subscription goes with the inbox."""
-        self._node.periodic.cancel(self._timer)
+        self._senders.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
@@ -37,10 +38,18 @@ def declare_drives(parameters: Parameters) -> None:
         )  # fmt: skip
 
 
-def read_drives(parameters: Parameters, rate: float) -> list[DriveSettings]:
-    """Return the settings of both drives; rate: of the commands [1/s]."""
+def read_drives(parameters: Parameters, rate: float, law: PlanarSettings) -> list[DriveSettings]:
+    """Return the settings of both drives; rate: of the commands [1/s].
+
+    law: whose largest torques are the drives' own limits too, where max_torque is not smaller.
+    """
     shared = parameters.read(SharedSettings)._asdict()
-    return [parameters.read(DriveSettings, j)._replace(rate=rate, **shared) for j in JOINTS]
+    largest = (law.shoulder_torque, law.elbow_torque)
+    found = [parameters.read(DriveSettings, joint) for joint in JOINTS]
+    return [
+        each._replace(rate=rate, max_torque=min(each.max_torque, torque), **shared)
+        for each, torque in zip(found, largest, strict=True)
+    ]
 
 
 def make_drives(port: Port, settings: list[DriveSettings]) -> list[Drive]:

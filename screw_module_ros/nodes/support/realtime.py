@@ -30,7 +30,7 @@ from .flat import Flat
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
-_LOST_NS = 500_000_000  # wall clock: a message that was published and has not come by then is lost
+_LOST_NS = 900_000_000  # wall clock: a message that was published and has not come by then is lost
 _SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
 
 
@@ -229,10 +229,6 @@ class Inbox:
     def now_ns(self) -> int:
         """Return the time that is waited by [ns]."""
         return self._clock.now_ns()
-
-    def publishers(self, topic: str) -> int:
-        """Return how many publishers there are on `topic` for the subscription made to it."""
-        return self._node.count_publishers(topic)
 
     def wait(self, until_ns: int) -> None:
         """Wait until `until_ns` at most for a message of a waking subscription."""

@@ -36,6 +36,7 @@ __all__ = ["Robot", "RobotError", "arm"]
 _NAN = math.nan
 _AFTER_CLEARING_S = 0.2
 _HEARD_S = 1.0
+_SILENT_S = 0.5
 _LEAVE = (_NAN, _NAN, _NAN)
 
 
@@ -211,9 +212,9 @@ class Robot(Client):
     def check_enabled(self) -> None:
         """Raise RobotError with what is known of the reason when a torque is off."""
         for name, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
-            state = self.state(kind)
-            if state is None:
+            if not self.met(lambda kind=kind: self.state(kind), _SILENT_S):
                 raise RobotError(f"{name} is silent{self.complaints_text()}")
+            state = self.state(kind)
             if not state.enabled:
                 controller = self.state(ImpedanceState)
                 cause = controller.reason if controller and controller.faulted else ""

@@ -7,8 +7,9 @@ killed node never blocks its successor and nothing is left on the disk.
 
 from __future__ import annotations
 
-import os
 import socket
+
+from screw_module_ros.domain import domain_id
 
 
 class AlreadyRunning(RuntimeError):
@@ -34,7 +35,7 @@ class Lock:
 
 def lock_node(full_name: str) -> Lock:
     """Hold the node name `full_name` within the ROS domain of this process."""
-    domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    domain = domain_id()
     return Lock(
         f"node/{domain}{full_name}",
         f"a node {full_name} already runs in ROS domain {domain}: stop it first, or start this "

@@ -9,22 +9,13 @@ from __future__ import annotations
 
 import threading
 
-from screw_module_msgs.msg import AmplifierState
-
 from screw_module_ros.clock import Clock
-from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.samples import ForceReading
 
-from . import qos
 from .realtime import Inbox
+from .torque_off import TorqueOff
 
 _GATHER_S = 3.0
-_STATE_S = 0.2
-_ENABLED = "the vertical drive is enabled and would jump: disable it first (/amplifier/enable)"
-
-
-class NotPermitted(DeviceError):
-    """The vertical drive gives torque."""
 
 
 class Taring:
@@ -32,7 +23,7 @@ class Taring:
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock
-        self._take_state = inbox.subscribe(AmplifierState, "screw/amplifier_state", qos.NEWEST)
+        self._torque_off = TorqueOff(inbox, clock)
         self._readings: list[ForceReading] | None = None
         self._wanted = 0
         self._enough = threading.Event()
@@ -46,20 +37,8 @@ class Taring:
                 self._enough.set()
 
     def permitted(self) -> None:
-        """Raise NotPermitted when the amplifier's next state says that torque passes.
-
-        One that is silent lets none pass.
-        """
-        self._take_state()  # what lies there may be old
-        states: list[AmplifierState] = []
-
-        def heard() -> bool:
-            state = self._take_state()
-            states.extend([state] if state is not None else [])
-            return bool(states)
-
-        if self._clock.wait_for(heard, _STATE_S) and states[0].enabled:
-            raise NotPermitted(_ENABLED)
+        """Raise NotPermitted when the amplifier's next state says that torque passes."""
+        self._torque_off.check("would jump")
 
     def gathered(self, count: int) -> list[ForceReading]:
         """Return the next readings, up to `count`; fewer where they fail to come."""

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Chatter guard: takes the force gain back when the handle force shakes (thesis 6.4.3, 7.1).
+
+No force gain is stable against everything that may hold the handle. Shaking faster than a hand can
+is the sign: when the rms of the handle force above `CORNER` stays over the limit for `LASTING`,
+longer than the jolt of a reversal lasts, the share of the force gain that remains falls to nothing
+within `FALL`; the law puts a damper in its place. It comes back in `RETURN`, but only to a
+part of the share at which the shaking began; that ceiling is forgotten in `FORGET`, so that a
+contact that cannot be stable at full gain is met below it, and not anew every few seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from ..filters import LowpassState, lowpass_coefficients, lowpass_step
+from .limits import clamp
+
+CORNER = 6.0  # [Hz] twice first order: of 5 Hz of tremor 41 % pass, of 3 Hz 20 %
+WINDOW = 0.05  # [s] of the mean square, exponential
+LASTING = 0.2  # [s]
+FALL = 0.1  # [s]
+RETURN = 3.0  # [s]
+FORGET = 60.0  # [s]
+KEPT_SHARE = 0.6  # of the share at which shaking began
+CLIPPED = 3.0  # of the limit: one jolt is no chatter, however hard
+QUIET = 0.5  # of the limit: below it the shaking is over
+
+
+class GuardState(NamedTuple):
+    """share: of the force gain that remains, 0 to 1; ceiling: to which it may return; tripped:
+    shaking now; above: how long the rms has been over the limit [s]; mean_square [N^2]; first,
+    second: low passes whose complement is the high pass."""
+
+    share: float
+    ceiling: float
+    tripped: bool
+    above: float
+    mean_square: float
+    first: LowpassState
+    second: LowpassState
+
+
+QUIET_GUARD = GuardState(
+    1.0, 1.0, False, 0.0, 0.0, LowpassState(0.0, 0.0), LowpassState(0.0, 0.0)
+)  # fmt: skip
+
+
+def guard_step(state: GuardState, force: float, limit: float, dt: float) -> GuardState:
+    """Return the guard after a sample of the handle force [N]; limit: rms [N]; dt [s]."""
+    coefficients = lowpass_coefficients(CORNER, dt)
+    slow, first = lowpass_step(coefficients, state.first, force)
+    slower, second = lowpass_step(coefficients, state.second, force - slow)
+    rapid = clamp(force - slow - slower, -CLIPPED * limit, CLIPPED * limit)
+    mean_square = state.mean_square
+    mean_square += (rapid * rapid - mean_square) * min(1.0, dt / WINDOW)
+    rms = math.sqrt(mean_square)
+    above = state.above + dt if rms > limit else 0.0
+    tripped = rms > QUIET * limit if state.tripped else above > LASTING
+    ceiling = clamp(state.ceiling + dt / FORGET, 0.0, 1.0)
+    if tripped and not state.tripped:
+        ceiling = KEPT_SHARE * state.share
+    if tripped:
+        share = state.share - dt / FALL
+    else:
+        share = min(state.share + dt / RETURN, ceiling)
+    return GuardState(
+        clamp(share, 0.0, 1.0), ceiling, tripped, above, mean_square, first, second
+    )

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Disturbance observer of mode OBSERVER: friction estimated from what the nut does (thesis 7.1).
+
+An extended-state observer round the collocated encoder, with the handle force as a known input
+(natural admittance control in spirit: Newman 1992; Buerger and Hogan 2007). It compares the motion
+of the nut with that of a mass without friction,
+
+    x' = v,   M v' = u(t - tau) + Fp - g - F - d,
+
+u the command that acts now, tau [s] after it was computed, Fp the patient's force, g the carried
+weight, F the modelled friction that is fed forward. What is left over is d: friction that no model
+predicted, an error of the weight, a bias. Fed back, d cancels it; no term of the law depends on the
+sign of the velocity, so it works through zero speed. The three estimates are corrected once per
+sample with a triple pole at exp(-w dt), which fixes the gains for any sample time (the fading
+memory filter of second order; Morrison 1969).
+
+The command that it is given is the one that went out, limits included: a limit winds nothing up. An
+obstacle that presses anywhere but on the transducer looks like friction, so d is limited.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from .limits import clamp
+
+KEPT = 12
+"""Commands remembered: a delay of up to so many periods, less two, is followed."""
+
+Commands = tuple[
+    float, float, float, float, float, float, float, float, float, float, float, float
+]
+NO_COMMANDS: Commands = (0.0,) * KEPT
+
+
+class ObserverState(NamedTuple):
+    """position [m], velocity [m/s]: of the nut, estimated; disturbance [N]; commands: that went
+    out, the newest first [N]."""
+
+    position: float
+    velocity: float
+    disturbance: float
+    commands: Commands
+
+
+def observer_at(position: float) -> ObserverState:
+    """Return the observer of a nut that rests at position [m] with nothing commanded."""
+    return ObserverState(position, 0.0, 0.0, NO_COMMANDS)
+
+
+def observer_step(
+    state: ObserverState,
+    position: float,
+    force: float,
+    mass: float,
+    bandwidth: float,
+    delay: float,
+    limit: float,
+    resting: bool,
+    dt: float,
+) -> ObserverState:
+    """Return the estimates at a new sample, dt [s] after the last.
+
+    position: measured [m]; force: known forces on the nut but the command, Fp - g - F [N]; mass M
+    [kg]; bandwidth w [rad/s]; delay tau [s]; limit: of the disturbance [N]; resting: leave the
+    disturbance as it is.
+    """
+    acting = command_in_force(state.commands, delay / dt)
+    acceleration = (acting + force - state.disturbance) / mass
+    ahead = state.position + dt * (state.velocity + 0.5 * dt * acceleration)
+    off = position - ahead
+    pole = math.exp(-bandwidth * dt)
+    left = 1.0 - pole
+    disturbance = state.disturbance
+    if not resting:
+        disturbance -= mass * left * left * left / (dt * dt) * off
+    return ObserverState(
+        ahead + (1.0 - pole * pole * pole) * off,
+        state.velocity + dt * acceleration + 1.5 * left * left * (1.0 + pole) / dt * off,
+        clamp(disturbance, -limit, limit),
+        state.commands,
+    )
+
+
+def command_in_force(commands: Commands, periods: float) -> float:
+    """Return the mean command over the last period [N]; periods: its delay in periods."""
+    periods = clamp(periods, 0.0, KEPT - 2.0)
+    whole = int(periods)
+    part = periods - whole
+    return (1.0 - part) * commands[whole] + part * commands[whole + 1]
+
+
+def remembered(state: ObserverState, command: float) -> ObserverState:
+    """Return the state with the command [N] that goes out now."""
+    c = state.commands
+    return ObserverState(
+        state.position,
+        state.velocity,
+        state.disturbance,
+        (command, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10]),
+    )
+
+
+def least_damping(
+    stiffness: float, mass: float, gain: float, cutoff: float, delay: float, ratio: float
+) -> float:
+    """Return the damping a released handle needs to come to rest with a damping ratio [Ns/m].
+
+    Without friction and hand, spring and damper move the apparent mass M / (1 + k). The filter of
+    the force gain k and the delay turn the spring's force by an angle, as negative damping
+    K (k / ((1 + k) 2 pi fc) + tau) does; on top comes 2 zeta sqrt(K M / (1 + k)).
+
+    stiffness K [N/m], mass M [kg], gain k, cutoff fc [Hz], delay tau [s], ratio zeta; zeta = 0 asks
+    for nothing.
+    """
+    if ratio <= 0.0:
+        return 0.0
+    lag = gain / ((1.0 + gain) * 2.0 * math.pi * cutoff) + delay
+    return stiffness * lag + 2.0 * ratio * math.sqrt(stiffness * mass / (1.0 + gain))

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A homing that contradicts the last one is asked for twice.
+
+Homing is a person's word that the axis stands at its reference mark. Where the sensor has counted
+all the time since the last homing, it can tell how far off that word is: a homing elsewhere would
+move soft stops and set points by as much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+_SOONEST_NS, _LATEST_NS = 1_000_000_000, 15_000_000_000
+
+
+class Rehoming:
+    """Remembers who asked for a homing that moves the origin; all times are passed in [ns]."""
+
+    def __init__(self, tolerance: float):
+        """tolerance: the origin may move so far without a second word [m]."""
+        self._tolerance = tolerance
+        self._asked: tuple[int, tuple[float, ...]] | None = None
+
+    def doubt(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
+        """Return why the homing is not believed yet, empty when it is.
+
+        mark: where the axis is said to stand; place: where it stands by the last homing, both [m].
+        A second call at the same place is believed, from 1 s on, so that no program that tries
+        again and again gives its own consent, and up to 15 s after the first.
+        """
+        shift = math.dist(mark, place)
+        asked, self._asked = self._asked, None
+        if shift <= self._tolerance:
+            return ""
+        if asked is not None and _SOONEST_NS <= now_ns - asked[0] <= _LATEST_NS:
+            if math.dist(place, asked[1]) <= self._tolerance:
+                return ""
+        self._asked = now_ns, tuple(place)
+        return (
+            f"this moves the origin by {shift * 1e3:.1f} mm against the last homing: if it does "
+            "stand at the reference mark, call ~/home again, at the earliest in 1 s and within 15 s"
+        )

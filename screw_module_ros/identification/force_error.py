@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Force error at the hand in every mode, over all samples, standstill and reversals included.
+
+The thesis judges a law by its offset while the handle moves slowly (chapter 6), and so does
+`force_position`. A law can be good at that and shake a hand that holds still. Here the error is
+what the patient feels beyond the impedance asked for, his true force less K (z - z0) + B z' of the
+true handle, over all samples: moving slowly and fast, small reversals, holding still, letting go,
+resting on walls, a heavy arm, tremor; with a force sideways, which loads the bearing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..settings import Setting, validated
+from .force_metric import ErrorOf, judged
+from .lab import Job, Lab, Part
+from .results import Quantity, Result
+from .trials import Arm, MotionTrial, Samples
+
+NAME = "force_error"
+SIDE_FORCE = 8.0  # amplitude of what the hand presses sideways while it moves [N]
+_HAND = Arm()
+_HEAVY = Arm(30.0, 300.0, 30.0)
+_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall with the module's mass
+_WALL_MASS = 0.0  # a wall does not move
+
+
+class Case(NamedTuple):
+    """One trial of the list. name; text; trial: with mode and settings to be filled in; after:
+    samples before this time are not judged [s]."""
+
+    name: str
+    text: str
+    trial: MotionTrial
+    after: float = 0.0
+
+
+def wall(stiffness: float, ratio: float, mass: float = 5.5) -> Arm:
+    """Return a wall of a stiffness [N/m]; ratio: damping ratio with the module's mass [kg]."""
+    return Arm(_WALL_MASS, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
+
+
+def _moving(name: str, text: str, amplitude: float, omega: float, duration: float, **more) -> Case:
+    trial = MotionTrial(
+        modes.OFF, VerticalSettings(), amplitude=amplitude, omega=omega, duration=duration,
+        side_force=SIDE_FORCE, **more,
+    )  # fmt: skip
+    return Case(name, text, trial)
+
+
+def _resting(name: str, text: str, arm: Arm, after: float = 3.0, **more) -> Case:
+    trial = MotionTrial(
+        modes.OFF, VerticalSettings(), arm=arm, amplitude=0.0, way=0.05, duration=8.0, **more
+    )
+    return Case(name, text, trial, after)
+
+
+CASES = (
+    _moving("slow", "0.15 m at 0.8 rad/s", 0.15, 0.8, 15.8),
+    _moving("fast", "0.10 m at 3 rad/s", 0.10, 3.0, 8.4),
+    _moving("small", "0.03 m at 1.5 rad/s", 0.03, 1.5, 12.6),
+    _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
+    _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
+    _resting("holding", "a hand that holds still 0.05 m off", _HAND),
+    _resting("released", "a hand that holds, and lets go", _HAND, 6.0, released_after=3.0),
+    _resting("heavy_holding", "an arm of 30 kg that holds still", _HEAVY),
+    *(
+        _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
+                 wall(10.0**power, ratio))
+        for power in (3, 4, 5, 6)
+        for word, ratio in (("well", _RATIO_GOOD), ("badly", _RATIO_BAD))
+    ),
+)  # fmt: skip
+
+
+class Settings(NamedTuple):
+    """Which modes and trials, and the law's numbers."""
+
+    modes: Annotated[
+        tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
+    ] = (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK, modes.COMBINED,
+         modes.OBSERVER)
+    cases: Annotated[tuple[str, ...], Setting("trials by name", choices=())] = tuple(
+        case.name for case in CASES
+    )
+    stiffness: Annotated[float, Setting("of the spring", "N/m", 0.0, 5000.0)] = 100.0
+    damping: Annotated[
+        float, Setting("of the damper; OBSERVER has what it needs at least", "Ns/m", 0.0, 500.0)
+    ] = 0.0
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure every case in every mode. Raises ValueError for an unknown case, Cancelled."""
+    validated(settings)
+    chosen = [case_of(name) for name in settings.cases]
+    jobs = {
+        (mode, case.name): job(case, mode, law_of(settings, mode))
+        for mode in settings.modes
+        for case in chosen
+    }
+    parts = lab.run(NAME, list(jobs.values()))
+    quantities, data = [], {}
+    for (mode, name), one in jobs.items():
+        found = ErrorOf(**{key: float(value) for key, value in parts[one.name].items()})
+        where = f"{modes.MODE_NAMES[mode].lower()}, {case_of(name).text}"
+        quantities.append(
+            Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
+        )
+        data[one.name] = np.array(found)
+    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+
+
+_NOTES = (
+    "Error: the patient's true force less K (z - z0) + B z' of the true handle, over all samples; "
+    "in OBSERVER B is what the mode needs at least. Data of each trial: mean, rms, 99th percentile "
+    "and rms above 30 Hz of the error [N], its rms above 3 Hz in the last second [N], how far the "
+    "handle moves in the last second [m], share of the force gain left at the end.",
+    "Resting on a wall: a spring of 1e3 to 1e6 N/m holds the handle, with a damping ratio of 0.7 "
+    "or 0.02 for the module's mass.",
+)
+
+
+def law_of(settings: Settings, mode: int) -> VerticalSettings:
+    """Return the law's numbers in a mode, with the damping that it needs."""
+    law = VerticalSettings(stiffness=settings.stiffness, damping=settings.damping)
+    return with_damping(law, mode)
+
+
+def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
+    """Return the law with the damping that OBSERVER needs at least."""
+    if modes.uses_observer(mode):
+        return law._replace(damping=max(law.damping, law.least_damping))
+    return law
+
+
+def case_of(name: str) -> Case:
+    """Return a case by name. Raises ValueError that names those there are."""
+    for case in CASES:
+        if case.name == name:
+            return case
+    known = ", ".join(case.name for case in CASES)
+    raise ValueError(f"cases: {name!r} is unknown; known are {known}")
+
+
+def job(case: Case, mode: int, law: VerticalSettings, **given) -> Job:
+    """Return one case in a mode; given: friction, linearization of the module."""
+    trial = case.trial._replace(mode=mode, settings=law, **given)
+    return Job(f"{modes.MODE_NAMES[mode].lower()}_{case.name}", trial, reduced)
+
+
+def reduced(trial: MotionTrial, samples: Samples) -> Part:
+    """Return what `force_metric.judged` finds. Raises ValueError without the plant's truth."""
+    if samples.handle is None:
+        raise ValueError("the error at the handle needs its true motion: a simulated module")
+    first = _after(trial)
+    found = judged(
+        samples.time[1] - samples.time[0],
+        samples.handle - trial.centre,
+        samples.handle_velocity,
+        samples.true_force,
+        samples.share,
+        trial.settings.stiffness,
+        trial.settings.damping,
+        round(first / (samples.time[1] - samples.time[0])),
+    )
+    return {name: np.array(value) for name, value in found._asdict().items()}
+
+
+def _after(trial: MotionTrial) -> float:
+    """Return when a trial begins to count [s]: a hand that rests has to get there."""
+    if math.isfinite(trial.released_after):
+        return trial.released_after + 3.0
+    return 3.0 if trial.way else 0.0

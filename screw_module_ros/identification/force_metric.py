@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a force error at the hand comes to, as numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+RAPID = 30.0  # [Hz] above it: chatter
+SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
+SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: an oscillation to be ended
+WINDOW = 0.1  # [s]
+LAST = 1.0  # [s] at the end, in which everything should have come to rest
+
+
+class ErrorOf(NamedTuple):
+    """Force error of one trial.
+
+    mean: of the absolute value, rms, p99: 99th percentile of the absolute value, rapid: rms above
+    `RAPID` [N]; swing: rms above `SWING` in the last second [N]; travel: of the handle in the last
+    second [m]; share: of the force gain that is left at the end, 0 to 1; shaking: the longest time
+    for which the rms above `SWING` over a window stays above `SHAKING` [s].
+    """
+
+    mean: float
+    rms: float
+    p99: float
+    rapid: float
+    swing: float
+    travel: float
+    share: float
+    shaking: float
+
+
+def judged(
+    period: float,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    force: np.ndarray,
+    share: np.ndarray,
+    stiffness: float,
+    damping: float,
+    first: int = 0,
+) -> ErrorOf:
+    """Return the error of samples `period` [s] apart, counted from the sample `first`.
+
+    position: of the handle from the spring's centre [m], velocity [m/s], force: of the patient on
+    the robot [N], share: of the force gain; stiffness [N/m], damping [Ns/m]: asked for.
+    Raises ValueError when fewer samples remain than the last second has.
+    """
+    last = round(LAST / period)
+    if len(force) - first < last:
+        raise ValueError(f"{len(force) - first} samples are judged: at least {last} are wanted")
+    error = force - stiffness * position - damping * velocity
+    kept = error[first:]
+    return ErrorOf(
+        mean=float(np.abs(kept).mean()),
+        rms=_rms(kept),
+        p99=float(np.percentile(np.abs(kept), 99.0)),
+        rapid=_rms(_above(RAPID, error, period)[first:]),
+        swing=_rms(_above(SWING, error, period)[-last:]),
+        travel=float(np.ptp(position[-last:])),
+        share=float(share[-1]),
+        shaking=period * _longest(_above(SWING, error, period)[first:], round(WINDOW / period)),
+    )
+
+
+def _above(corner: float, values: np.ndarray, period: float) -> np.ndarray:
+    sections = signal.butter(4, corner, "high", fs=1.0 / period, output="sos")
+    return signal.sosfiltfilt(sections, values)
+
+
+def _longest(swing: np.ndarray, window: int) -> int:
+    """Return the most samples in a row for which the rms over a window is above `SHAKING`."""
+    sums = np.cumsum(np.concatenate(([0.0], swing**2)))
+    over = (sums[window:] - sums[:-window]) / window > SHAKING**2
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], over.astype(int), [0]))))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

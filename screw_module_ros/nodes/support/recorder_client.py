@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the session recorder from within another node, without waiting for its answer."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from screw_module_ros.clock import Clock
+
+_RECORDER = "session_recorder"
+
+
+class RecorderClient:
+    """Names the bag, then starts it.
+
+    told: what the recorder answered, for diagnostics; refused: it does not record.
+    """
+
+    def __init__(self, node: Node, clock: Clock):
+        self.told = ""
+        self.refused = False
+        self._node, self._clock = node, clock
+        self._started_ns: int | None = None
+        self._parameters = node.create_client(SetParameters, f"{_RECORDER}/set_parameters")
+        self._starter = node.create_client(Trigger, f"{_RECORDER}/start")
+
+    def since(self, now_ns: int) -> int:
+        """Return for how long the recorder has recorded [ns], -1 while it does not."""
+        return -1 if self._started_ns is None else now_ns - self._started_ns
+
+    def start(self, name: str) -> None:
+        """Ask for a recording under a name; what comes of it is told in the log."""
+        self.refused, self._started_ns = False, None
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
+        request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])
+        if not self._parameters.service_is_ready():
+            self._tell("not recorded: no session_recorder answers")
+            return
+        self.told = "asked for"
+        self._parameters.call_async(request).add_done_callback(self._named)
+
+    def _named(self, future) -> None:
+        answer = future.result()
+        if answer is None or not all(result.successful for result in answer.results):
+            reason = answer.results[0].reason if answer else "no answer"
+            self._tell(f"not recorded: the bag cannot be named: {reason}")
+            return
+        self._starter.call_async(Trigger.Request()).add_done_callback(self._started)
+
+    def _started(self, future) -> None:
+        answer = future.result()
+        if answer is not None and answer.success:
+            self.told = f"recording to {answer.message}"
+            self._started_ns = self._clock.now_ns()
+            self._node.get_logger().info(self.told)
+        else:
+            self._tell(f"not recorded: {answer.message if answer else 'no answer'}")
+
+    def _tell(self, problem: str) -> None:
+        self.told, self.refused = problem, True
+        self._node.get_logger().warning(problem)

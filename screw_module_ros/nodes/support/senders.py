@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who publishes the topics that one node alone may publish: two would contradict each other.
+
+A second sender may be so fast, so slow or so well numbered that its messages look like the true
+ones; the middleware knows it all the same. It does not tell who sent a message (rclpy's message
+info has no publisher's gid), so all that can be done is to believe neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rclpy.node import Node
+
+from .module_node import ModuleNode
+
+_LOOK_S = 0.1
+
+
+class Senders:
+    """Counts the publishers of some topics each 0.1 s, in the executor's thread.
+
+    warning: that more than one node publishes one of them, and which, else empty. A node that was
+    killed counts until the middleware forgets it, 20 s later.
+    """
+
+    def __init__(self, node: ModuleNode, topics: Iterable[str]):
+        self.warning = ""
+        self._node, self._topics = node, tuple(topics)
+        self._timer = node.periodic.every(node.clock, _LOOK_S, self._count)
+
+    def _count(self) -> None:
+        told = (too_many_senders(self._node, topic) for topic in self._topics)
+        self.warning = next(filter(None, told), "")
+
+    def close(self) -> None:
+        """Count no more."""
+        self._node.periodic.cancel(self._timer)
+
+
+def too_many_senders(node: Node, topic: str) -> str:
+    """Return that more than one node publishes a topic of `node`'s, and which; else empty."""
+    count = node.count_publishers(topic)
+    if count < 2:
+        return ""
+    name = node.resolve_topic_name(topic)
+    found = node.get_publishers_info_by_topic(name)
+    names = sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found})
+    return f"{count} nodes publish {topic}: one is allowed ({', '.join(names)})"

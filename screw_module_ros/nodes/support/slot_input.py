@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The slot of a therapy session, from its topic to the guide of a control loop."""
+
+from __future__ import annotations
+
+from screw_module_msgs.msg import TherapySlot
+
+from screw_module_ros.control.slot import Slot
+from screw_module_ros.loop.guide import Guide
+
+from . import qos
+from .realtime import Inbox
+
+TOPIC = "therapy/slot"
+
+
+class SlotInbox:
+    """Subscribes `therapy/slot` for a hot loop. vertical: the axis is z, else x and y.
+
+    refused: what was wrong with the newest slot, empty when nothing was.
+    """
+
+    def __init__(self, inbox: Inbox, vertical: bool):
+        self.refused = ""
+        self._vertical = vertical
+        self._take = inbox.subscribe(TherapySlot, TOPIC, qos.COMMAND)
+
+    def hear(self, guide: Guide, now_ns: int) -> None:
+        """Pass on what has come; a slot that cannot be is no slot. now_ns [ns]."""
+        message = self._take()
+        if message is None:
+            return
+        try:
+            guide.ask(slot_of(message, self._vertical), message.start_ns, now_ns)
+            self.refused = ""
+        except ValueError as error:
+            self.refused = f"{TOPIC}: {error}"
+
+
+def slot_of(message: TherapySlot, vertical: bool) -> Slot | None:
+    """Return the message's slot for one group of axes, None when they have none."""
+    if not (message.vertical if vertical else message.planar):
+        return None
+    start, target = message.start, message.target
+    line = (start.z, 0.0, target.z, 0.0) if vertical else (start.x, start.y, target.x, target.y)
+    return Slot(
+        *line,
+        message.duration,
+        message.back_stiffness,
+        message.side_stiffness,
+        message.damping,
+        message.half_width,
+        message.end_half_width,
+        message.growth,
+    )

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the vertical drive gives torque, asked from a service of another node."""
+
+from __future__ import annotations
+
+from screw_module_msgs.msg import AmplifierState
+
+from screw_module_ros.clock import Clock
+from screw_module_ros.devices.errors import DeviceError
+
+from . import qos
+from .realtime import Inbox
+
+_STATE_S = 0.2
+
+
+class NotPermitted(DeviceError):
+    """The vertical drive gives torque."""
+
+
+class TorqueOff:
+    """Hears the amplifier's state for the service thread. inbox: of the node."""
+
+    def __init__(self, inbox: Inbox, clock: Clock):
+        self._clock = clock
+        self._take_state = inbox.subscribe(AmplifierState, "screw/amplifier_state", qos.NEWEST)
+
+    def check(self, why: str) -> None:
+        """Raise NotPermitted when the amplifier's next state says that torque passes or may.
+
+        why: what would come of it. One that is silent lets none pass.
+        """
+        self._take_state()  # what lies there may be old
+        states: list[AmplifierState] = []
+
+        def heard() -> bool:
+            state = self._take_state()
+            states.extend([state] if state is not None else [])
+            return bool(states)
+
+        if not self._clock.wait_for(heard, _STATE_S):
+            return
+        if states[0].enabled or states[0].state == AmplifierState.OPERATION_ENABLED:
+            raise NotPermitted(
+                f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
+            )

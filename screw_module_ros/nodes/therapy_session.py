@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`therapy_session`: carries out a therapy protocol on the running robot.
+
+It hears `endpoint_state` and publishes the slot that the controllers act upon; what is done when is
+decided by `therapy/`, which knows neither ROS nor a clock. A node that hangs or dies lets its slot
+go: the controllers fade out what is not renewed. Torque is neither switched on nor off here.
+
+Games ask for set points by `therapy/wish`. They are passed on within the workspace, no faster than
+`wish_speed`, and only while no session runs and `allow_wishes` is true.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from datetime import datetime
+from itertools import islice
+from typing import Annotated, NamedTuple
+
+from screw_module_msgs.msg import (
+    AssistanceChange,
+    EndpointSetpoint,
+    EndpointState,
+    TherapySlot,
+    TherapyState,
+    TrialResult,
+)
+from screw_module_msgs.srv import StartTherapy
+from std_srvs.srv import Trigger
+
+from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.line import PLANE
+from screw_module_ros.therapy.protocol_file import load_protocol, protocol_text
+from screw_module_ros.therapy.pseudonym import checked_pseudonym
+from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
+from screw_module_ros.therapy.wishes import WishGate, WishLimits
+
+from .support import qos
+from .support.due import Due
+from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.recorder_client import RecorderClient
+from .support.runtime import main as run_node
+from .support.slot_input import TOPIC as SLOT_TOPIC
+from .support.therapy_messages import (
+    change_message,
+    fill_slot,
+    fill_state,
+    hand_sample,
+    result_message,
+)
+
+_LISTENS_NS = 50_000_000
+_RENEW_HZ = 20.0
+_SILENT_NS = 300_000_000
+_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
+_WAITS = "waiting for the recording"
+
+
+class TherapySettings(NamedTuple):
+    """What games may ask for."""
+
+    allow_wishes: Annotated[
+        bool, Setting("pass on set points of therapy/wish while no session runs", live=True)
+    ] = True
+
+
+class TherapySessionNode(ModuleNode):
+    """The loop's thread takes samples; services change the session, under one lock."""
+
+    def __init__(self):
+        super().__init__("therapy_session")
+        self.parameters.declare(TherapySettings)
+        self.parameters.declare(WishLimits, "wish")
+        self._lock = threading.Lock()
+        self._session: Session | None = None
+        self._patient = self._definition = ""
+        self._recording = False
+        self._sample: HandSample | None = None
+        self._heard_ns: int | None = None
+        self._recorder = RecorderClient(self, self.clock)
+        self._slot = TherapySlot()
+        self._state = TherapyState()
+        self._setpoint = EndpointSetpoint()
+        for message in (self._slot, self._state, self._setpoint):
+            message.header.frame_id = "manus_base"
+        self.serve(StartTherapy, "~/start", self._start)
+        self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
+        self.serve(Trigger, "~/resume", self._resume)
+        self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Make the topics."""
+        inbox = self.new_inbox()
+        self._take = inbox.subscribe(EndpointState, "endpoint_state", qos.STATE, wakes=True)
+        self._take_wish = inbox.subscribe(EndpointSetpoint, "therapy/wish", qos.COMMAND)
+        self._publish_slot = self.outlet(TherapySlot, SLOT_TOPIC, qos.COMMAND)
+        self._publish_state = self.outlet(TherapyState, "therapy/state", qos.STATE)
+        self._publish_result = self.outlet(TrialResult, "therapy/trial", qos.STATE)
+        self._publish_change = self.outlet(AssistanceChange, "therapy/assistance", qos.STATE)
+        self._publish_setpoint = self.outlet(EndpointSetpoint, "setpoint", qos.COMMAND)
+
+    def begin(self) -> None:
+        """Start without a session."""
+        self._due = Due(_RENEW_HZ)
+        self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
+        self._session, self._told, self._wish = None, None, None
+        self._heard_ns = None
+
+    def end(self) -> None:
+        """End a session that runs, so that the hand is let go."""
+        with self._lock:
+            if self._session is not None:
+                self._change(self._session.abort, "the node was stopped")
+                self._tell(self.clock.now_ns())
+
+    # Loop ----------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Take what has come; renew slot and state."""
+        self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
+        with self._lock:
+            now_ns = self.clock.now_ns()
+            for message in islice(iter(self._take, None), qos.STATE.depth):
+                self._take_sample(message, now_ns)
+            self._watch(now_ns)
+            self._follow_recorder(now_ns)
+            self._pass_on_wish(now_ns)
+            self._tell(now_ns)
+
+    def _take_sample(self, message: EndpointState, now_ns: int) -> None:
+        session = self._session
+        self._heard_ns = now_ns
+        self._sample = hand_sample(message, session.protocol.space if session else PLANE)
+        if session is not None:
+            before = session.state
+            self._publish(session.take(self._sample))
+            self._note_state(session, before)
+
+    def _note_state(self, session: Session, before: str) -> None:
+        """Keep after which sample a state began: a replay needs it."""
+        if session.state != before:
+            self._state.state_since = self._sample.sequence if self._sample else 0
+
+    def _watch(self, now_ns: int) -> None:
+        """Pause a session whose samples have stopped."""
+        silent = self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
+        if silent and self._session is not None:
+            self._change(self._session.pause, "endpoint_state is silent")
+
+    def _change(self, act: Callable[..., None], *reason: str) -> bool:
+        """Let an operator's act change the session; return whether it did."""
+        before = self._session.state
+        act(*reason)
+        self._note_state(self._session, before)
+        return self._session.state != before
+
+    def _follow_recorder(self, now_ns: int) -> None:
+        """Begin once the recording hears us: without its first samples it would be no record."""
+        session = self._session
+        if not self._recording or session is None or session.state != PAUSED:
+            return
+        if self._recorder.refused:
+            self._recording = False
+            self._change(session.abort, self._recorder.told)
+        elif session.reason == _WAITS and self._recorder.since(now_ns) >= _HEARS_NS:
+            self._change(session.resume)
+
+    def _publish(self, said: Said) -> None:
+        name = self._session.protocol.name
+        if said.result is not None:
+            message = result_message(said.result, self._patient, name)
+            self.stamp(message.header)
+            self._publish_result(message)
+        if said.change is not None:
+            block = said.result.plan.block
+            message = change_message(said.change, self._patient, name, block)
+            self.stamp(message.header)
+            self._publish_change(message)
+
+    def _tell(self, now_ns: int) -> None:
+        """Publish slot and state where they have changed, and again now and then."""
+        session = self._session
+        if session is None:
+            if self._due(now_ns):
+                self._state.state = TherapyState.IDLE
+                self.stamp(self._state.header)
+                self._publish_state(self._state)
+            return
+        told = (session.state, session.reason, session.trial and session.trial.phase)
+        changed = told != self._told or session.wish != self._wish
+        if not (self._due(now_ns) or changed):
+            return
+        if session.wish != self._wish:
+            self._start_ns = self._on_monotonic(session.wish.start_ns)
+        if told[:2] != (self._told or ())[:2]:
+            self.get_logger().info(f"session {session.state}: {session.reason or self._patient}")
+        self._told, self._wish = told, session.wish
+        fill_slot(self._slot, session.wish, self._start_ns)
+        self.stamp(self._slot.header)
+        self._publish_slot(self._slot)
+        self._tell_state(session)
+
+    def _tell_state(self, session: Session) -> None:
+        fill_state(self._state, session, self._sample)
+        self._state.patient, self._state.protocol = self._patient, session.protocol.name
+        self._state.sequence = self._sample.sequence if self._sample else 0
+        if session.state == RUNNING:
+            self._state.definition, self._definition = self._definition, ""
+        else:
+            self._state.definition = ""
+        self.stamp(self._state.header)
+        self._publish_state(self._state)
+
+    def _on_monotonic(self, stamp_ns: int | None) -> int:
+        """Return a stamp on the robot's monotonic clock [ns], 0 for none."""
+        if stamp_ns is None:
+            return 0
+        return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
+
+    def _pass_on_wish(self, now_ns: int) -> None:
+        message = self._take_wish()
+        if message is None:
+            return
+        running = self._session is not None and self._session.state in (RUNNING, PAUSED)
+        if running or not self.parameters.read(TherapySettings).allow_wishes:
+            return
+        asked = (message.position.x, message.position.y, message.position.z)
+        hand = self._sample.position if self._sample else (math.nan,) * 3
+        self._ask_for(self._wishes.passed(asked, hand, now_ns))
+
+    def _ask_for(self, point: tuple[float, float, float]) -> None:
+        position = self._setpoint.position
+        position.x, position.y, position.z = point
+        self.stamp(self._setpoint.header)
+        self._publish_setpoint(self._setpoint)
+
+    # Services ------------------------------------------------------------------------------
+
+    def _start(self, request: StartTherapy.Request) -> str:
+        patient = checked_pseudonym(request.patient)
+        protocol = load_protocol(request.protocol)
+        definition = protocol_text(request.protocol)
+        with self._lock:
+            running = self._session
+            if running is not None and running.state in (RUNNING, PAUSED):
+                return f"a session of {self._patient} is {running.state}: call ~/abort first"
+            if self._heard_ns is None:
+                return "no endpoint_state has come yet"
+        with self._lock:
+            self._patient, self._definition = patient, definition
+            self._session, self._told, self._wish = Session(protocol), None, None
+            self._state.state_since = self._sample.sequence
+            self._recording = request.record
+            if request.record:
+                name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+                self._recorder.start(name)
+                self._session.pause(_WAITS)
+            # Games' last set point is not to pull once the session lets go.
+            self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
+            self._ask_for((math.nan,) * 3)
+        return ""
+
+    def _act(self, name: str, *reason: str) -> str:
+        with self._lock:
+            session = self._session
+            if session is None:
+                return "no session has been started: call ~/start"
+            changed = self._change(getattr(session, name), *reason)
+            return "" if changed else f"the session is {session.state}"
+
+    def _resume(self, request: Trigger.Request) -> str:
+        if self._session is not None and self._session.reason == _WAITS:
+            return _WAITS
+        return self._act("resume")
+
+    def health(self) -> Health:
+        """Say how far the session is."""
+        session = self._session
+        values = {"recording": self._recorder.told}
+        if session is None:
+            return Health(OK, "no session", values)
+        values |= {"trials done": len(session.results), "trials": session.trials}
+        level = WARN if session.state == PAUSED else OK
+        return Health(level, f"session {session.state}: {session.reason}".rstrip(": "), values)
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(TherapySessionNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

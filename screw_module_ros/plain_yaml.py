@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML from others: mappings, lists and scalars, and nothing of YAML that goes beyond.
+
+No aliases and no merge keys, with which a few hundred bytes stand for gigabytes; no tags, which
+name Python's classes; no key twice, no deep nesting. Every problem is told in one short sentence
+that names the key it stands under and the line.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from .quoting import LONGEST, quoted
+
+LARGEST = 1_000_000
+"""Characters of a text that is parsed at all; what we read has a few thousand."""
+_DEEPEST = 20
+_SCALARS = frozenset(
+    f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "timestamp")
+)
+_MAP, _SEQUENCE = "tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"
+_DIGITS = 400  # of a number: the largest float has 309
+
+
+class PlainYamlError(ValueError):
+    """A text that is no plain YAML; the message is one sentence."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Composes nodes without aliases, down to a bounded depth."""
+
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise yaml.composer.ComposerError(
+                None, None, f"alias *{event.anchor[:LONGEST]}: write it out", event.start_mark
+            )
+        self.depth += 1
+        if self.depth > _DEEPEST:
+            mark = self.peek_event().start_mark
+            raise yaml.composer.ComposerError(None, None, "nested too deeply", mark)
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+def load_plain_yaml(text: str, largest: int = LARGEST) -> Any:
+    """Return the content of a YAML text: dict, list, str, int, float, bool, date or None.
+
+    largest: text that is parsed at all [characters]. Raises PlainYamlError.
+    """
+    if len(text) > largest:
+        raise PlainYamlError(f"longer than {largest} characters")
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        parts = [error.context, error.problem]
+        told = " ".join(part for part in parts if part)
+        mark = error.problem_mark or error.context_mark
+        raise PlainYamlError(_sentence("", told, mark)) from None
+    except yaml.YAMLError as error:  # of characters that YAML does not have
+        raise PlainYamlError(_sentence("", str(error), None)) from None
+    return None if node is None else _value(node, "")
+
+
+def _value(node: yaml.Node, where: str) -> Any:
+    if isinstance(node, yaml.MappingNode) and node.tag == _MAP:
+        return _mapping(node, where)
+    if isinstance(node, yaml.SequenceNode) and node.tag == _SEQUENCE:
+        return [_value(part, f"{where}[{number}]") for number, part in enumerate(node.value)]
+    if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
+        return _scalar(node, where)
+    told = f"tag {node.tag[:LONGEST]} is not taken"
+    raise PlainYamlError(_sentence(where, told, node.start_mark))
+
+
+def _mapping(node: yaml.MappingNode, where: str) -> dict[Any, Any]:
+    found: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        name = quoted(key_node.value)[1:-1] if isinstance(key_node.value, str) else ""
+        if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in _SCALARS:
+            told = f"key {name or 'that is no name'} is not taken"
+            raise PlainYamlError(_sentence(where, told, key_node.start_mark))
+        inner = f"{where}.{name}" if where else name
+        key = _scalar(key_node, inner)
+        if key in found:
+            told = f"key {quoted(key)} is written twice"
+            raise PlainYamlError(_sentence(where, told, key_node.start_mark))
+        found[key] = _value(value_node, inner)
+    return found
+
+
+def _scalar(node: yaml.ScalarNode, where: str) -> Any:
+    kind = node.tag.rpartition(":")[2]
+    if kind in ("int", "float") and len(node.value) > _DIGITS:
+        told = f"a number of {len(node.value)} characters"
+        raise PlainYamlError(_sentence(where, told, node.start_mark))
+    try:
+        return yaml.constructor.SafeConstructor().construct_object(node, deep=True)
+    except (yaml.YAMLError, ValueError, OverflowError, LookupError) as error:
+        told = f"{quoted(node.value)} is no {kind}: {error}"
+        raise PlainYamlError(_sentence(where, told, node.start_mark)) from None
+
+
+def _sentence(where: str, problem: str, mark: yaml.Mark | None) -> str:
+    """Return one sentence of bounded length."""
+    told = " ".join(problem[: 3 * LONGEST].split())
+    line = f" in line {mark.line + 1}" if mark else ""
+    return f"{where[-LONGEST:]}: {told}{line}" if where else f"{told}{line}"

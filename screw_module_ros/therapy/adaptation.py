@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Performance-based progressive therapy: who needs less assistance gets less (Krebs et al. 2003).
+
+Two numbers adapt, each by a metric of its own that is positive when the patient needs less:
+
+- duration T of the back wall's way, by speed = 0.65 min(0, pm2a) + 6.0 pm2b: who is moved by the
+  robot or lags gets more time, who leads gets less: T <- T - a (Tmax - Tmin) mean(speed);
+- stiffness K of the side walls, by accuracy, from m = 2.65 sqrt(pm3) - 0.00008 K: -8 m when m is
+  positive, else -20 m. Who strays more than K is meant for gets stiffer walls, who strays less
+  softer ones: K <- K - a (Kmax - Kmin) mean(accuracy).
+
+The gain a grows with how consistent the last three circuits were. A circuit's level is the sign of
+its mean metric, zero within the dead band of 0.01.
+
+The coefficients, levels, gains and the circuits after which they act are those of an InMotion
+robot; the bounds are ours. At rest m = 0: walls settle at K = 33 125 N/m^2 times the rms distance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, NamedTuple
+
+from ..control.limits import clamp
+from ..settings import Setting, validated
+from .measures import Measures
+
+POWER_WEIGHT = 0.65  # [1/W]
+LEAD_WEIGHT = 6.0  # [1/m]
+STRAY_WEIGHT = 2.65  # [1/m]
+STIFFNESS_WEIGHT = 0.00008  # [m/N]
+MORE_WEIGHT, LESS_WEIGHT = 8.0, 20.0  # of the accuracy metric, where more or less is needed
+DEAD_BAND = 0.01
+GAINS = {-3: 1.0, -2: 0.5, -1: 0.25, 0: 0.25, 1: 0.5, 2: 1.0, 3: 2.0}
+LEVELS = 3  # circuits whose levels count
+AFTER_CIRCUITS = (1, 2, 3, 4, 5, 8, 11, 14, 17)
+
+
+class AdaptationBounds(NamedTuple):
+    """Between which the assistance adapts. Ours: the originals' are not public."""
+
+    shortest: Annotated[float, Setting("shortest duration of the back wall", "s", 0.3, 10.0)] = 0.7
+    longest: Annotated[float, Setting("longest duration of the back wall", "s", 0.3, 10.0)] = 3.0
+    softest: Annotated[float, Setting("softest side walls", "N/m", 0.0, 1000.0)] = 25.0
+    stiffest: Annotated[float, Setting("stiffest side walls", "N/m", 0.0, 1000.0)] = 300.0
+
+    def validated(self) -> AdaptationBounds:
+        """Return self when both ranges are ranges. Raises ValueError naming the field."""
+        validated(self)
+        for low, high in (("shortest", "longest"), ("softest", "stiffest")):
+            if getattr(self, low) >= getattr(self, high):
+                raise ValueError(
+                    f"AdaptationBounds: {low} = {getattr(self, low):g} must be less than "
+                    f"{high} = {getattr(self, high):g}"
+                )
+        return self
+
+
+class Assistance(NamedTuple):
+    """What adapts: duration of the back wall's way [s], stiffness of the side walls [N/m]."""
+
+    duration: float
+    side_stiffness: float
+
+
+class Circuit(NamedTuple):
+    """What a circuit showed: mean speed metric and mean accuracy metric, positive = needs less."""
+
+    speed: float
+    accuracy: float
+
+
+class Change(NamedTuple):
+    """A change of assistance: after which circuit, from what to what, and why, in a sentence."""
+
+    circuit: int
+    before: Assistance
+    after: Assistance
+    reason: str
+
+
+def circuit_of(movements: Sequence[Measures], stiffness: float) -> Circuit:
+    """Return what the movements of one circuit showed.
+
+    stiffness: of the side walls they were made with [N/m]. Raises ValueError without a movement.
+    """
+    if not movements:
+        raise ValueError("circuit_of: a circuit without movements shows nothing")
+    return Circuit(
+        math.fsum(speed_metric(m) for m in movements) / len(movements),
+        math.fsum(accuracy_metric(m, stiffness) for m in movements) / len(movements),
+    )
+
+
+def speed_metric(movement: Measures) -> float:
+    """Return the speed metric of a movement [1], positive when it needed no help."""
+    return POWER_WEIGHT * min(0.0, movement.pm2a) + LEAD_WEIGHT * movement.pm2b
+
+
+def accuracy_metric(movement: Measures, stiffness: float) -> float:
+    """Return the accuracy metric of a movement [1], positive when softer walls [N/m] would do."""
+    stray = STRAY_WEIGHT * math.sqrt(movement.pm3) - STIFFNESS_WEIGHT * stiffness
+    return -(MORE_WEIGHT if stray > 0.0 else LESS_WEIGHT) * stray
+
+
+def gain(metrics: Sequence[float]) -> float:
+    """Return the gain a [1] from the mean metrics of the circuits so far, the latest last."""
+    return GAINS[sum(_level(metric) for metric in metrics[-LEVELS:])]
+
+
+def _level(metric: float) -> int:
+    return 0 if abs(metric) <= DEAD_BAND else (1 if metric > 0.0 else -1)
+
+
+def adapted(
+    bounds: AdaptationBounds, before: Assistance, circuits: Sequence[Circuit]
+) -> Change | None:
+    """Return the change after the latest of the circuits, None after one that changes nothing.
+
+    circuits: all of this part of the session, in order. The mean is over those since the last
+    change.
+    """
+    number = len(circuits)
+    if number not in AFTER_CIRCUITS:
+        return None
+    earlier = [after for after in AFTER_CIRCUITS if after < number]
+    recent = circuits[earlier[-1] if earlier else 0 :]
+    speed = math.fsum(c.speed for c in recent) / len(recent)
+    accuracy = math.fsum(c.accuracy for c in recent) / len(recent)
+    by_speed = gain([c.speed for c in circuits])
+    by_accuracy = gain([c.accuracy for c in circuits])
+    range_t, range_k = bounds.longest - bounds.shortest, bounds.stiffest - bounds.softest
+    after = Assistance(
+        clamp(before.duration - by_speed * range_t * speed, bounds.shortest, bounds.longest),
+        clamp(
+            before.side_stiffness - by_accuracy * range_k * accuracy,
+            bounds.softest,
+            bounds.stiffest,
+        ),
+    )
+    return Change(number, before, after, _reason(before, after, speed, accuracy))
+
+
+def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float) -> str:
+    time = "time" + _unchanged(speed, "shortest", "longest")
+    if after.duration < before.duration:
+        time = "less time, as the hand led the wall"
+    elif after.duration > before.duration:
+        time = "more time, as the hand lagged or was moved"
+    walls = "side walls" + _unchanged(accuracy, "softest", "stiffest")
+    if after.side_stiffness < before.side_stiffness:
+        walls = "softer side walls, as the hand kept to the line"
+    elif after.side_stiffness > before.side_stiffness:
+        walls = "stiffer side walls, as the hand strayed"
+    return f"{time} (metric {speed:+.3f}); {walls} (metric {accuracy:+.3f})"
+
+
+def _unchanged(metric: float, least: str, most: str) -> str:
+    """Say why a number did not change: the metric asks for nothing, or a bound is in force."""
+    if metric == 0.0:
+        return " as before"
+    return f" already the {least if metric > 0.0 else most} allowed"

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions from recorded bags: what was told, the samples, and the replay of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ..recording.errors import BagReadError
+from ..recording.reader import read_bag, topics
+from .protocol import Protocol
+from .protocol_file import parse_protocol
+from .readiness import stop_reason
+from .record import NUMBERS
+from .replay import Act, Replay, replay
+from .samples import HandSample
+from .session import ABORTED, FINISHED, PAUSED, RUNNING
+
+_S = 1_000_000_000
+_STATES = {1: RUNNING, 2: PAUSED, 3: FINISHED, 4: ABORTED}  # constants of TherapyState.msg
+_HAND, _STATE = "endpoint_state", "therapy/state"
+_TRIAL, _ASSISTANCE = "therapy/trial", "therapy/assistance"
+
+
+class Recorded(NamedTuple):
+    """What a bag tells of a session.
+
+    folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
+    `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by
+    the names of AssistanceChange.msg; samples: of the hand, in order.
+    """
+
+    folder: Path
+    patient: str
+    protocol: Protocol
+    acts: list[Act]
+    trials: list[dict[str, Any]]
+    changes: list[dict[str, Any]]
+    samples: list[HandSample]
+
+
+def read_session(folder: Path | str) -> Recorded:
+    """Return the session in a bag.
+
+    Raises BagReadError when the bag cannot be read or holds no session, ProtocolError when its
+    protocol is none.
+    """
+    folder = Path(folder)
+    names = _names(folder)
+    states = [m.message for m in read_bag(folder, [names[_STATE]])]
+    first = next((state for state in states if state.definition), None)
+    if first is None:
+        raise BagReadError(f"{folder}: no therapy session begins in it")
+    protocol = parse_protocol(first.definition, f"recorded in {folder}")
+    return Recorded(
+        folder,
+        first.patient,
+        protocol,
+        _acts(states, first.patient),
+        [_trial(m.message) for m in _read(folder, names, _TRIAL)],
+        [_change(m.message) for m in _read(folder, names, _ASSISTANCE)],
+        [_sample(m.message, protocol.space) for m in read_bag(folder, [names[_HAND]])],
+    )
+
+
+def replayed(recorded: Recorded) -> Replay:
+    """Return the replay of a recorded session."""
+    return replay(recorded.protocol, recorded.samples, recorded.acts, recorded.trials)
+
+
+def _names(folder: Path) -> dict[str, str]:
+    """Return the topics' full names, whatever namespace the robot was in."""
+    known = topics(folder)
+    found = {}
+    for name in (_HAND, _STATE, _TRIAL, _ASSISTANCE):
+        full = [topic for topic in known if topic == name or topic.endswith(f"/{name}")]
+        if full:
+            found[name] = full[0]
+    missing = [name for name in (_HAND, _STATE) if name not in found]
+    if missing:
+        raise BagReadError(f"{folder} holds no {' and no '.join(missing)}: no therapy session")
+    return found
+
+
+def _read(folder: Path, names: dict[str, str], name: str) -> Iterator[Any]:
+    return read_bag(folder, [names[name]]) if name in names else iter(())
+
+
+def _acts(states: list[Any], patient: str) -> list[Act]:
+    """Return where the state changed, each after the sample with which it began."""
+    acts: list[Act] = []
+    for state in states:
+        if state.patient != patient or state.state not in _STATES:
+            continue
+        act = Act(int(state.state_since), _STATES[state.state], state.reason)
+        if not acts or acts[-1] != act:
+            acts.append(act)
+    return acts
+
+
+def _trial(message: Any) -> dict[str, Any]:
+    row = {name: getattr(message, name) for name in NUMBERS}
+    row["start"], row["target"] = _point(message.start), _point(message.target)
+    row["started_ns"], row["ended_ns"] = _ns(message.started), _ns(message.ended)
+    return row
+
+
+def _change(message: Any) -> dict[str, Any]:
+    names = ("block", "circuit", "duration_before", "duration", "side_stiffness_before",
+             "side_stiffness", "reason")  # fmt: skip
+    return {name: getattr(message, name) for name in names}
+
+
+def _sample(message: Any, space: str) -> HandSample:
+    stop = stop_reason(
+        space, message.valid, message.enabled, message.vertical_locked, message.safety
+    )
+    return HandSample(
+        int(message.sequence), _ns(message.header.stamp),
+        *_point(message.position), *_point(message.velocity), *_point(message.force), stop,
+    )  # fmt: skip
+
+
+def _point(value: Any) -> tuple[float, float, float]:
+    return value.x, value.y, value.z
+
+
+def _ns(stamp: Any) -> int:
+    return stamp.sec * _S + stamp.nanosec

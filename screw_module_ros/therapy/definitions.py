@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each number of a trial means: for reports, exports and screens."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Definition(NamedTuple):
+    """One number: its label, its unit as shown and factor from SI to it, and how it is computed."""
+
+    label: str
+    unit: str
+    factor: float
+    text: str
+
+
+_SMOOTH = "It depends on the sampling rate, which the report states. Nearer to zero is smoother."
+_MOVEMENT = "from the first to the last sample above a tenth of the peak speed"
+
+DEFINITIONS: dict[str, Definition] = {
+    "initiated": Definition(
+        "started by the patient", "", 1.0,
+        "The hand exceeded the start speed, or left the start, before the wait had passed (pm1).",
+    ),
+    "reached": Definition(
+        "target reached", "", 1.0,
+        "The hand came within the hit radius of the target before the trial was given up.",
+    ),
+    "pm2a": Definition(
+        "power while behind the wall", "W", 1.0,
+        "Mean of handle force times velocity along the line, over the samples in which the hand "
+        "was behind the back wall; the force is the patient's on the robot, so it is negative "
+        "where the robot moved the hand (Krebs et al. 2003).",
+    ),
+    "pm2b": Definition(
+        "lead over the wall", "mm", 1e3,
+        "Mean of the hand's way along the line minus the back wall's, until the wall has arrived.",
+    ),
+    "pm3": Definition(
+        "mean square distance from the line", "mm²", 1e6,
+        "Mean of the squared distance from the straight line, from start to end of the movement.",
+    ),
+    "pm4": Definition("way along the line", "mm", 1e3, "Farthest the hand came along the line."),
+    "duration": Definition("duration", "s", 1.0, f"Time {_MOVEMENT}."),
+    "time_to_start": Definition(
+        "time to start", "s", 1.0, "From when the target was shown to the movement's first sample."
+    ),
+    "mean_speed": Definition("mean speed", "mm/s", 1e3, f"Mean speed {_MOVEMENT}."),
+    "peak_speed": Definition("peak speed", "mm/s", 1e3, "Largest speed of the movement."),
+    "speed_ratio": Definition(
+        "mean over peak speed", "", 1.0, "A minimum-jerk reach has 0.53; many stops make it less."
+    ),
+    "speed_peaks": Definition(
+        "speed peaks", "", 1.0,
+        "Local maxima of the speed that stand out by a twentieth of the peak speed or more.",
+    ),
+    "arrest_ratio": Definition(
+        "time in motion", "%", 100.0,
+        "Share of the movement's time in which the speed exceeds a tenth of its peak (movement "
+        "arrest period ratio, Rohrer et al. 2002).",
+    ),
+    "sparc": Definition(
+        "SPARC", "", 1.0,
+        "Spectral arc length of the speed profile: cut-off 10 Hz, threshold 0.05, padding 4 "
+        f"(Balasubramanian et al. 2012, 2015). {_SMOOTH}",
+    ),
+    "jerk": Definition(
+        "dimensionless jerk", "", 1.0,
+        "-(T³/vpeak²) times the integral of the speed's squared second derivative. " + _SMOOTH,
+    ),
+    "log_jerk": Definition(
+        "LDLJ", "", 1.0, "-ln of the size of the dimensionless jerk. " + _SMOOTH
+    ),
+    "path_error": Definition(
+        "path error", "mm", 1e3, "Mean distance of the hand from the straight line to the target."
+    ),
+    "path_ratio": Definition(
+        "path ratio", "", 1.0, "Length of the hand's path over that of the straight line."
+    ),
+    "direction_error": Definition(
+        "initial direction error", "°", 57.29577951308232,
+        "Angle between the line to the target and the direction to where the hand is after a fifth "
+        "of the way.",
+    ),
+    "reach_error": Definition(
+        "reach error", "mm", 1e3, "Distance from the target at the end of the movement."
+    ),
+    "robot_share": Definition(
+        "robot's share of the work", "%", 100.0,
+        "Work that the robot did on the hand over all work across the handle in both directions. "
+        "Mass and friction of the robot are in it, so it is not zero without assistance.",
+    ),
+    "patient_work": Definition(
+        "work of the patient", "J", 1.0, "Positive part of handle force times velocity, over time."
+    ),
+    "robot_work": Definition(
+        "work of the robot", "J", 1.0, "Negative part of handle force times velocity, over time."
+    ),
+    "independence": Definition(
+        "independence of circles", "", 1.0,
+        "Small over large axis of the path's ellipse, from the covariance of x and y; a circle has "
+        "1 (Dipietro et al. 2007).",
+    ),
+    "size": Definition("size of circles", "cm²", 1e4, "Area of the path's ellipse."),
+    "hold_deviation": Definition(
+        "hold deviation", "mm", 1e3, "Root mean square distance from the point to be held."
+    ),
+    "largest_force": Definition(
+        "largest force", "N", 1.0, "Largest force of the patient along the direction asked for."
+    ),
+    "largest_vertical_force": Definition(
+        "largest vertical force", "N", 1.0, "Largest vertical force of the patient, up or down."
+    ),
+    "missing": Definition(
+        "samples lost", "", 1.0, "Samples that are missing between a trial's first and last one."
+    ),
+}  # fmt: skip

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A protocol: what is done in a session, with every number that decides how.
+
+Read from YAML by `protocol_file`; `plan` makes the trials of it, one after the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+from ..control.slot import Slot
+from ..settings import Setting, validated
+from .adaptation import AdaptationBounds
+from .line import AXES, VERTICAL
+from .samples import Point
+
+REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
+KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH)
+CLOCK, COLUMN, CENTRE = "clock", "column", "centre"
+LAYOUTS = (CLOCK, COLUMN, CENTRE)
+LARGEST_X, LARGEST_Y = 0.1755, 0.2136  # [m] the workspace without the soft stops at its edges
+LOWEST_Z, HIGHEST_Z = 0.02, 0.34  # [m] the travel without its soft stops
+
+
+class Rules(NamedTuple):
+    """When a trial goes on from one phase to the next."""
+
+    hit_radius: Annotated[
+        float, Setting("distance from a point at which it counts as reached", "m", 0.001, 0.05)
+    ]
+    start_share: Annotated[
+        float, Setting("share of the minimum-jerk peak speed that starts a movement", "", 0.01, 1.0)
+    ]
+    start_way: Annotated[
+        float, Setting("way along the line that starts a slow movement", "m", 0.001, 0.1)
+    ]
+    wait: Annotated[
+        float, Setting("time after which a movement starts by itself", "s", 0.1, 60.0)
+    ]
+    hold: Annotated[float, Setting("time at the target before the next trial", "s", 0.0, 10.0)]
+    give_up: Annotated[
+        float, Setting("time since the start after which a trial ends", "s", 0.5, 120.0)
+    ]
+    prepare_duration: Annotated[
+        float, Setting("time in which the hand is brought to the start", "s", 0.5, 20.0)
+    ]
+    prepare_stiffness: Annotated[
+        float, Setting("of the walls that bring the hand there", "N/m", 0.0, 800.0)
+    ]
+    prepare_limit: Annotated[
+        float, Setting("time after which that has failed and the session pauses", "s", 1.0, 120.0)
+    ]
+    settle_time: Annotated[
+        float, Setting("time within the hit radius of the start before a trial", "s", 0.0, 5.0)
+    ]
+
+
+class Targets(NamedTuple):
+    """Where the targets are round the centre.
+
+    clock: `count` of them at `distance` in the plane, clockwise from the far one, each `rise`
+    above or below in turn; column: one above and one below the centre at `distance`; centre: the
+    centre itself. rounds: how often a circuit visits all.
+    """
+
+    layout: Annotated[str, Setting("clock, column or centre", choices=LAYOUTS)]
+    count: Annotated[int, Setting("number of targets on the clock", "", 1, 16)] = 8
+    distance: Annotated[float, Setting("from the centre", "m", 0.01, 0.2)] = 0.14
+    rise: Annotated[float, Setting("above and below the centre in turn", "m", 0.0, 0.16)] = 0.0
+    rounds: Annotated[int, Setting("visits to all targets in a circuit", "", 1, 50)] = 1
+
+
+class Block(NamedTuple):
+    """A part of a session: circuits of one kind.
+
+    duration: of a circle, hold, resisted or strength trial [s]; stiffness: of what the hand is held
+    to in these, 0 = nothing [N/m].
+    """
+
+    kind: Annotated[str, Setting("what the patient does", choices=KINDS)]
+    title: Annotated[str, Setting("for screens and reports")]
+    assisted: Annotated[bool, Setting("with the slot's walls")]
+    circuits: Annotated[int, Setting("number of circuits", "", 1, 100)]
+    targets: Targets
+    duration: Annotated[float, Setting("of a trial that is not a reach", "s", 0.0, 120.0)] = 0.0
+    stiffness: Annotated[float, Setting("of what holds the hand", "N/m", 0.0, 800.0)] = 0.0
+
+
+class Guidance(NamedTuple):
+    """The slot of a protocol, without start and target. Fields as in `control.slot.Slot`."""
+
+    duration: Annotated[float, Setting("of the back wall's way", "s", 0.3, 10.0)]
+    back_stiffness: Annotated[float, Setting("of the back wall", "N/m", 0.0, 800.0)]
+    side_stiffness: Annotated[float, Setting("of the side walls", "N/m", 0.0, 800.0)]
+    damping: Annotated[float, Setting("everywhere in the slot", "Ns/m", 0.0, 30.0)]
+    half_width: Annotated[float, Setting("to a side wall at the start", "m", 0.0, 0.1)]
+    end_half_width: Annotated[float, Setting("to a side wall at the end", "m", 0.0, 0.1)]
+    growth: Annotated[float, Setting("stiffening of the back wall over time", "N/m/s", 0.0, 200.0)]
+
+    def slot(self) -> Slot:
+        """Return the slot of these numbers, start and target at the origin."""
+        return Slot(0.0, 0.0, 0.0, 0.0, *self)
+
+
+class Protocol(NamedTuple):
+    """A protocol. space: plane, vertical or space; adaptation: None = fixed assistance."""
+
+    name: Annotated[str, Setting("as in the file's name")]
+    title: Annotated[str, Setting("for screens and reports")]
+    space: Annotated[str, Setting("where it takes place", choices=tuple(AXES))]
+    centre: Point
+    guidance: Guidance
+    rules: Rules
+    blocks: tuple[Block, ...]
+    adaptation: AdaptationBounds | None = None
+
+    def validated(self) -> Protocol:
+        """Return self when everything fits together and every target can be reached.
+
+        Raises ValueError naming what does not.
+        """
+        validated(self)
+        self.guidance.slot().validated()
+        if self.adaptation is not None:
+            _check_adaptation(self)
+        for block in self.blocks:
+            if block.kind != REACH and block.duration <= 0.0:
+                raise ValueError(f"block {block.title!r}: duration: a {block.kind} needs some time")
+            for point in (self.centre, *points(self, block)):
+                _check_point(block, point)
+        return self
+
+
+class TrialPlan(NamedTuple):
+    """One trial: number in the session from 1; block and circuit from 1; start, target [m]."""
+
+    number: int
+    block: int
+    circuit: int
+    start: Point
+    target: Point
+
+
+def plan(protocol: Protocol) -> Iterator[TrialPlan]:
+    """Yield the trials of a protocol in order: out to each target and back to the centre."""
+    number = 0
+    for index, block in enumerate(protocol.blocks, 1):
+        for circuit in range(1, block.circuits + 1):
+            for start, target in ways(protocol, block):
+                number += 1
+                yield TrialPlan(number, index, circuit, start, target)
+
+
+def ways(protocol: Protocol, block: Block) -> list[tuple[Point, Point]]:
+    """Return the ways of one circuit, start and target [m]; only reaches come back by themselves.
+
+    What is not a reach begins at the centre each time, and the robot brings the hand there.
+    """
+    found = []
+    for _ in range(block.targets.rounds):
+        for point in points(protocol, block):
+            found.append((protocol.centre, point))
+            if block.kind == REACH:
+                found.append((point, protocol.centre))
+    return found
+
+
+def points(protocol: Protocol, block: Block) -> list[Point]:
+    """Return the targets of a block [m]."""
+    targets, (x, y, z) = block.targets, protocol.centre
+    if targets.layout == CENTRE:
+        return [protocol.centre]
+    if targets.layout == COLUMN:
+        return [(x, y, z + targets.distance), (x, y, z - targets.distance)]
+    found = []
+    for number in range(targets.count):
+        angle = 2.0 * math.pi * number / targets.count
+        rise = targets.rise if number % 2 == 0 else -targets.rise
+        aside, away = targets.distance * math.sin(angle), targets.distance * math.cos(angle)
+        found.append((x + aside, y + away, z + rise))
+    return found
+
+
+def _check_adaptation(protocol: Protocol) -> None:
+    bounds, guidance = protocol.adaptation.validated(), protocol.guidance
+    for name, value, low, high in (
+        ("duration", guidance.duration, bounds.shortest, bounds.longest),
+        ("side_stiffness", guidance.side_stiffness, bounds.softest, bounds.stiffest),
+    ):
+        if not low <= value <= high:
+            raise ValueError(
+                f"guidance.{name} = {value:g}: outside what adaptation allows, {low:g} to {high:g}"
+            )
+
+
+def _check_point(block: Block, point: Point) -> None:
+    x, y, z = point
+    if abs(x) > LARGEST_X or abs(y) > LARGEST_Y or not LOWEST_Z <= z <= HIGHEST_Z:
+        raise ValueError(
+            f"block {block.title!r}: the point ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside what the "
+            f"robot reaches: x +-{LARGEST_X} m, y +-{LARGEST_Y} m, z {LOWEST_Z} to {HIGHEST_Z} m"
+        )
+
+
+def is_vertical(protocol: Protocol) -> bool:
+    """Return whether a protocol takes place on the vertical axis alone."""
+    return protocol.space == VERTICAL

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session again, from the samples and acts that were recorded.
+
+A complete recording gives the results of the session bit for bit. Where it does not, the replay
+says which samples are missing and which numbers of which trial differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..samples import sequence_gap
+from .protocol import Protocol
+from .record import differing, flat
+from .result import Gap, TrialResult, gaps_of
+from .samples import HandSample
+from .session import ABORTED, PAUSED, RUNNING, Session
+
+
+class Act(NamedTuple):
+    """The session's state as recorded: which, why, after which sample (tick number) it began."""
+
+    after: int
+    state: str
+    reason: str
+
+
+class Replay(NamedTuple):
+    """What the replay found.
+
+    results: of the trials, anew; gaps: samples missing in the recording while the session ran;
+    samples: number of those there; problems: what differs, one sentence each, empty when all equal.
+    """
+
+    results: list[TrialResult]
+    gaps: tuple[Gap, ...]
+    samples: int
+    problems: list[str]
+
+    @property
+    def verdict(self) -> str:
+        """Return the outcome in one sentence."""
+        if not self.problems:
+            return f"equal: {len(self.results)} trials from {self.samples} samples, bit for bit"
+        missing = sum(gap.missing for gap in self.gaps)
+        lost = f", {missing} samples missing" if missing else ", no sample missing"
+        return f"NOT equal: {len(self.problems)} problems{lost}"
+
+
+def replay(
+    protocol: Protocol,
+    samples: Iterable[HandSample],
+    acts: Sequence[Act],
+    recorded: Sequence[Mapping[str, Any]],
+) -> Replay:
+    """Return what becomes of the samples, and how it compares with what was recorded.
+
+    samples: as `endpoint_state` had them, in order; acts: as `therapy/state` told them; recorded:
+    the results as `therapy/trial` told them, by the names of `record`. Raises ValueError when no
+    act starts the session.
+    """
+    if not any(act.state == RUNNING for act in acts):
+        raise ValueError("no therapy/state that says `running`: the session's start is not there")
+    session, used = _again(protocol, samples, list(acts))
+    gaps = gaps_of(used)
+    results = session.results if session is not None else []
+    problems = [
+        f"{gap.missing} samples missing after tick {gap.after}{_where(results, gap)}"
+        for gap in gaps
+    ]
+    return Replay(results, gaps, len(used), problems + _differences(results, recorded))
+
+
+def _again(
+    protocol: Protocol, samples: Iterable[HandSample], acts: list[Act]
+) -> tuple[Session | None, list[HandSample]]:
+    session: Session | None = None
+    used: list[HandSample] = []
+    for sample in samples:
+        while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
+            session = _acted(protocol, session, acts.pop(0))
+        if session is None or session.trial is None:
+            continue
+        session.take(sample)
+        used.append(sample)
+    return session, used
+
+
+def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | None:
+    if session is None:
+        return Session(protocol) if act.state == RUNNING else None
+    if act.state == PAUSED:
+        session.pause(act.reason)
+    elif act.state == RUNNING:
+        session.resume()
+    elif act.state == ABORTED:
+        session.abort(act.reason)
+    return session
+
+
+def _where(results: Sequence[TrialResult], gap: Gap) -> str:
+    for result in results:
+        if result.gaps and gap in result.gaps:
+            return f", in trial {result.plan.number}"
+    return ", between trials"
+
+
+def _differences(
+    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    told = {row["trial"]: row for row in recorded}
+    found = {result.plan.number: flat(result) for result in results}
+    problems = []
+    for number in sorted(told.keys() | found.keys()):
+        if number not in found:
+            problems.append(f"trial {number}: recorded, but the replay does not come to its end")
+        elif number not in told:
+            problems.append(f"trial {number}: replayed, but its result was not recorded")
+        else:
+            names = differing(found[number], told[number])
+            if names:
+                shown = ", ".join(
+                    f"{name} {told[number][name]!r} recorded, {found[number][name]!r} replayed"
+                    for name in names[:3]
+                )
+                more = f", and {len(names) - 3} more" if len(names) > 3 else ""
+                problems.append(f"trial {number}: {shown}{more}")
+    return problems

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the report shows of recorded sessions: paths per target, figures over trials, words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from datetime import datetime, timezone
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..bag import Recorded
+from ..definitions import DEFINITIONS
+from ..line import AXES
+from ..protocol import REACH
+
+SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
+"""Figures over trials and sessions, in the order of the page."""
+_NS = 1e-9
+
+
+class Path(NamedTuple):
+    """One reach of the hand: axes that count, shape (samples, axes) [m]; late: of the last part."""
+
+    points: np.ndarray
+    target: tuple[float, ...]
+    assisted: bool
+    late: bool
+
+
+class Summary(NamedTuple):
+    """One session in a row of the table: all as text."""
+
+    date: str
+    protocol: str
+    trials: str
+    reached: str
+    initiated: str
+    assistance: str
+    share: str
+    lost: str
+
+
+def reaches(recorded: Recorded) -> list[dict[str, Any]]:
+    """Return the reaches among the trials."""
+    return [row for row in recorded.trials if row["kind"] == REACH]
+
+
+def outward_paths(recorded: Recorded) -> list[Path]:
+    """Return the paths of all reaches away from the centre, from the target's showing to the end.
+
+    The last third of the trials counts as late.
+    """
+    axes = AXES[recorded.protocol.space]
+    rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
+    times = np.array([sample.time_ns for sample in recorded.samples])
+    found = []
+    for number, row in enumerate(rows):
+        first, last = np.searchsorted(times, (row["started_ns"], row["ended_ns"]))
+        points = np.array(
+            [[s.position[a] for a in axes] for s in recorded.samples[first : last + 1]]
+        )
+        if len(points) > 1:
+            late = number >= 2 * len(rows) / 3
+            target = tuple(row["target"][a] for a in axes)
+            found.append(Path(points, target, row["assisted"], late))
+    return found
+
+
+def _near(one: Sequence[float], other: Sequence[float], axes: Iterable[int]) -> bool:
+    return all(abs(one[a] - other[a]) < 1e-9 for a in axes)
+
+
+def values(rows: Sequence[dict[str, Any]], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return trial numbers and a figure in the unit of its definition, without those without."""
+    factor = DEFINITIONS[name].factor
+    kept = [(row["trial"], row[name] * factor) for row in rows if math.isfinite(row[name])]
+    numbers, found = zip(*kept, strict=True) if kept else ((), ())
+    return np.array(numbers), np.array(found)
+
+
+def middle(rows: Sequence[dict[str, Any]], name: str) -> float:
+    """Return the median of a figure in its unit, NaN without any."""
+    _, found = values(rows, name)
+    return median(found.tolist()) if found.size else math.nan
+
+
+def summary(recorded: Recorded) -> Summary:
+    """Return a session's row."""
+    rows = reaches(recorded)
+    assisted = [row for row in rows if row["assisted"]]
+    share = middle(assisted, "robot_share")
+    lost = sum(row["missing"] for row in recorded.trials)
+    samples = sum(row["samples"] for row in recorded.trials)
+    return Summary(
+        date_of(recorded),
+        recorded.protocol.title,
+        str(len(recorded.trials)),
+        _share(rows, "reached"),
+        _share(rows, "initiated"),
+        _assistance(recorded, assisted),
+        f"{share:.0f} %" if math.isfinite(share) else "–",
+        f"{lost} of {lost + samples}",
+    )
+
+
+def date_of(recorded: Recorded) -> str:
+    """Return the date of the session's first trial (UTC), or of nothing."""
+    if not recorded.trials:
+        return "no trial"
+    begun = recorded.trials[0]["started_ns"] * _NS
+    return datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
+
+
+def _share(rows: Sequence[dict[str, Any]], name: str) -> str:
+    return f"{sum(bool(row[name]) for row in rows)} of {len(rows)}" if rows else "–"
+
+
+def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
+    if not assisted:
+        return "none"
+    first = assisted[0]
+    last = recorded.changes[-1] if recorded.changes else None
+    duration = last["duration"] if last else assisted[-1]["slot_duration"]
+    stiffness = last["side_stiffness"] if last else assisted[-1]["side_stiffness"]
+    return (
+        f"{first['slot_duration']:.2f} → {duration:.2f} s, "
+        f"{first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
+    )
+
+
+def rate_of(sessions: Sequence[Recorded]) -> str:
+    """Return the sampling rate of all sessions as text."""
+    rates = sorted({round(row["rate"]) for s in sessions for row in s.trials if row["rate"] > 0})
+    return " and ".join(f"{rate} Hz" for rate in rates) or "no samples"

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report's figures: paths per target, figures over trials and sessions, assistance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...identification.figures.style import COLOURS, DESIRED, STYLE
+from ..bag import Recorded
+from ..definitions import DEFINITIONS
+from ..line import VERTICAL
+from .content import SHOWN, Path, outward_paths, reaches, values
+
+_FREE, _ASSISTED, _ROBOT = COLOURS[2], COLOURS[0], COLOURS[3]
+_NAMES = {False: "without assistance", True: "with assistance"}
+_HUE = {False: _FREE, True: _ASSISTED}
+_MARK = {False: "s", True: "o"}  # told apart by shape as well as by colour
+_SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
+
+
+def paths_figure(recorded: Recorded) -> Figure:
+    """Draw the outward paths of a session, apart without and with assistance."""
+    paths = outward_paths(recorded)
+    with rc_context({**STYLE, **_SMALL}):
+        figure = Figure(figsize=(7.4, 3.7), layout="constrained")
+        panels = figure.subplots(1, 2, sharex=True, sharey=True)
+        for axes, assisted in zip(panels, (False, True), strict=True):
+            kept = [path for path in paths if path.assisted is assisted]
+            axes.set_title(f"{_NAMES[assisted].capitalize()}: {len(kept)} reaches", loc="left")
+            if recorded.protocol.space == VERTICAL:
+                _heights(axes, kept)
+            else:
+                _plane(axes, kept, recorded.protocol.rules.hit_radius)
+        if paths:
+            panels[1].legend(loc="upper right")
+    return figure
+
+
+def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
+    for path in paths:
+        colour, zorder = (_ASSISTED, 3) if path.late else ("#b0b0b0", 2)
+        label = "last third" if path.late else "earlier"
+        axes.plot(*(1e3 * path.points[:, :2].T), color=colour, lw=0.8, zorder=zorder,
+                  label=_once(axes, label))  # fmt: skip
+    for x, y, *_ in {path.target for path in paths}:
+        angle = np.linspace(0.0, 2.0 * np.pi, 40)
+        axes.plot(1e3 * (x + hit_radius * np.cos(angle)), 1e3 * (y + hit_radius * np.sin(angle)),
+                  color=DESIRED, lw=1.2, zorder=4, label=_once(axes, "target"))  # fmt: skip
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("to the patient's right [mm]")
+    axes.set_ylabel("away from the patient [mm]")
+
+
+def _heights(axes: Axes, paths: Sequence[Path]) -> None:
+    """Draw heights over samples from the start, as there is no second axis."""
+    for path in paths:
+        colour = _ASSISTED if path.late else "#b0b0b0"
+        label = "last third" if path.late else "earlier"
+        share = np.linspace(0.0, 1.0, len(path.points))
+        axes.plot(share, 1e3 * path.points[:, 0], color=colour, lw=0.8, label=_once(axes, label))
+    for (height,) in {path.target for path in paths}:
+        axes.axhline(1e3 * height, color=DESIRED, lw=1.2, label=_once(axes, "target"))
+    axes.set_xlabel("share of the reach's time")
+    axes.set_ylabel("height [mm]")
+
+
+def _once(axes: Axes, label: str) -> str | None:
+    known = {line.get_label() for line in axes.get_lines()}
+    return None if label in known else label
+
+
+def trials_figure(sessions: Sequence[Recorded]) -> Figure:
+    """Draw the figures of SHOWN over all trials, session after session."""
+    with rc_context({**STYLE, **_SMALL}):
+        figure = Figure(figsize=(7.4, 4.4), layout="constrained")
+        panels = figure.subplots(2, 3).ravel()
+        for axes, name in zip(panels, SHOWN, strict=True):
+            _figure_over_trials(axes, sessions, name)
+        handles, labels = panels[0].get_legend_handles_labels()
+        if handles:
+            figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure
+
+
+def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> None:
+    definition, offset = DEFINITIONS[name], 0
+    for number, recorded in enumerate(sessions):
+        rows = reaches(recorded)
+        for assisted in (False, True):
+            kept = [row for row in rows if row["assisted"] is assisted]
+            at, found = values(kept, name)
+            label = _NAMES[assisted] if number == 0 else None
+            axes.plot(at + offset, found, _MARK[assisted], ms=2.5, mfc="none", mew=0.6,
+                      color=_HUE[assisted], label=label, alpha=0.8)  # fmt: skip
+            _medians(axes, kept, name, offset, assisted)
+        offset += max((row["trial"] for row in recorded.trials), default=0)
+        if number + 1 < len(sessions):
+            axes.axvline(offset + 0.5, color=DESIRED, lw=0.8, ls=":")
+    unit = f" [{definition.unit}]" if definition.unit else ""
+    axes.set_title(f"{definition.label}{unit}", loc="left")
+    axes.set_xlabel("trial")
+
+
+def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted: bool) -> None:
+    """Draw the median of each block as a line: what the eye should follow."""
+    for block in sorted({row["block"] for row in rows}):
+        at, found = values([row for row in rows if row["block"] == block], name)
+        if at.size:
+            ends = (offset + at[0] - 0.5, offset + at[-1] + 0.5)
+            axes.plot(ends, [np.median(found)] * 2, color=_HUE[assisted], lw=2.2,
+                      solid_capstyle="butt", zorder=5)  # fmt: skip
+
+
+def assistance_figure(sessions: Sequence[Recorded]) -> Figure:
+    """Draw duration and stiffness in use after each circuit at which they were judged."""
+    with rc_context({**STYLE, **_SMALL}):
+        figure = Figure(figsize=(7.4, 1.9), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        _steps(left, sessions, "duration", "time of the back wall [s]; longer is more help")
+        _steps(right, sessions, "side_stiffness", "side walls [N/m]; stiffer is more help")
+    return figure
+
+
+def _steps(axes: Axes, sessions: Sequence[Recorded], name: str, title: str) -> None:
+    offset = 0
+    for number, recorded in enumerate(sessions):
+        changes = recorded.changes
+        if changes:
+            at = offset + np.arange(len(changes) + 1)
+            found = [changes[0][f"{name}_before"], *(change[name] for change in changes)]
+            axes.plot(at, found, "o-", ms=3, color=_ROBOT, drawstyle="steps-post")
+            offset += len(changes) + 1
+            if number + 1 < len(sessions):
+                axes.axvline(offset - 0.5, color=DESIRED, lw=0.8, ls=":")
+    if offset == 0:
+        axes.text(0.5, 0.5, "not adapted", ha="center", transform=axes.transAxes)
+    axes.margins(y=0.2)
+    axes.set_title(title, loc="left")
+    axes.set_xlabel("change")

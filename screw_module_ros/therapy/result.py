@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The result of one trial, and how it is computed from the samples."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..samples import sequence_gap
+from .line import AXES, Line, speed_of
+from .measures import Measures, measures
+from .path import circle_figures, hold_deviation, path_figures
+from .protocol import CIRCLE, HOLD, REACH, STRENGTH, TrialPlan
+from .samples import HandSample
+from .smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
+from .speed import movement, speed_figures
+from .work import work_done
+
+_NAN = math.nan
+
+
+class Figures(NamedTuple):
+    """Figures of one movement, NaN where a kind of trial has none; see `definitions`."""
+
+    duration: float = _NAN
+    time_to_start: float = _NAN
+    mean_speed: float = _NAN
+    peak_speed: float = _NAN
+    speed_ratio: float = _NAN
+    speed_peaks: float = _NAN
+    arrest_ratio: float = _NAN
+    sparc: float = _NAN
+    jerk: float = _NAN
+    log_jerk: float = _NAN
+    path_error: float = _NAN
+    path_ratio: float = _NAN
+    direction_error: float = _NAN
+    reach_error: float = _NAN
+    robot_share: float = _NAN
+    patient_work: float = _NAN
+    robot_work: float = _NAN
+    independence: float = _NAN
+    size: float = _NAN
+    hold_deviation: float = _NAN
+    largest_force: float = _NAN
+    largest_vertical_force: float = _NAN
+
+
+class Gap(NamedTuple):
+    """Samples that are missing: how many, after which sequence number."""
+
+    after: int
+    missing: int
+
+
+class TrialResult(NamedTuple):
+    """What one trial showed.
+
+    plan, kind, assisted: of the trial; line: where it led; duration [s], side_stiffness [N/m]:
+    assistance in use; initiated: the patient started it; reached; moved: there was a movement at
+    all; start_ns, end_ns: stamps of start and end [ns]; first, last: sequence numbers of its first
+    and last sample; samples: number of them; rate: theirs [Hz]; gaps: what is missing.
+    """
+
+    plan: TrialPlan
+    kind: str
+    assisted: bool
+    line: Line
+    duration: float
+    side_stiffness: float
+    initiated: bool
+    reached: bool
+    moved: bool
+    start_ns: int
+    end_ns: int
+    first: int
+    last: int
+    samples: int
+    rate: float
+    gaps: tuple[Gap, ...]
+    measures: Measures
+    figures: Figures
+
+    @property
+    def missing(self) -> int:
+        """Return how many samples are missing."""
+        return sum(gap.missing for gap in self.gaps)
+
+
+class Course(NamedTuple):
+    """How a trial went: stamps [ns] of the first sample that counts, start and end of movement.
+
+    initiated: the patient started it; reached: the hand came to the target.
+    """
+
+    start_ns: int
+    end_ns: int
+    initiated: bool
+    reached: bool
+
+
+def gaps_of(samples: Sequence[HandSample]) -> tuple[Gap, ...]:
+    """Return what is missing between samples whose numbers rise by one stride, the commonest."""
+    steps = [sequence_gap(a.sequence, b.sequence) + 1 for a, b in _pairs(samples)]
+    strides = Counter(step for step in steps if step > 0)
+    if not strides:
+        return ()
+    most = max(strides.values())
+    stride = min(step for step, count in strides.items() if count == most)
+    return tuple(
+        Gap(a.sequence, round(step / stride) - 1)
+        for (a, _), step in zip(_pairs(samples), steps, strict=True)
+        if step >= 1.5 * stride
+    )
+
+
+def _pairs(samples: Sequence[HandSample]) -> list[tuple[HandSample, HandSample]]:
+    return list(zip(samples, samples[1:], strict=False))
+
+
+def trial_result(
+    plan: TrialPlan,
+    kind: str,
+    assisted: bool,
+    line: Line,
+    duration: float,
+    side_stiffness: float,
+    course: Course,
+    samples: Sequence[HandSample],
+) -> TrialResult:
+    """Return a trial's result. samples: from when the target was shown to the trial's end."""
+    times = np.array([s.time_ns - samples[0].time_ns for s in samples]) * 1e-9
+    rate = float((len(samples) - 1) / times[-1]) if len(samples) > 1 and times[-1] > 0.0 else _NAN
+    speed = np.array([speed_of(line.space, s) for s in samples])
+    moving = movement(speed, rate) if rate > 0.0 else None
+    during = [s for s in samples if course.start_ns <= s.time_ns <= course.end_ns]
+    return TrialResult(
+        plan,
+        kind,
+        assisted,
+        line,
+        duration,
+        side_stiffness,
+        course.initiated,
+        course.reached,
+        moving is not None,
+        course.start_ns,
+        course.end_ns,
+        samples[0].sequence,
+        samples[-1].sequence,
+        len(samples),
+        rate,
+        gaps_of(samples),
+        measures(during, line, duration, course.start_ns, course.initiated),
+        _figures(kind, line, samples, times, rate, speed, moving, during),
+    )
+
+
+def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures:
+    figures = Figures()
+    if kind == HOLD:
+        return figures._replace(
+            hold_deviation=hold_deviation(_path(line, during), _point(line, line.start))
+        )
+    if kind == STRENGTH:
+        return figures._replace(
+            largest_force=max((line.along(s.force) for s in during), default=_NAN),
+            largest_vertical_force=max((abs(s.fz) for s in during), default=_NAN),
+        )
+    if moving is None:
+        return figures
+    figures = _with_movement(figures, samples[moving], times[moving], rate, speed[moving])
+    figures = figures._replace(time_to_start=float(times[moving.start]))
+    path = _path(line, samples[moving])
+    if kind == CIRCLE:
+        return figures._replace(**circle_figures(path)._asdict())
+    found = path_figures(path, _point(line, line.start), _point(line, line.target))
+    reach_error = found.reach_error if kind == REACH else _NAN
+    return figures._replace(
+        path_error=found.error,
+        path_ratio=found.ratio,
+        direction_error=found.direction_error,
+        reach_error=reach_error,
+    )
+
+
+def _with_movement(figures, samples, times, rate, speed) -> Figures:
+    found = speed_figures(speed, rate)
+    work = work_done(
+        np.array([s.force for s in samples]), np.array([s.velocity for s in samples]), times
+    )
+    return figures._replace(
+        duration=found.duration,
+        mean_speed=found.mean,
+        peak_speed=found.peak,
+        speed_ratio=found.ratio,
+        speed_peaks=float(found.peaks),
+        arrest_ratio=found.arrest,
+        sparc=sparc(speed, rate),
+        jerk=dimensionless_jerk(speed, rate),
+        log_jerk=log_dimensionless_jerk(speed, rate),
+        robot_share=work.robot_share,
+        patient_work=work.patient,
+        robot_work=work.robot,
+    )
+
+
+def _point(line: Line, point) -> tuple[float, float, float]:
+    """Return a point with the axes that do not count at zero [m]."""
+    x, y, z = (value if axis in AXES[line.space] else 0.0 for axis, value in enumerate(point))
+    return x, y, z
+
+
+def _path(line: Line, samples: Sequence[HandSample]) -> np.ndarray:
+    return np.array([_point(line, s.position) for s in samples])

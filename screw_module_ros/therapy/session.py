@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session: all trials of a protocol over the hand's samples, with adaptation, pause and abort.
+
+Nothing here knows a clock: what is done depends on the samples and on the operator's acts alone, so
+a recording of both gives the same session again (`replay`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
+from .line import NO_SLOT, SlotWish
+from .measures import Measures
+from .protocol import Protocol, TrialPlan, plan
+from .result import TrialResult
+from .samples import HandSample
+from .trial import PrepareError, Trial
+
+RUNNING, PAUSED, FINISHED, ABORTED = "running", "paused", "finished", "aborted"
+
+
+class Said(NamedTuple):
+    """What came of a sample: a trial's result, a change of assistance, None where there is none."""
+
+    result: TrialResult | None = None
+    change: Change | None = None
+
+
+_NOTHING = Said()
+
+
+class Session:
+    """Takes the hand's samples one by one.
+
+    state: running, paused, finished or aborted; reason: why it is paused or aborted. assistance:
+    in use. results, changes: so far. trial: the one under way, None after the end.
+    """
+
+    def __init__(self, protocol: Protocol):
+        self.protocol = protocol
+        self.state = RUNNING
+        self.reason = ""
+        guidance = protocol.guidance
+        self.assistance = Assistance(guidance.duration, guidance.side_stiffness)
+        self.results: list[TrialResult] = []
+        self.changes: list[Change] = []
+        self._plans = list(plan(protocol))
+        self._circuits: list[Circuit] = []
+        self._movements: list[Measures] = []
+        self.trial: Trial | None = self._next_trial()
+
+    @property
+    def trials(self) -> int:
+        """Return how many trials the protocol has."""
+        return len(self._plans)
+
+    @property
+    def wish(self) -> SlotWish:
+        """Return the slots wanted now; none while the session does not run."""
+        return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
+
+    def take(self, sample: HandSample) -> Said:
+        """Go on by one sample; one that says `stop` pauses the session."""
+        if self.state != RUNNING or self.trial is None:
+            return _NOTHING
+        if sample.stop:
+            self.pause(sample.stop)
+            return _NOTHING
+        try:
+            self.trial.take(sample)
+        except PrepareError as error:
+            self.pause(str(error))
+            return _NOTHING
+        result = self.trial.result
+        if result is None:
+            return _NOTHING
+        self.results.append(result)
+        change = self._learn(result)
+        self.trial = self._next_trial()
+        if self.trial is None:
+            self.state = FINISHED
+        return Said(result, change)
+
+    def pause(self, reason: str) -> None:
+        """Take every slot away; the trial under way is done again from its beginning."""
+        if self.state == RUNNING:
+            self.state, self.reason = PAUSED, reason
+
+    def resume(self) -> None:
+        """Go on after a pause."""
+        if self.state == PAUSED:
+            self.state, self.reason = RUNNING, ""
+            self.trial = self._next_trial()
+
+    def abort(self, reason: str) -> None:
+        """End the session for good."""
+        if self.state in (RUNNING, PAUSED):
+            self.state, self.reason, self.trial = ABORTED, reason, None
+
+    def _next_trial(self) -> Trial | None:
+        if len(self.results) == len(self._plans):
+            return None
+        return Trial(self.protocol, self._plans[len(self.results)], self.assistance)
+
+    def _learn(self, result: TrialResult) -> Change | None:
+        """Count a movement for the adaptation; return the change after a circuit, if any."""
+        if result.assisted:
+            self._movements.append(result.measures)
+        upcoming = self._plans[len(self.results)] if len(self.results) < self.trials else None
+        if upcoming is not None and _same_circuit(result.plan, upcoming):
+            return None
+        change = self._end_circuit(result) if self._movements else None
+        if upcoming is None or upcoming.block != result.plan.block:
+            self._circuits = []
+        return change
+
+    def _end_circuit(self, result: TrialResult) -> Change | None:
+        self._circuits.append(circuit_of(self._movements, result.side_stiffness))
+        self._movements = []
+        bounds = self.protocol.adaptation
+        change = adapted(bounds, self.assistance, self._circuits) if bounds else None
+        if change is not None:
+            self.assistance = change.after
+            self.changes.append(change)
+        return change
+
+
+def _same_circuit(one: TrialPlan, other: TrialPlan) -> bool:
+    return (one.block, one.circuit) == (other.block, other.circuit)

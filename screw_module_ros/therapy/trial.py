@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One trial as a state machine over the hand's samples.
+
+::
+
+    PREPARE -> WAIT -> MOVING -> OVER_TIME -> REACHED -> DONE
+                          `--------------------^  `-- given up: DONE without REACHED
+
+PREPARE brings the hand to the start and waits until it rests there. In WAIT the target is shown and
+the slot is open. The movement starts with the hand, or by itself after a wait. MOVING lasts as long
+as the back wall is on its way, OVER_TIME until the target is reached or given up.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..control.minimum_jerk import PEAK_SPEED
+from ..control.slot import Slot
+from .adaptation import Assistance
+from .line import NO_SLOT, Line, SlotWish, distance, slots, speed_of
+from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, Block, Protocol, TrialPlan
+from .result import Course, TrialResult, trial_result
+from .samples import HandSample, Point
+
+PREPARE, WAIT, MOVING, OVER_TIME, REACHED, DONE = (
+    "prepare", "wait", "moving", "over_time", "reached", "done",
+)  # fmt: skip
+_NS = 1_000_000_000
+
+
+class PrepareError(RuntimeError):
+    """The hand cannot be brought to the start; the message says how far it is from there."""
+
+
+class Trial:
+    """Takes the hand's samples one by one, from the end of the trial before.
+
+    phase: where it is; wish: the slots wanted now; result: once it is done, else None.
+    """
+
+    def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
+        self.plan = plan
+        self.phase = PREPARE
+        self.wish = NO_SLOT
+        self.result: TrialResult | None = None
+        self._protocol = protocol
+        self._rules = protocol.rules
+        self._block: Block = protocol.blocks[plan.block - 1]
+        self._assistance = assistance
+        self.line = Line(plan.start, plan.target, protocol.space)
+        self._origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
+        self._slot = _slot_of(protocol, self._block, assistance)
+        self._samples: list[HandSample] = []
+        self._since_ns = self._start_ns = self._rest_ns = self._end_ns = 0
+        self._initiated = self._reached = False
+        self._turned = 0.0
+
+    def take(self, sample: HandSample) -> None:
+        """Go on by one sample. Raises PrepareError when the hand does not come to the start."""
+        if self.phase == PREPARE:
+            self._prepare(sample)
+            return
+        self._samples.append(sample)
+        if self.phase == WAIT:
+            self._wait(sample)
+        elif self.phase in (MOVING, OVER_TIME):
+            self._move(sample)
+        elif self.phase == REACHED and self._passed(sample, self._end_ns) >= self._rules.hold:
+            self._finish()
+
+    def _prepare(self, sample: HandSample) -> None:
+        rules, space = self._rules, self._protocol.space
+        away = distance(space, sample.position, self._origin)
+        if self.wish is NO_SLOT:
+            self._since_ns = sample.time_ns
+            guide = self._guide()
+            self.wish = slots(Line(sample.position, self._origin, space), guide, sample.time_ns)
+        if away > rules.hit_radius:
+            self._rest_ns = 0
+            if self._passed(sample, self._since_ns) > rules.prepare_limit:
+                raise PrepareError(
+                    f"the hand is {away * 1e3:.0f} mm from the start of trial {self.plan.number} "
+                    f"after {rules.prepare_limit:g} s: free it, then resume"
+                )
+            return
+        self._rest_ns = self._rest_ns or sample.time_ns
+        if self._passed(sample, self._rest_ns) >= rules.settle_time:
+            self._show(sample)
+
+    def _guide(self) -> Slot:
+        rules = self._rules
+        stiffness = rules.prepare_stiffness
+        return self._protocol.guidance.slot()._replace(
+            duration=rules.prepare_duration,
+            back_stiffness=stiffness,
+            side_stiffness=stiffness,
+            half_width=rules.hit_radius,
+            end_half_width=0.2 * rules.hit_radius,
+        )
+
+    def _show(self, sample: HandSample) -> None:
+        """Show the target; a trial without a way starts at once."""
+        self.phase, self._since_ns = WAIT, sample.time_ns
+        self._samples = [sample]
+        self.wish = self._slots(None)
+        if self._block.kind in (HOLD, STRENGTH, RESISTED):
+            self._start(sample, initiated=True)
+
+    def _slots(self, start_ns: int | None) -> SlotWish:
+        kind, line = self._block.kind, self.line
+        if kind in (HOLD, STRENGTH, RESISTED):  # held to one point
+            line = Line(self.plan.start, self.plan.start, line.space)
+        return slots(line, self._slot, start_ns)
+
+    def _wait(self, sample: HandSample) -> None:
+        rules = self._rules
+        if self._moves(sample):
+            self._start(sample, initiated=True)
+        elif self._passed(sample, self._since_ns) >= rules.wait:
+            self._start(sample, initiated=False)
+        if self.phase == MOVING:
+            self._move(sample)
+
+    def _moves(self, sample: HandSample) -> bool:
+        """Return whether the hand has started by itself: fast enough, or slow but on its way.
+
+        The wall's speed sets the least; without the second rule a hand slower than the wall would
+        start by the wait or at the target, and look as if it led.
+        """
+        least = self._rules.start_share * PEAK_SPEED * self.line.length / self._slot.duration
+        if self._block.kind == CIRCLE:
+            return speed_of(self._protocol.space, sample) >= least
+        gone = self.line.gone(sample.position)
+        return self.line.along(sample.velocity) >= least or gone >= self._rules.start_way
+
+    def _start(self, sample: HandSample, initiated: bool) -> None:
+        self.phase, self._start_ns, self._initiated = MOVING, sample.time_ns, initiated
+        self.wish = self._slots(sample.time_ns)
+
+    def _move(self, sample: HandSample) -> None:
+        passed = self._passed(sample, self._start_ns)
+        if self._block.kind == REACH:
+            self._reach(sample, passed)
+        elif passed >= self._block.duration or self._all_round():
+            self._end_ns, self._reached = sample.time_ns, self._came(sample)
+            self._finish()
+
+    def _reach(self, sample: HandSample, passed: float) -> None:
+        if self._came(sample):
+            self.phase, self._end_ns, self._reached = REACHED, sample.time_ns, True
+            if self._rules.hold == 0.0:
+                self._finish()
+        elif passed >= self._rules.give_up:
+            self._end_ns = sample.time_ns
+            self._finish()
+        elif passed > self._slot.duration:
+            self.phase = OVER_TIME
+
+    def _came(self, sample: HandSample) -> bool:
+        space, target = self._protocol.space, self.plan.target
+        return distance(space, sample.position, target) <= self._rules.hit_radius
+
+    def _all_round(self) -> bool:
+        """Return whether a circle is complete: the hand has turned once round the centre."""
+        if self._block.kind != CIRCLE or len(self._samples) < 2:
+            return False
+        cx, cy, _ = self.plan.start
+        (ax, ay, _), (bx, by, _) = self._samples[-2].position, self._samples[-1].position
+        ax, ay, bx, by = ax - cx, ay - cy, bx - cx, by - cy
+        self._turned += math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+        return abs(self._turned) >= 2.0 * math.pi
+
+    def _finish(self) -> None:
+        self.phase = DONE
+        self.result = trial_result(
+            self.plan,
+            self._block.kind,
+            self._block.assisted,
+            self.line,
+            self._slot.duration,
+            self._slot.side_stiffness,
+            Course(self._start_ns, self._end_ns, self._initiated, self._reached),
+            self._samples,
+        )
+
+    @staticmethod
+    def _passed(sample: HandSample, since_ns: int) -> float:
+        return (sample.time_ns - since_ns) / _NS
+
+
+def _slot_of(protocol: Protocol, block: Block, assistance: Assistance) -> Slot:
+    """Return the slot of a block's trials, without start and target."""
+    slot = protocol.guidance.slot()
+    if block.kind in (HOLD, STRENGTH, RESISTED):
+        return slot._replace(side_stiffness=block.stiffness, half_width=0.0, end_half_width=0.0)
+    if block.assisted:
+        return slot._replace(
+            duration=assistance.duration, side_stiffness=assistance.side_stiffness
+        )
+    return slot._replace(back_stiffness=0.0, side_stiffness=0.0, growth=0.0)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a game's wishes is passed on: set points within the workspace, moving slowly enough."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..control.limits import clamp, slew
+from ..settings import Setting
+from .samples import Point
+
+_NS = 1e-9
+_LONGEST = 0.2  # [s] that count between two wishes: after a pause no large step is allowed
+
+
+class WishLimits(NamedTuple):
+    """How far and how fast a game may move the set point. The bounds are ours."""
+
+    half_width: Annotated[float, Setting("in x from the centre", "m", 0.0, 0.1905)] = 0.15
+    half_depth: Annotated[float, Setting("in y from the centre", "m", 0.0, 0.2286)] = 0.15
+    low: Annotated[float, Setting("lowest height", "m", 0.0, 0.36)] = 0.03
+    high: Annotated[float, Setting("greatest height", "m", 0.0, 0.36)] = 0.33
+    speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6)] = 0.3
+
+
+class WishGate:
+    """Passes on one wish after the other."""
+
+    def __init__(self, limits: WishLimits):
+        self._limits = limits
+        self._last: Point = (math.nan,) * 3
+        self._last_ns = 0
+
+    def passed(self, wish: Point, hand: Point, now_ns: int) -> Point:
+        """Return the set point for a wish [m]; NaN leaves an axis alone.
+
+        hand: where it is [m], from which an axis that had no set point starts.
+        """
+        limits = self._limits
+        elapsed = min((now_ns - self._last_ns) * _NS, _LONGEST)
+        ranges = (
+            (-limits.half_width, limits.half_width),
+            (-limits.half_depth, limits.half_depth),
+            (limits.low, limits.high),
+        )
+        self._last_ns = now_ns
+        self._last = tuple(
+            _moved(asked, last if math.isfinite(last) else here, limits.speed * elapsed, *bounds)
+            for asked, last, here, bounds in zip(wish, self._last, hand, ranges, strict=True)
+        )
+        return self._last
+
+
+def _moved(asked: float, last: float, step: float, low: float, high: float) -> float:
+    if not (math.isfinite(asked) and math.isfinite(last)):
+        return math.nan
+    return clamp(slew(last, asked, step), low, high)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The disturbance observer finds a force that nobody told it, and is not fooled by a limit."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from screw_module_ros.control.observer import (
+    KEPT,
+    command_in_force,
+    least_damping,
+    observer_at,
+    observer_step,
+    remembered,
+)
+
+DT, MASS, BANDWIDTH = 0.001, 5.5, 300.0
+
+
+def watched(disturbance, commands, delay_periods=0, limit=35.0, resting=False, told_mass=MASS):
+    """Observer of a mass that a disturbance and delayed commands move, after all commands."""
+    position = velocity = 0.0
+    state = observer_at(0.0)
+    sent = [0.0] * (delay_periods + 1)
+    for k, command in enumerate(commands):
+        acting = sent[-1 - delay_periods]
+        acceleration = (acting - disturbance(k * DT)) / MASS
+        position += velocity * DT + 0.5 * acceleration * DT * DT
+        velocity += acceleration * DT
+        state = observer_step(
+            state, position, 0.0, told_mass, BANDWIDTH, delay_periods * DT, limit, resting, DT
+        )
+        state = remembered(state, command)
+        sent.append(command)
+    return state, position, velocity
+
+
+@pytest.mark.parametrize("delay", [0, 1, 3])
+@pytest.mark.parametrize("force", [-20.0, 7.0])
+def test_constant_disturbance_is_found_whatever_is_commanded(delay, force):
+    commands = [10.0 * math.sin(0.1 * k) for k in range(200)]
+    state, position, velocity = watched(lambda t: force, commands, delay)
+    assert state.disturbance == pytest.approx(force, abs=0.01)
+    assert state.velocity == pytest.approx(velocity, abs=1e-4)
+    assert state.position == pytest.approx(position, abs=1e-6)
+
+
+def test_a_step_is_followed_with_the_triple_pole_and_hardly_overshoots():
+    found = [
+        watched(lambda t: 10.0, [0.0] * n)[0].disturbance for n in range(1, 60)
+    ]
+    assert max(found) < 10.0 * 1.01
+    rise = next(n for n, value in enumerate(found) if value > 6.3) * DT
+    assert 2.0 / BANDWIDTH < rise < 5.0 / BANDWIDTH
+
+
+def test_a_delay_it_does_not_know_of_becomes_disturbance():
+    commands = [20.0 * math.sin(0.05 * k) for k in range(400)]
+    told, _, _ = watched(lambda t: 0.0, commands, 3)
+    assert abs(told.disturbance) < 0.05
+
+
+def test_disturbance_is_limited_and_comes_back_at_once():
+    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 200, limit=35.0)
+    assert state.disturbance == pytest.approx(35.0)
+    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 300, limit=35.0)
+    assert state.disturbance == pytest.approx(5.0, abs=0.1)
+
+
+def test_at_rest_the_disturbance_stays():
+    state, _, _ = watched(lambda t: 8.0, [0.0] * 100, resting=True)
+    assert state.disturbance == 0.0
+
+
+@given(st.floats(0.0, 20.0), st.integers(0, KEPT - 1))
+def test_command_in_force_is_the_mean_over_the_period(periods, index):
+    commands = tuple(1.0 if n == index else 0.0 for n in range(KEPT))
+    held = min(periods, KEPT - 2.0)
+    share = max(0.0, 1.0 - abs(held - index))
+    assert command_in_force(commands, periods) == pytest.approx(share)
+
+
+def test_least_damping_makes_the_model_of_a_released_handle_damped_enough():
+    """The apparent mass with the gain's filter in the spring's way, its poles by hand."""
+    numpy = pytest.importorskip("numpy")
+    for stiffness in (50.0, 100.0, 400.0):
+        gain, cutoff, ratio = 10.0, 2.0 * math.pi * 10.0, 0.25
+        damping = least_damping(stiffness, MASS, gain, cutoff / (2.0 * math.pi), 0.0, ratio)
+        # M s^2 (1 + s/c) + (1 + k + s/c) (K + B s) = 0
+        poles = numpy.roots(
+            [
+                MASS / cutoff,
+                MASS + damping / cutoff,
+                stiffness / cutoff + (1.0 + gain) * damping,
+                (1.0 + gain) * stiffness,
+            ]
+        )
+        worst = min(-p.real / abs(p) for p in poles)
+        assert worst > 0.7 * ratio
+        undamped = numpy.roots([MASS / cutoff, MASS, stiffness / cutoff, (1.0 + gain) * stiffness])
+        assert min(-p.real for p in undamped) < 0.0, "without a damper it swings up"
+
+
+def test_no_ratio_asks_for_no_damping():
+    assert least_damping(1000.0, MASS, 10.0, 10.0, 1e-3, 0.0) == 0.0

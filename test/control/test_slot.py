@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The slot: free in front of its wall, continuous, bounded, the same in every direction."""
+
+import math
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from screw_module_ros.compiled import compiled
+from screw_module_ros.control.slot import (
+    OPEN,
+    Slot,
+    SlotInput,
+    SlotLimits,
+    half_width_at,
+    in_slot,
+    in_space,
+    initial_state,
+    length_of,
+    slot_step,
+    sound,
+    wall_position,
+)
+
+DT = 0.002
+LIMITS = SlotLimits()
+LINE = Slot(target_y=0.14).validated()
+ACROSS = Slot(target_x=0.14)
+
+metres = st.floats(-0.3, 0.3)
+speeds = st.floats(-1.0, 1.0)
+slots = st.builds(
+    Slot,
+    metres, metres, metres, metres,
+    st.floats(0.2, 5.0), st.floats(0.0, 400.0), st.floats(0.0, 400.0), st.floats(0.0, 30.0),
+    st.floats(0.01, 0.05), st.floats(0.0, 0.01), st.floats(0.0, 50.0),
+)  # fmt: skip
+wild = st.floats(allow_nan=True, allow_infinity=True)
+
+
+def at(x, y, slot=LINE, since=OPEN, velocity=(0.0, 0.0), present=True):
+    return SlotInput(x, y, *velocity, present, slot, since)
+
+
+def settled(inp, limits=LIMITS):
+    """The output once everything has faded in, the movement's time standing still."""
+    state = initial_state()
+    for _ in range(round(2.5 * limits.fade_time / DT)):
+        output, state = slot_step(limits, state, inp, DT)
+    return output
+
+
+def test_back_wall_follows_the_minimum_jerk_way():
+    for share, expected in ((0.0, 0.0), (0.25, 0.103515625), (0.5, 0.5), (1.0, 1.0), (3.0, 1.0)):
+        assert wall_position(LINE, share * LINE.duration) == pytest.approx(0.14 * expected)
+
+
+def test_a_hand_that_lags_is_pushed_along_the_line():
+    output = settled(at(0.0, 0.02, since=0.7))
+    assert (output.force_x, output.force_y) == pytest.approx((0.0, 100.0 * (0.07 - 0.02)))
+    assert (output.wall, output.along, output.across) == pytest.approx((0.07, 0.02, 0.0))
+
+
+def test_an_open_slot_has_no_back_wall():
+    assert settled(at(0.0, -0.05)).force_y == 0.0
+
+
+def test_side_walls_hold_the_line_and_come_nearer():
+    wide, narrow = LINE.half_width, LINE.end_half_width
+    assert settled(at(0.03, 0.05)).force_x == pytest.approx(-100.0 * (0.03 - wide))
+    late = settled(at(-0.03, 0.139, since=LINE.duration))
+    assert late.force_x == pytest.approx(100.0 * (0.03 - narrow))
+    assert half_width_at(LINE, 0.7) == pytest.approx(0.5 * (wide + narrow))
+
+
+def test_front_wall_holds_a_hand_that_overshoots():
+    beyond = settled(at(0.0, 0.16, since=2.0))
+    assert beyond.force_y == pytest.approx(-100.0 * (0.02 - LINE.end_half_width))
+
+
+def test_force_grows_slowly_over_time_up_to_its_bound():
+    found = [settled(at(0.0, 0.1, since=1.4 + over)).force_y for over in (0.0, 1.0, 2.0)]
+    assert found == pytest.approx([4.0, 4.8, 5.6])
+    assert settled(at(0.0, 0.12, since=1000.0)).force_y == pytest.approx(0.02 * LIMITS.stiffness)
+
+
+@given(slots, st.floats(0.0, 1.0), st.floats(-1.0, 1.0), speeds, speeds, st.floats(-1.0, 10.0))
+def test_nothing_but_damping_between_back_wall_and_target(slot, ahead, aside, vx, vy, since):
+    assume(length_of(slot) > 0.01)
+    length = length_of(slot)
+    ux, uy = (slot.target_x - slot.start_x) / length, (slot.target_y - slot.start_y) / length
+    wall = wall_position(slot, since)
+    # Rounding in the frame's rotation may put a hand that stands on a wall a hair behind it.
+    along = wall + (length - wall) * ahead + 1e-9
+    across = 0.999 * aside * half_width_at(slot, since)
+    x = slot.start_x + along * ux - across * uy
+    y = slot.start_y + along * uy + across * ux
+    output = settled(at(x, y, slot, since, (vx, vy)), SlotLimits(force=65.0))
+    assert (output.force_x, output.force_y) == pytest.approx(
+        (-slot.damping * vx, -slot.damping * vy), abs=1e-6
+    )
+
+
+@given(slots, metres, metres, speeds, speeds, st.floats(-1.0, 10.0), st.floats(-math.pi, math.pi))
+def test_turning_everything_turns_the_force(slot, x, y, vx, vy, since, angle):
+    assume(length_of(slot) > 0.01 or length_of(slot) == 0.0)
+
+    def turned(a, b):
+        return (
+            a * math.cos(angle) - b * math.sin(angle),
+            a * math.sin(angle) + b * math.cos(angle),
+        )
+
+    start, target = (
+        turned(slot.start_x, slot.start_y),
+        turned(slot.target_x, slot.target_y),
+    )
+    other = Slot(*start, *target, *slot[4:])
+    plain = settled(at(x, y, slot, since, (vx, vy)))
+    found = settled(at(*turned(x, y), other, since, turned(vx, vy)))
+    assert (found.force_x, found.force_y) == pytest.approx(
+        turned(plain.force_x, plain.force_y), abs=1e-6
+    )
+    assert in_slot(other, *turned(x, y)) == pytest.approx(in_slot(slot, x, y), abs=1e-9) or (
+        length_of(slot) == 0.0
+    )
+
+
+acts = st.lists(
+    st.tuples(
+        st.sampled_from(("wait", "start", "leave", "other", "reopen", "late")), st.integers(1, 120)
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@given(acts, st.floats(-0.1, 0.25), st.floats(-0.1, 0.1), slots)
+def test_whatever_is_asked_for_the_force_neither_jumps_nor_passes_its_bound(acts, x, y, other):
+    """A hand at rest feels at most what the fades and the wall's own motion can change."""
+    fade = DT / LIMITS.fade_time
+    state, force = initial_state(), (0.0, 0.0)
+    slot, since, present = LINE, OPEN, True
+    for act, steps in acts:
+        if act == "start":
+            since = max(since, 0.0)
+        elif act == "late":
+            since = 3.0
+        elif act == "reopen":
+            since = OPEN
+        elif act == "leave":
+            present = False
+        elif act == "other":
+            slot, since, present = other, OPEN, True
+        else:
+            present = True
+        for _ in range(steps):
+            since = since + DT if since >= 0.0 else since
+            output, state = slot_step(LIMITS, state, at(x, y, slot, since, present=present), DT)
+            now = output.force_x, output.force_y
+            used = state.slot
+            stiffest = min(
+                max(used.back_stiffness + used.growth * max(state.since - used.duration, 0.0),
+                    used.side_stiffness),
+                LIMITS.stiffness,
+            )  # fmt: skip
+            wall = 2.0 * DT * 1.875 * max(length_of(used), 0.1) / used.duration
+            narrow = 2.0 * DT * used.half_width / used.duration
+            lead = max(0.0, output.wall - output.along)
+            allowed = (
+                fade * LIMITS.force
+                + stiffest * (wall + narrow + fade * lead)
+                + 2.0 * DT * used.growth * lead
+            )
+            assert math.dist(now, force) <= allowed + 1e-9
+            assert math.hypot(*now) <= LIMITS.force + 1e-9
+            force = now
+
+
+@given(st.builds(SlotInput, wild, wild, wild, wild, st.booleans(), slots, wild), wild)
+def test_anything_at_all_gives_a_finite_bounded_force(inp, dt):
+    output, state = slot_step(LIMITS, initial_state()._replace(weight=1.0), inp, dt)
+    assert all(map(math.isfinite, output))
+    assert math.hypot(output.force_x, output.force_y) <= LIMITS.force + 1e-9
+    assert 0.0 <= state.weight <= 1.0
+
+
+@given(st.lists(wild, min_size=11, max_size=11))
+def test_a_slot_that_is_none_gives_no_force(values):
+    slot = Slot(*values)
+    assume(not sound(slot))
+    output, _ = slot_step(LIMITS, initial_state(), at(0.0, 0.0, slot, 1.0), DT)
+    assert output.force_x == output.force_y == output.weight == 0.0
+
+
+def test_entering_and_leaving_takes_the_fade_time():
+    state, weights = initial_state(), []
+    for present in (True,) * 100 + (False,) * 100:
+        output, state = slot_step(LIMITS, state, at(0.05, 0.0, present=present), DT)
+        weights.append(output.weight)
+    assert weights[49] == pytest.approx(0.5)
+    assert weights[99] == pytest.approx(1.0)
+    assert weights[149] == pytest.approx(0.5)
+    assert weights[199] == pytest.approx(0.0)
+
+
+def test_another_slot_comes_only_when_the_last_has_gone():
+    state = initial_state()
+    for _ in range(100):
+        _, state = slot_step(LIMITS, state, at(0.05, 0.05), DT)
+    used = []
+    for _ in range(120):
+        output, state = slot_step(LIMITS, state, at(0.05, 0.05, ACROSS), DT)
+        used.append((state.slot, output.weight))
+    assert next(weight for slot, weight in used if slot == ACROSS) <= DT / LIMITS.fade_time
+    assert used[0][0] == LINE
+
+
+def test_a_slot_without_length_holds_round_its_point():
+    hold = Slot(0.1, 0.1, 0.1, 0.1)
+    output = settled(at(0.1 + 0.03, 0.1 + 0.04, hold))
+    pull = 100.0 * (0.05 - hold.half_width)
+    assert (output.force_x, output.force_y) == pytest.approx((-0.6 * pull, -0.8 * pull))
+
+
+def test_in_one_dimension_the_same_slot_serves():
+    height = Slot(start_x=0.18, target_x=0.32)
+    output = settled(at(0.20, 0.0, height, since=0.7))
+    assert (output.force_x, output.force_y) == pytest.approx((100.0 * (0.25 - 0.20), 0.0))
+
+
+@given(st.tuples(metres, metres, metres), st.tuples(metres, metres, metres), st.floats(0.0, 1.4))
+def test_both_walls_of_a_reach_in_space_are_on_its_line(start, target, since):
+    plane, vertical = in_space(start, target, LINE)
+    assume(length_of(plane) > 0.01 and length_of(vertical) > 0.01)
+    share = wall_position(plane, since) / length_of(plane)
+    assert wall_position(vertical, since) == pytest.approx(share * length_of(vertical), abs=1e-12)
+    assert (plane.duration, vertical.growth) == (LINE.duration, LINE.growth)
+    height = settled(at(start[2], 0.0, vertical, since)).force_x
+    assert height == pytest.approx(
+        math.copysign(min(45.0, 100.0 * wall_position(vertical, since)), target[2] - start[2])
+    )
+
+
+def test_refusals_name_the_field():
+    with pytest.raises(ValueError, match="duration"):
+        Slot(duration=0.0).validated()
+    with pytest.raises(ValueError, match="end_half_width"):
+        Slot(half_width=0.01, end_half_width=0.02).validated()
+
+
+def test_compiled_twin_agrees():
+    fast, state, twin = compiled(slot_step), initial_state(), initial_state()
+    for step in range(300):
+        inp = at(0.01 * math.sin(step), 0.001 * step, since=DT * step, present=step % 97 != 0)
+        expected, state = slot_step(LIMITS, state, inp, DT)
+        found, twin = fast(LIMITS, twin, inp, DT)
+        assert tuple(found) == pytest.approx(tuple(expected), abs=1e-12)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plane's homing: only with the torque off, and twice where it contradicts the last one."""
+
+from __future__ import annotations
+
+from screw_module_ros.control.gate import CLOSED, OPENING
+
+
+def test_not_while_enabled_nor_on_the_way_there(bench):
+    drives = bench.axes.drives
+    drives.gate = drives.gate._replace(phase=OPENING)
+    assert "disable it first" in bench.axes.home(bench.now_ns)
+    drives.gate = drives.gate._replace(phase=CLOSED)
+    assert bench.axes.home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""
+    assert "disable it first" in bench.axes.home(bench.now_ns)
+
+
+def test_not_while_a_drive_is_in_operation_without_us(bench):
+    """The gate is closed, the drive's own statusword says otherwise."""
+    shoulder = bench.rig.devices["shoulder"]
+    for controlword in (0x06, 0x07, 0x0F):
+        shoulder.node.set_data(0x6040, 0, controlword.to_bytes(2, "little"))
+    bench.ports["planar"].send_sync(bench.now_ns)
+    bench.rig.process(bench.now_ns)
+    bench.ports["planar"].pump()
+    assert "disable it first" in bench.axes.home(bench.now_ns)
+
+
+def test_elsewhere_it_must_be_asked_for_twice(bench):
+    """The handle stands 5 cm from where the last homing says the mark is."""
+    axes = bench.axes
+    shoulder, elbow = axes.joints
+    shoulder.home(shoulder.angle + 0.1)
+    angles = shoulder.angle, elbow.angle
+    refused = axes.home(bench.now_ns)
+    assert "mm against the last homing" in refused and "again" in refused
+    assert (shoulder.angle, elbow.angle) == angles, "nothing moved"
+    bench.ticks(500)
+    assert "against" in axes.home(bench.now_ns), "too soon to be a second thought"
+    bench.ticks(2000)
+    assert axes.home(bench.now_ns) == ""
+    assert abs(shoulder.angle - angles[0]) > 0.09
+    assert axes.home(bench.now_ns) == "", "the same mark again"

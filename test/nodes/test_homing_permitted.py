@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`encoder/home` moves the origin only while the vertical drive gives no torque."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from screw_module_msgs.msg import AmplifierState
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.devices.errors import NotHomed
+from screw_module_ros.nodes.support.torque_off import NotPermitted, TorqueOff
+
+
+class Clock(ManualClock):
+    """Time goes on while somebody waits."""
+
+    def wait_for(self, ready, timeout_s: float) -> bool:
+        return any(ready() for _ in range(10))
+
+
+class Device:
+    """An encoder with a latched fault that stands elsewhere than at its last home."""
+
+    homed = True
+
+    def __init__(self):
+        self.fault, self.asked = "somebody else sends SYNC", 0
+
+    def clear_fault(self) -> None:
+        self.fault = ""
+
+    def home(self) -> float:
+        self.asked += 1
+        if self.asked == 1:
+            raise NotHomed("this moves the origin by 57 mm")
+        return 0.25
+
+
+@pytest.fixture
+def home(make_node):
+    """Return what the service answers when the amplifier tells these states."""
+    node = make_node("encoder")
+    node.device = Device()
+
+    def ask(*states: AmplifierState) -> str:
+        told = iter((None, *states))
+        inbox = SimpleNamespace(subscribe=lambda *_: lambda: next(told, None))
+        node._torque_off = TorqueOff(inbox, Clock(1))
+        return node._carried_out(node._home, None, "~/home", always=True)
+
+    return ask
+
+
+@pytest.mark.parametrize(
+    "state",
+    [AmplifierState(enabled=True), AmplifierState(state=AmplifierState.OPERATION_ENABLED)],
+)
+def test_not_while_the_drive_is_enabled(home, state):
+    """Whether by us or by somebody else; nothing is cleared then either."""
+    said = home(state)
+    assert "the vertical drive is enabled" in said and "disable it first" in said
+    assert home() == "the fault is cleared, the last homing holds; this moves the origin by 57 mm"
+
+
+@pytest.mark.parametrize("states", [(), (AmplifierState(),)])
+def test_while_disabled_or_silent_only_the_encoder_is_asked(home, states):
+    said = home(*states)
+    assert said == "the fault is cleared, the last homing holds; this moves the origin by 57 mm"
+    assert home(*states) == "homed at 0.25 m"
+
+
+def test_the_check_raises_what_a_service_answers_with():
+    inbox = SimpleNamespace(subscribe=lambda *_: lambda: AmplifierState(enabled=True))
+    with pytest.raises(NotPermitted, match="enabled and would jump"):
+        TorqueOff(inbox, Clock(1)).check("would jump")

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A therapy session on the whole graph against the rig: slot, trials, pause, records, replay."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+
+import pytest
+import yaml
+from screw_module_msgs.msg import AssistanceChange, ForceCommand, TherapyState, TrialResult
+from screw_module_msgs.srv import StartTherapy
+
+from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.bag import read_session, replayed
+
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
+
+STILL = (0.0, 0.0, 0.0)
+CENTRE = (0.0, 0.0, 0.18)
+PATIENT = "P-7K3QX"
+TRIALS = 8
+
+
+def short_protocol(folder):
+    """Two targets, one circuit without and one with assistance."""
+    content = yaml.safe_load(resource_path("params/therapy/clock_adaptive.yaml").read_text())
+    targets = {"layout": "clock", "count": 2, "distance": 0.08}
+    content["blocks"] = [
+        {**content["blocks"][index], "circuits": 1, "targets": targets} for index in (0, 1)
+    ]
+    content["guidance"]["duration"] = 1.0
+    content["rules"].update(wait=1.0, give_up=4.0, hold=0.2)
+    file = folder / "short.yaml"
+    file.write_text(yaml.safe_dump(content))
+    return file
+
+
+class Patient:
+    """Sees the screen and moves the virtual hand to the target that is shown."""
+
+    def __init__(self, robot):
+        self.robot = robot
+        self.states, self.results, self.changes = [], [], []
+        make = robot.node.create_subscription
+        self._subscriptions = [
+            make(TherapyState, "therapy/state", self.states.append, 50),
+            make(TrialResult, "therapy/trial", self.results.append, 50),
+            make(AssistanceChange, "therapy/assistance", self.changes.append, 50),
+        ]
+        self._seen = None
+
+    def look(self):
+        """Look at the screen once, and move."""
+        if not self.states:
+            return
+        state = self.states[-1]
+        seen = (state.trial, state.phase == TherapyState.PREPARE)
+        if state.state != TherapyState.RUNNING or seen == self._seen:
+            return
+        self._seen = seen
+        point = state.start if state.phase == TherapyState.PREPARE else state.target
+        self.robot.set_arm(arm((point.x, point.y, 0.18), 0.7, STILL, STILL))
+
+    def until(self, condition, seconds, what):
+        """Be the patient until the condition holds."""
+
+        def looked():
+            self.look()
+            return condition()
+
+        self.robot.wait_until(looked, seconds, what)
+
+    def until_state(self, wanted, seconds=90.0):
+        self.until(
+            lambda: bool(self.states) and self.states[-1].state == wanted,
+            seconds,
+            f"the session does not come to state {wanted}",
+        )
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """A session from start to end, paused once; everything that was told, and the bag."""
+    folder = tmp_path_factory.mktemp("therapy")
+    protocol = str(short_protocol(folder))
+    told = {"refused": []}
+    extra = ["-p", f"session_recorder:folder:={folder}"]
+    with (
+        GraphRun(extra=extra) as graph,
+        Robot("therapist", watch=graph.watch, simulated=True) as robot,
+    ):
+        node = bringup.Process(
+            "therapy_session", ["--ros-args", *graph.arguments("endpoint_state")]
+        )
+        try:
+            robot.wait_until_ready([*graph.names, "therapy_session"])
+            make_ready(robot)
+            patient = Patient(robot)
+            for request in (
+                StartTherapy.Request(protocol=protocol, patient="Erika Musterfrau"),
+                StartTherapy.Request(protocol="dancing", patient=PATIENT),
+            ):
+                with pytest.raises(RobotError) as refused:
+                    robot.ask(StartTherapy, "therapy_session/start", request)
+                told["refused"].append(str(refused.value))
+            request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
+            robot.ask(StartTherapy, "therapy_session/start", request)
+            patient.until(lambda: len(patient.results) >= 2, 60.0, "no trial comes to its end")
+            robot.enable_plane(False)
+            patient.until_state(TherapyState.PAUSED)
+            told["paused"] = patient.states[-1].reason
+            robot.enable_plane()
+            robot.pause(0.3)
+            robot.trigger("therapy_session/resume")
+            patient.until_state(TherapyState.FINISHED)
+            robot.pause(1.0)
+            told["recorder"] = robot.stop_recording()
+        finally:
+            told["code"] = node.stop()
+    told.update(states=patient.states, results=patient.results, changes=patient.changes)
+    (told["bag"],) = folder.glob(f"{PATIENT}_clock_adaptive_*")
+    if keep := os.environ.get("KEEP_THERAPY_BAG"):
+        shutil.copytree(told["bag"], keep)
+    return told
+
+
+def make_ready(robot):
+    robot.set_fixture("free")
+    robot.clear_faults()
+    robot.home()
+    robot.tare()
+    robot.set_fixture("human_arm")
+    robot.set_arm(
+        arm(CENTRE, 0.5, STILL, STILL, kind="active", mass=3.0, stiffness=300.0, damping=20.0)
+    )
+    robot.set_mode(ForceCommand.IMPEDANCE)
+    robot.permit()
+    robot.enable()
+    robot.enable_plane()
+    robot.pause(1.0)
+
+
+def test_every_trial_is_told_once_and_in_order(session):
+    results = session["results"]
+    assert [result.trial for result in results] == list(range(1, TRIALS + 1))
+    assert {result.patient for result in results} == {PATIENT}
+    assert [result.assisted for result in results] == [False] * 4 + [True] * 4
+    assert sum(result.reached for result in results) >= 6
+    assert all(result.rate == pytest.approx(200.0, rel=0.01) for result in results)
+    assert all(result.missing == 0 for result in results)
+    moved = [result for result in results if result.moved]
+    assert all(0.05 < result.peak_speed < 0.6 for result in moved)
+    assert all(math.isfinite(result.sparc) for result in moved)
+
+
+def test_the_assistance_is_told_with_its_reason(session):
+    (change,) = session["changes"]
+    assert (change.block, change.circuit) == (2, 1)
+    assert change.duration_before == 1.0
+    assert "metric" in change.reason
+
+
+def test_torque_off_pauses_and_says_why(session):
+    assert session["paused"] == "the plane's torque is off"
+
+
+def test_names_and_unknown_protocols_are_refused(session):
+    name, protocol = session["refused"]
+    assert "no pseudonym" in name and "Erika" not in name
+    assert "no protocol 'dancing'" in protocol
+
+
+def test_screens_see_every_phase(session):
+    seen = {state.phase for state in session["states"] if state.state == TherapyState.RUNNING}
+    assert {TherapyState.PREPARE, TherapyState.WAIT, TherapyState.MOVING, TherapyState.REACHED} <= (
+        seen
+    )
+    assert [bool(state.definition) for state in session["states"]].count(True) == 1
+
+
+def test_the_recording_gives_the_same_results_bit_for_bit(session):
+    recorded = read_session(session["bag"])
+    assert recorded.patient == PATIENT
+    assert [row["trial"] for row in recorded.trials] == list(range(1, TRIALS + 1))
+    found = replayed(recorded)
+    assert found.problems == []
+    assert len(found.results) == TRIALS
+    assert recorded.changes[0]["reason"] == session["changes"][0].reason
+
+
+def test_it_ends_in_order(session):
+    assert session["code"] == 0

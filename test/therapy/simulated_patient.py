@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulated patients at the slot law: the plant's arm, a mass at the handle, a session in the loop.
+
+The patient sees the target when it is shown, reacts, and moves the virtual hand of `plant.arm`
+there on a bowed minimum-jerk way of his own duration. Nothing here is tuned to the metrics.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import NamedTuple
+
+from screw_module_ros.control.slot import (
+    OPEN,
+    Slot,
+    SlotInput,
+    SlotLimits,
+    initial_state,
+    slot_step,
+)
+from screw_module_ros.plant.arm import (
+    ACTIVE,
+    TREMOR,
+    WEAK,
+    HumanArm,
+    arm_force,
+    hand_point,
+    spring_terms,
+)
+from screw_module_ros.plant.patient import ArmSettings, changed_patient, resting_patient
+from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.session import RUNNING, Session
+from screw_module_ros.therapy.trial import PREPARE
+
+STEP_NS = 2_500_000
+STEP = STEP_NS * 1e-9
+EVERY = 2  # steps a sample: 200 Hz
+STRIDE = 5  # ticks of 1 kHz a sample
+ROBOT_MASS = 1.5  # [kg] the bare plane at the handle (thesis, appendix D: at most 4/3 kg), grip
+LIMITS = SlotLimits()
+NO_SLOT = Slot()
+
+
+class Person(NamedTuple):
+    """kind: of the arm; duration: of a reach [s]; spread: of durations, 1 sigma as a share.
+
+    bow: 1 sigma of the way's bow [m]; reaction [s]; reach: share of the way the person comes.
+    """
+
+    kind: str
+    duration: float
+    spread: float = 0.1
+    bow: float = 0.004
+    reaction: float = 0.25
+    reach: float = 1.0
+
+
+HEALTHY = Person(ACTIVE, 0.8)
+SHAKING = Person(TREMOR, 0.8)
+FEEBLE = Person(WEAK, 2.6, spread=0.2, bow=0.015, reaction=0.4, reach=0.8)
+
+
+class Simulation:
+    """A person at the robot; `step` moves both by 2.5 ms, `sample` is what endpoint_state tells."""
+
+    def __init__(self, session: Session, person: Person, seed: int):
+        self.session = session
+        self.person = person
+        self.chance = random.Random(f"patient {seed}")
+        # Mass and stiffness are the thesis's (6.4.3); its 5 Ns/m would swing twice on each reach.
+        arm = HumanArm(person.kind, 3.0, 300.0, 30.0, 0.0)
+        x, y, z = session.protocol.centre
+        self.patient = resting_patient(arm, x, y, z)
+        self.arm = arm_force(arm, 9.81)
+        self.position, self.velocity = [x, y, z], [0.0, 0.0, 0.0]
+        self.handle = [0.0, 0.0, 0.0]
+        self.now_ns, self.count = 0, 0
+        self.slots = (initial_state(), initial_state())
+        self.shown = self.begin = self.bow = None
+
+    @property
+    def now(self) -> float:
+        return self.now_ns * 1e-9
+
+    def sample(self) -> HandSample:
+        sequence = 1000 + self.count // EVERY * STRIDE
+        return HandSample(
+            sequence, self.now_ns, *self.position, *self.velocity, *self.handle
+        )
+
+    def look(self) -> None:
+        """See what the screen shows, and plan the way there."""
+        trial = self.session.trial
+        if trial is None:
+            return
+        seen = (trial.plan.number, trial.phase == PREPARE)
+        if seen == self.shown:
+            return
+        self.shown = seen
+        if trial.phase == PREPARE:
+            self._go(trial.plan.start, 1.5, 0.0, 1.0)
+        else:
+            duration = self.person.duration * math.exp(
+                self.person.spread * self.chance.gauss(0.0, 1.0)
+            )
+            bow = self.person.bow * self.chance.gauss(0.0, 1.0)
+            self._go(trial.plan.target, duration, bow, self.person.reach)
+
+    def _go(self, target, duration, bow, reach) -> None:
+        way = [t - p for t, p in zip(target, self.position, strict=True)]
+        end = tuple(p + reach * w for p, w in zip(self.position, way, strict=True))
+        begin = self.now + (self.person.reaction if bow else 0.0)
+        self.patient = changed_patient(
+            self.patient, ArmSettings(target=end, duration=duration), begin
+        )
+        length = math.hypot(way[0], way[1]) or 1.0
+        self.bow = (begin, duration, -bow * way[1] / length, bow * way[0] / length)
+
+    def _virtual_hand(self) -> list[tuple[float, float]]:
+        hand = [hand_point(path, self.now) for path in self.patient.paths]
+        if self.bow is not None:
+            begin, duration, aside_x, aside_y = self.bow
+            share = (self.now - begin) / duration
+            if 0.0 < share < 1.0:
+                size = math.sin(math.pi * share)
+                hand[0] = (hand[0][0] + aside_x * size, hand[0][1])
+                hand[1] = (hand[1][0] + aside_y * size, hand[1][1])
+        return hand
+
+    def step(self) -> None:
+        robot = self._robot()
+        mass = ROBOT_MASS + self.arm.mass
+        for axis, (hand, hand_velocity) in enumerate(self._virtual_hand()):
+            stiffness, damping, steady = spring_terms(
+                self.arm, hand, hand_velocity, self.position[axis], self.velocity[axis]
+            )
+            # Implicit in the arm's own spring and damper, as the plant is.
+            own = (
+                steady
+                + stiffness * (hand - self.position[axis])
+                + damping * hand_velocity
+            )
+            before = self.velocity[axis]
+            after = (before + STEP / mass * (own + robot[axis])) / (
+                1.0 + STEP / mass * (damping + STEP * stiffness)
+            )
+            self.velocity[axis] = after
+            self.position[axis] += STEP * after
+            self.handle[axis] = ROBOT_MASS * (after - before) / STEP - robot[axis]
+        self.count += 1
+        self.now_ns += STEP_NS
+
+    def _robot(self) -> tuple[float, float, float]:
+        """Return the slots' forces on the hand [N]."""
+        wish, (x, y, z), (vx, vy, vz) = self.session.wish, self.position, self.velocity
+        since = OPEN if wish.start_ns is None else (self.now_ns - wish.start_ns) * 1e-9
+        plane, vertical = wish.plane, wish.vertical
+        plane_out, plane_state = slot_step(
+            LIMITS,
+            self.slots[0],
+            SlotInput(x, y, vx, vy, plane is not None, plane or NO_SLOT, since),
+            STEP,
+        )
+        height, height_state = 0.0, self.slots[1]
+        if vertical is not None or height_state.weight > 0.0:
+            out, height_state = slot_step(
+                LIMITS,
+                height_state,
+                SlotInput(z, 0.0, vz, 0.0, vertical is not None, vertical or NO_SLOT, since),
+                STEP,
+            )
+            height = out.force_x
+        self.slots = plane_state, height_state
+        return plane_out.force_x, plane_out.force_y, height
+
+    def run(self, longest: float = 1e9) -> list[HandSample]:
+        """Go on until the session stops, `longest` [s] at most; return the samples it was given."""
+        samples, until = [], self.now + longest
+        while self.session.state == RUNNING and self.now < until:
+            if self.count % EVERY == 0:
+                sample = self.sample()
+                samples.append(sample)
+                self.session.take(sample)
+                self.look()
+            self.step()
+        return samples
+

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Protocols: those of the package hold what is published; a wrong file is refused by its key."""
+
+import copy
+import math
+
+import pytest
+import yaml
+
+from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.protocol import HOLD, plan, points, ways
+from screw_module_ros.therapy.protocol_file import (
+    SHIPPED,
+    ProtocolError,
+    load_protocol,
+    read_protocol,
+)
+
+
+def content(name="clock_adaptive"):
+    return copy.deepcopy(yaml.safe_load(resource_path(f"params/therapy/{name}.yaml").read_text()))
+
+
+@pytest.mark.parametrize(
+    ("name", "trials"),
+    [("clock_adaptive", 1024), ("evaluation", 137), ("elevator", 688), ("reach_3d", 304)],
+)
+def test_protocols_of_the_package(name, trials):
+    protocol = load_protocol(name)
+    assert name in SHIPPED and protocol.name == name
+    plans = list(plan(protocol))
+    assert [p.number for p in plans] == list(range(1, trials + 1))
+
+
+def test_the_clock_session_is_the_published_one():
+    protocol = load_protocol("clock_adaptive")
+    assisted = [b.circuits * len(ways(protocol, b)) for b in protocol.blocks if b.assisted]
+    other = [b.circuits * len(ways(protocol, b)) for b in protocol.blocks if not b.assisted]
+    assert (assisted, other) == ([320] * 3, [16] * 4)
+    targets = points(protocol, protocol.blocks[0])
+    assert targets[0] == pytest.approx((0.0, 0.14, 0.18)), "the far one first"
+    assert targets[2] == pytest.approx((0.14, 0.0, 0.18)), "then clockwise"
+    assert all(math.hypot(x, y) == pytest.approx(0.14) for x, y, _ in targets)
+    out, back = ways(protocol, protocol.blocks[0])[:2]
+    assert back == out[::-1]
+    assert (protocol.guidance.duration, protocol.guidance.damping) == (1.4, 5.0)
+    assert protocol.rules.hit_radius == 0.01
+    assert protocol.rules.start_share == 0.4
+
+
+def test_evaluation_counts():
+    protocol = load_protocol("evaluation")
+    counts = [b.circuits * len(ways(protocol, b)) for b in protocol.blocks]
+    assert counts == [80, 20, 1, 16, 20]
+    assert not any(block.assisted for block in protocol.blocks)
+    hold = next(block for block in protocol.blocks if block.kind == HOLD)
+    assert ways(protocol, hold) == [(protocol.centre, protocol.centre)]
+
+
+def test_elevator_and_space_stay_in_reach():
+    column = points(load_protocol("elevator"), load_protocol("elevator").blocks[1])
+    assert [z for _, _, z in column] == pytest.approx([0.32, 0.04])
+    space = load_protocol("reach_3d")
+    heights = {round(z, 6) for _, _, z in points(space, space.blocks[0])}
+    assert heights == {0.26, 0.10}
+
+
+def change(values, path, value):
+    *keys, last = path
+    for key in keys:
+        values = values[key]
+    if value is None:
+        del values[last]
+    else:
+        values[last] = value
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        (("guidance", "duration"), None, "guidance.duration: missing"),
+        (("guidance", "duration"), 0.0, "guidance.duration = 0.0 s: below"),
+        (("guidance", "duration"), "quick", "guidance.duration = 'quick': float"),
+        (("guidance", "duration"), True, "guidance.duration = True: float"),
+        (("guidance", "duration"), math.nan, "guidance.duration = nan: a finite"),
+        (("guidance", "durations"), 1.0, "guidance.durations: unknown"),
+        (("guidance", "end_half_width"), 0.05, "end_half_width"),
+        (("space",), "sideways", "space = 'sideways'"),
+        (("centre",), [0.0, 0.0], "3 numbers"),
+        (("centre",), [0.1, 0.0, 0.18], "outside what the robot reaches"),
+        (("centre",), [0.0, 0.0, 0.4], "outside what the robot reaches"),
+        (("blocks",), [], "a list is wanted"),
+        (("blocks", 0, "targets", "layout"), "spiral", "blocks[0].targets.layout = 'spiral'"),
+        (("blocks", 0, "circuits"), 1.5, "blocks[0].circuits = 1.5: int"),
+        (("adaptation", "longest"), 1.0, "outside what adaptation allows"),
+        (("adaptation", "softest"), 300.0, "softest = 300 must be less"),
+    ],
+)
+def test_a_wrong_file_is_refused_by_its_key(path, value, words):
+    values = content()
+    change(values, path, value)
+    with pytest.raises(ValueError) as caught:
+        read_protocol(values)
+    assert words in str(caught.value)
+
+
+def test_a_trial_that_takes_time_needs_some():
+    values = content("evaluation")
+    change(values, ("blocks", 1, "duration"), None)
+    with pytest.raises(ValueError, match="needs some time"):
+        read_protocol(values)
+
+
+def test_files(tmp_path):
+    with pytest.raises(ProtocolError, match="no protocol 'nothing'"):
+        load_protocol("nothing")
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("a: [")
+    with pytest.raises(ProtocolError, match="cannot be read as YAML"):
+        load_protocol(broken)
+    broken.write_text("- 1")
+    with pytest.raises(ProtocolError, match="a mapping"):
+        load_protocol(broken)
+    own = tmp_path / "own.yaml"
+    own.write_text(yaml.safe_dump(content("elevator")))
+    assert load_protocol(own) == load_protocol("elevator")

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pseudonyms: random, unmistakable, nothing else accepted; files for the owner alone."""
+
+import os
+import stat
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from screw_module_ros.therapy.pseudonym import (
+    ALPHABET,
+    PseudonymError,
+    checked_pseudonym,
+    new_pseudonym,
+    patient_folder,
+    write_private,
+)
+
+
+def mode(path):
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_format_and_alphabet():
+    drawn = {new_pseudonym() for _ in range(500)}
+    assert len(drawn) > 490
+    assert all(checked_pseudonym(each) == each for each in drawn)
+    assert checked_pseudonym("P-7K3QX") == "P-7K3QX"
+    assert not set("0O1ILU") & set(ALPHABET)
+    assert set("".join(each[2:] for each in drawn)) == set(ALPHABET)
+
+
+@given(st.text())
+def test_free_text_is_refused_and_not_repeated(text):
+    if text.startswith("P-") and len(text) == 7 and set(text[2:]) <= set(ALPHABET):
+        return
+    with pytest.raises(PseudonymError) as caught:
+        checked_pseudonym(text)
+    if len(text) > 12:
+        assert text not in str(caught.value), "the text may be a name"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "Erika Musterfrau", "P-7K3Q", "P-7K3QXX", "p-7k3qx", "P-7K3O1", "P-7K3QX\n", "../P-7K3QX",
+     " P-7K3QX", None, 7],
+)  # fmt: skip
+def test_near_misses_are_refused(text):
+    with pytest.raises(PseudonymError):
+        checked_pseudonym(text)
+
+
+@pytest.mark.parametrize("umask", [0o000, 0o022, 0o077])
+def test_folders_and_files_are_private_whatever_the_umask(tmp_path, umask):
+    before = os.umask(umask)
+    try:
+        folder = patient_folder(tmp_path / "sessions", "P-7K3QX")
+        write_private(folder / "trials.csv", b"one")
+        write_private(folder / "trials.csv", b"two")
+    finally:
+        os.umask(before)
+    assert mode(folder.parent) == mode(folder) == 0o700
+    assert mode(folder / "trials.csv") == 0o600
+    assert (folder / "trials.csv").read_bytes() == b"two"
+    assert [each.name for each in folder.iterdir()] == ["trials.csv"]
+
+
+def test_an_open_folder_is_closed(tmp_path):
+    (tmp_path / "P-7K3QX").mkdir(mode=0o755)
+    assert mode(patient_folder(tmp_path, "P-7K3QX")) == 0o700
+
+
+def test_a_link_in_the_way_of_the_part_is_not_followed(tmp_path):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / ".trials.csv.part").symlink_to(victim)
+    write_private(tmp_path / "trials.csv", b"two")
+    assert victim.read_text() == "mine"

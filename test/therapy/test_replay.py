@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A replay gives the session again, bit for bit, or says what is missing and what differs."""
+
+import pytest
+from simulated_patient import HEALTHY, Simulation
+
+from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.record import NUMBERS, csv_text, flat
+from screw_module_ros.therapy.replay import Act, replay
+from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
+
+CLOCK = load_protocol("clock_adaptive")
+SHORT = CLOCK._replace(
+    blocks=tuple(
+        CLOCK.blocks[index]._replace(
+            circuits=1, targets=CLOCK.blocks[index].targets._replace(count=2)
+        )
+        for index in (0, 1)
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Samples, acts and results of a session that was paused, also by the robot, and resumed."""
+    session = Session(SHORT)
+    simulation = Simulation(session, HEALTHY, 3)
+    samples = simulation.run(5.0)
+    acts = [Act(0, RUNNING, "")]
+    session.pause("the therapist paused it")
+    acts.append(Act(samples[-1].sequence, PAUSED, session.reason))
+    for _ in range(3):
+        samples.append(simulation.sample())
+        session.take(samples[-1])
+        simulation.step()
+        simulation.step()
+    session.resume()
+    acts.append(Act(samples[-1].sequence, RUNNING, ""))
+    samples += simulation.run(4.0)
+    stopped = simulation.sample()._replace(stop="the plane's torque is off")
+    session.take(stopped)
+    samples.append(stopped)
+    acts.append(Act(stopped.sequence, PAUSED, session.reason))
+    simulation.step()
+    simulation.step()
+    session.resume()
+    acts.append(Act(stopped.sequence, RUNNING, ""))
+    samples += simulation.run()
+    assert session.state == FINISHED
+    acts.append(Act(samples[-1].sequence, FINISHED, ""))
+    return samples, acts, [flat(result) for result in session.results]
+
+
+def test_equal_bit_for_bit(recorded):
+    found = replay(SHORT, *recorded)
+    assert found.problems == []
+    assert found.gaps == ()
+    assert found.verdict == f"equal: 8 trials from {found.samples} samples, bit for bit"
+
+
+def test_a_lost_sample_is_named_with_its_place(recorded):
+    samples, acts, results = recorded
+    inside = next(
+        index for index, sample in enumerate(samples) if sample.sequence == results[4]["first"]
+    ) + 20
+    found = replay(SHORT, samples[:inside] + samples[inside + 3 :], acts, results)
+    (gap,) = found.gaps
+    assert gap == (samples[inside - 1].sequence, 3)
+    assert found.problems[0] == (
+        f"3 samples missing after tick {samples[inside - 1].sequence}, in trial 5"
+    )
+    assert any(problem.startswith("trial 5: samples") for problem in found.problems)
+    assert "3 samples missing" in found.verdict
+
+
+def test_a_changed_number_is_found(recorded):
+    samples, acts, results = recorded
+    tampered = [dict(row) for row in results]
+    tampered[2]["path_error"] *= 1.0 + 1e-15
+    found = replay(SHORT, samples, acts, tampered)
+    (problem,) = found.problems
+    assert problem.startswith("trial 3: path_error")
+    assert "NOT equal: 1 problems, no sample missing" == found.verdict
+
+
+def test_results_that_one_side_lacks(recorded):
+    samples, acts, results = recorded
+    assert replay(SHORT, samples, acts, results[1:]).problems == [
+        "trial 1: replayed, but its result was not recorded"
+    ]
+    cut = replay(SHORT, samples[:-400], acts, results)
+    assert "trial 8: recorded, but the replay does not come to its end" in cut.problems
+
+
+def test_abort_and_no_start(recorded):
+    samples, acts, results = recorded
+    ended = [acts[0], Act(samples[900].sequence, ABORTED, "the therapist ended it")]
+    done = [row for row in results if row["last"] <= samples[900].sequence]
+    assert done and replay(SHORT, samples, ended, done).problems == []
+    with pytest.raises(ValueError, match="start is not there"):
+        replay(SHORT, samples, acts[1:2], results)
+
+
+def test_csv_keeps_every_bit(recorded):
+    results = recorded[2]
+    header, *lines = csv_text(results).splitlines()
+    assert header.split(",") == list(NUMBERS)
+    assert len(lines) == len(results)
+    at = NUMBERS.index("path_error")
+    assert [float(line.split(",")[at]) for line in lines] == [row["path_error"] for row in results]
+    assert lines[0].split(",")[NUMBERS.index("independence")] == "", "no circle, no number"

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sessions with simulated patients: order, pause, abort, adaptation, and what the metrics tell."""
+
+import math
+from statistics import mean, pstdev
+
+import pytest
+from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
+
+from screw_module_ros.therapy.line import NO_SLOT
+from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
+
+CLOCK = load_protocol("clock_adaptive")
+STEADY = HEALTHY._replace(bow=0.003)
+
+
+def part(protocol, *blocks, circuits=None, targets=None, give_up=6.0):
+    """The protocol with some of its blocks, each with a number of circuits and of targets."""
+    kept = [protocol.blocks[index] for index in blocks]
+    if circuits:
+        kept = [block._replace(circuits=circuits) for block in kept]
+    if targets:
+        kept = [block._replace(targets=block.targets._replace(count=targets)) for block in kept]
+    rules = protocol.rules._replace(give_up=give_up)
+    return protocol._replace(blocks=tuple(kept), rules=rules)
+
+
+def played(person, protocol=None, seed=1):
+    session = Session(protocol or part(CLOCK, 0))
+    samples = Simulation(session, person, seed).run()
+    return session, samples
+
+
+@pytest.fixture(scope="module")
+def unassisted():
+    """Two seeds of sixteen reaches each, by person."""
+    people = {"healthy": HEALTHY, "tremor": SHAKING, "weak": FEEBLE}
+    return {
+        name: [r for seed in range(2) for r in played(person, seed=seed)[0].results]
+        for name, person in people.items()
+    }
+
+
+def effect(worse, better, name):
+    """Cohen's d of a figure between two groups of trials."""
+    a = [getattr(r.figures, name) for r in worse if not math.isnan(getattr(r.figures, name))]
+    b = [getattr(r.figures, name) for r in better if not math.isnan(getattr(r.figures, name))]
+    return (mean(a) - mean(b)) / math.sqrt(0.5 * (pstdev(a) ** 2 + pstdev(b) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("name", "who", "sign"),
+    [
+        ("sparc", "tremor", -1), ("log_jerk", "tremor", -1), ("speed_peaks", "tremor", 1),
+        ("speed_ratio", "tremor", -1), ("path_ratio", "tremor", 1), ("arrest_ratio", "tremor", -1),
+        ("peak_speed", "weak", -1), ("mean_speed", "weak", -1), ("duration", "weak", 1),
+        ("reach_error", "weak", 1), ("path_error", "weak", 1),
+        ("direction_error", "weak", 1),
+    ],
+)  # fmt: skip
+def test_figures_tell_patients_apart_by_a_large_effect(unassisted, name, who, sign):
+    """|d| > 0.8 is a large effect (Cohen 1988)."""
+    assert sign * effect(unassisted[who], unassisted["healthy"], name) > 0.8
+
+
+def test_the_healthy_reach_and_start_by_themselves(unassisted):
+    assert all(r.reached and r.initiated and r.moved for r in unassisted["healthy"])
+    assert not any(r.reached for r in unassisted["weak"]), "they come 80 % of the way"
+
+
+def test_same_samples_same_numbers_bit_for_bit():
+    protocol = part(CLOCK, 0, 1, circuits=1, targets=2)
+    (one, samples), (other, again) = (played(FEEBLE, protocol) for _ in range(2))
+    assert samples == again
+    assert repr(one.results) == repr(other.results)
+
+
+def test_a_steady_patient_settles_at_soft_walls_and_short_time():
+    session, _ = played(STEADY, part(CLOCK, 1, circuits=11))
+    assert session.state == FINISHED
+    assert len(session.changes) == 7
+    assert session.assistance.duration == CLOCK.adaptation.shortest
+    assert session.assistance.side_stiffness < 70.0
+    last = [change.after.side_stiffness for change in session.changes[-3:]]
+    assert max(last) - min(last) < 0.05 * (CLOCK.adaptation.stiffest - CLOCK.adaptation.softest)
+
+
+def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
+    protocol = part(CLOCK, 1, circuits=5, targets=3, give_up=CLOCK.rules.give_up)
+    weak, _ = played(FEEBLE, protocol)
+    steady, _ = played(STEADY, protocol)
+    assert weak.assistance.duration > 1.8 * steady.assistance.duration
+    assert mean(r.reached for r in weak.results) > 0.9
+    share = [mean(r.figures.robot_share for r in s.results) for s in (weak, steady)]
+    assert share[0] > 2.0 * share[1], "the robot does more of the work"
+
+
+def test_a_crooked_hand_gets_stiffer_walls_and_a_straighter_path():
+    crooked = HEALTHY._replace(bow=0.02)
+    session, _ = played(crooked, part(CLOCK, 1, circuits=8))
+    assert session.assistance.side_stiffness > 200.0
+    strays = []
+    for stiffness in (25.0, 300.0):
+        guidance = CLOCK.guidance._replace(side_stiffness=stiffness)
+        fixed = part(CLOCK, 1, circuits=1)._replace(guidance=guidance, adaptation=None)
+        session, _ = played(crooked, fixed)
+        assert not session.changes
+        strays.append(mean(math.sqrt(r.measures.pm3) for r in session.results))
+    assert strays[1] < 0.9 * strays[0]
+
+
+def test_elevator_and_space():
+    for name in ("elevator", "reach_3d"):
+        protocol = part(load_protocol(name), 1, circuits=1)
+        session, _ = played(HEALTHY, protocol)
+        assert session.state == FINISHED, session.reason
+        assert all(result.reached for result in session.results)
+    evaluation = load_protocol("evaluation")
+    assert played(HEALTHY, part(evaluation, 0, circuits=1))[0].state == FINISHED
+
+
+def test_stop_pauses_and_takes_the_slot_away_until_resumed():
+    session = Session(part(CLOCK, 1, circuits=1))
+    simulation = Simulation(session, HEALTHY, 1)
+    simulation.run(4.0)
+    done = len(session.results)
+    assert done > 0 and session.wish != NO_SLOT
+    session.take(simulation.sample()._replace(stop="the vertical drive is off"))
+    assert (session.state, session.reason) == (PAUSED, "the vertical drive is off")
+    assert session.wish == NO_SLOT
+    before = session.trial
+    session.take(simulation.sample())
+    assert session.trial is before and session.state == PAUSED
+    session.resume()
+    assert session.state == RUNNING and session.reason == ""
+    simulation.run()
+    assert session.state == FINISHED
+    assert [r.plan.number for r in session.results] == list(range(1, 17))
+
+
+def test_abort_ends_it_for_good():
+    session = Session(CLOCK)
+    simulation = Simulation(session, HEALTHY, 1)
+    simulation.run(3.0)
+    session.abort("the therapist ended it")
+    assert session.state == ABORTED and session.wish == NO_SLOT
+    session.resume()
+    session.pause("late")
+    session.take(simulation.sample())
+    assert (session.state, session.reason) == (ABORTED, "the therapist ended it")
+
+
+def test_a_hand_that_cannot_be_brought_to_the_start_pauses():
+    session = Session(CLOCK)
+    simulation = Simulation(session, HEALTHY, 1)
+    for second in range(21 * 200):
+        session.take(simulation.sample()._replace(time_ns=second * 5_000_000, y=0.1))
+        if session.state == PAUSED:
+            break
+    assert "100 mm from the start" in session.reason
+
+
+def test_adaptation_begins_anew_in_each_block_but_keeps_what_it_gave():
+    protocol = part(CLOCK, 1, 0, 1, circuits=1)
+    session, _ = played(STEADY, protocol)
+    assert [change.circuit for change in session.changes] == [1, 1]
+    assert session.changes[1].before == session.changes[0].after
+    third = [r for r in session.results if r.plan.block == 3]
+    assert {r.duration for r in third} == {session.changes[0].after.duration}
+    free = [r for r in session.results if r.plan.block == 2]
+    assert {(r.duration, r.side_stiffness) for r in free} == {(1.4, 0.0)}

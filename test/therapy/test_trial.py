@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One trial's phases over samples that are written down here, and what it says of itself."""
+
+import math
+
+import pytest
+
+from screw_module_ros.control.minimum_jerk import pace, way
+from screw_module_ros.therapy.adaptation import Assistance
+from screw_module_ros.therapy.protocol import TrialPlan
+from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.result import gaps_of
+from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.trial import (
+    DONE,
+    MOVING,
+    OVER_TIME,
+    PREPARE,
+    REACHED,
+    WAIT,
+    PrepareError,
+    Trial,
+)
+
+CLOCK = load_protocol("clock_adaptive")
+EVALUATION = load_protocol("evaluation")
+CENTRE, FAR = (0.0, 0.0, 0.18), (0.0, 0.14, 0.18)
+ASSISTED = TrialPlan(1, 2, 1, CENTRE, FAR)
+FREE = TrialPlan(1, 1, 1, CENTRE, FAR)
+TICK_NS = 5_000_000
+
+
+class Hand:
+    """Makes samples 5 ms apart; `y` moves, all else rests."""
+
+    def __init__(self, trial):
+        self.trial, self.count = trial, 0
+        self.y = self.x = 0.0
+
+    def stay(self, seconds, vy=0.0, fy=0.0, fz=0.0):
+        for _ in range(round(seconds / 5e-3)):
+            self.take(vy, fy, fz)
+        return self.trial.phase
+
+    def take(self, vy=0.0, fy=0.0, fz=0.0):
+        self.trial.take(
+            HandSample(
+                5 * self.count, self.count * TICK_NS, self.x, self.y, 0.18, 0.0, vy, 0.0,
+                0.0, fy, fz,
+            )
+        )  # fmt: skip
+        self.count += 1
+
+    def reach(self, duration, length=0.14):
+        """Move along y on a minimum-jerk way, until the trial is not moving any more."""
+        begin = self.y
+        steps = round(duration / 5e-3)
+        for k in range(1, steps + 1):
+            self.y = begin + length * way(k / steps)
+            self.take(length / duration * pace(k / steps))
+
+
+def trial(plan=ASSISTED, protocol=CLOCK, duration=1.4):
+    return Trial(protocol, plan, Assistance(duration, 100.0))
+
+
+def test_an_assisted_reach_from_beginning_to_end():
+    hand = Hand(trial())
+    assert hand.stay(0.3) == PREPARE
+    assert hand.trial.wish.plane is not None, "the robot brings the hand"
+    assert hand.stay(0.3) == WAIT
+    assert hand.trial.wish.start_ns is None, "the slot is open"
+    assert hand.trial.wish.vertical is None
+    hand.reach(1.0)
+    assert hand.trial.phase == REACHED
+    assert hand.trial.wish.start_ns is not None
+    hand.stay(0.6)
+    assert hand.trial.phase == DONE
+    result = hand.trial.result
+    assert result.initiated and result.reached and result.moved
+    assert result.measures.pm2b > 0.01, "quicker than the wall of 1.4 s"
+    assert result.measures.pm2a == 0.0
+    assert result.measures.pm3 == pytest.approx(0.0, abs=1e-30)
+    assert 0.13 <= result.measures.pm4 <= 0.14
+    assert result.rate == pytest.approx(200.0)
+    assert result.missing == 0
+    assert result.figures.speed_ratio == pytest.approx(0.6, abs=0.05)
+    assert result.figures.path_error == pytest.approx(0.0, abs=1e-12)
+    assert result.figures.reach_error <= 0.001
+
+
+def test_start_by_speed_is_at_the_published_share():
+    hand = Hand(trial())
+    hand.stay(0.5)
+    assert hand.trial.phase == WAIT
+    least = 0.4 * 1.875 * 0.14 / 1.4
+    hand.take(vy=0.99 * least)
+    assert hand.trial.phase == WAIT
+    hand.take(vy=1.01 * least)
+    assert hand.trial.phase == MOVING
+    assert hand.trial.wish.start_ns == (hand.count - 1) * TICK_NS
+
+
+def test_a_slow_hand_starts_by_its_way():
+    hand = Hand(trial())
+    hand.stay(0.5)
+    hand.y = 0.021
+    hand.take(vy=0.01)
+    assert hand.trial.phase == MOVING
+
+
+def test_who_does_not_start_is_helped_after_the_wait_and_given_up_in_the_end():
+    hand = Hand(trial())
+    hand.stay(0.5)
+    assert hand.stay(1.8) == WAIT
+    assert hand.stay(0.3) == MOVING
+    assert hand.stay(1.5) == OVER_TIME
+    hand.stay(10.0)
+    assert hand.trial.phase == OVER_TIME
+    hand.stay(1.0)
+    result = hand.trial.result
+    assert not result.initiated and not result.reached and not result.moved
+    assert result.measures.pm1 is False
+    assert result.measures.pm2b == pytest.approx(-0.07, abs=1e-3), "mean of the wall's way"
+    assert math.isnan(result.figures.sparc)
+
+
+def test_moved_by_the_robot_shows_in_pm2a():
+    hand = Hand(trial())
+    hand.stay(2.6)
+    assert hand.trial.phase == MOVING
+    for k in range(280):
+        hand.y = 0.9 * 0.14 * way(k / 280)
+        hand.take(vy=0.1, fy=-5.0)
+    assert hand.trial.phase == OVER_TIME
+    hand.y = 0.14
+    hand.stay(0.6)
+    # -0.5 W while it moves; at rest before that it is behind the wall too, and adds nothing.
+    assert -0.5 < hand.trial.result.measures.pm2a < -0.4
+    assert hand.trial.result.figures.robot_share == pytest.approx(1.0)
+
+
+def test_a_hand_that_does_not_come_to_the_start_is_said_so():
+    hand = Hand(trial())
+    hand.y = 0.05
+    with pytest.raises(PrepareError, match="50 mm from the start of trial 1 after 20 s"):
+        hand.stay(21.0)
+
+
+def test_unassisted_slot_only_damps():
+    hand = Hand(trial(FREE))
+    hand.stay(0.5)
+    slot = hand.trial.wish.plane
+    assert (slot.back_stiffness, slot.side_stiffness, slot.growth) == (0.0, 0.0, 0.0)
+    assert slot.damping == 5.0
+
+
+def block(kind):
+    number = next(n for n, b in enumerate(EVALUATION.blocks, 1) if b.kind == kind)
+    points = {"circle": (CENTRE, (0.0, 0.1, 0.18)), "hold": (CENTRE, CENTRE)}
+    return TrialPlan(1, number, 1, *points.get(kind, (CENTRE, FAR)))
+
+
+def test_a_circle_ends_when_it_is_round():
+    hand = Hand(trial(block("circle"), EVALUATION))
+    hand.y = 0.1
+    assert hand.stay(0.5) == WAIT
+    steps = 600
+    for k in range(steps + 30):
+        angle = 2.0 * math.pi * k / steps
+        hand.x, hand.y = 0.1 * math.sin(angle), 0.1 * math.cos(angle)
+        hand.take(vy=0.2)
+        if hand.trial.phase == DONE:
+            break
+    assert hand.trial.phase == DONE
+    assert abs(k - steps) <= 3
+    figures = hand.trial.result.figures
+    assert figures.independence == pytest.approx(1.0, abs=0.02)
+    assert figures.size == pytest.approx(math.pi * 0.01, rel=0.02)
+
+
+def test_holding_still():
+    hand = Hand(trial(block("hold"), EVALUATION))
+    hand.stay(0.5)
+    assert hand.trial.phase == MOVING
+    hand.x = 0.003
+    hand.stay(10.1)
+    assert hand.trial.result.figures.hold_deviation == pytest.approx(0.003, rel=0.02)
+
+
+def test_strength_is_the_largest_force_along_the_direction():
+    hand = Hand(trial(block("strength"), EVALUATION))
+    hand.stay(0.5)
+    slot = hand.trial.wish.plane
+    assert (slot.side_stiffness, slot.half_width) == (800.0, 0.0)
+    assert slot.start_y == slot.target_y, "held to the centre, not led to the target"
+    hand.stay(1.0, fy=12.0, fz=-3.0)
+    hand.stay(1.0, fy=25.0)
+    hand.stay(4.0, fy=-40.0)
+    figures = hand.trial.result.figures
+    assert (figures.largest_force, figures.largest_vertical_force) == (25.0, 3.0)
+
+
+def test_gaps_say_after_which_sample_and_how_many():
+    def at(*numbers):
+        return [HandSample(n, n * 1_000_000, *(0.0,) * 9) for n in numbers]
+
+    assert gaps_of(at(0, 5, 10, 15)) == ()
+    assert gaps_of(at(0, 5, 20, 25, 30)) == ((5, 2),)
+    wrapped = at(2**32 - 10, 2**32 - 5, 0, 5, 15)
+    assert gaps_of(wrapped) == ((5, 1),)
+    assert gaps_of(at(7)) == ()
