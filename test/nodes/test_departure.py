@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from types import SimpleNamespace
 
 import pytest
@@ -11,6 +12,8 @@ import pytest
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.support import departure
 from screw_module_ros.nodes.support.departure import Departure
+from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.robot import Robot
 
 STEP_NS = 50_000_000
 
@@ -52,3 +55,22 @@ def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
         return one.is_due(5)
 
     assert left_after(wall, due) == pytest.approx(1.35, abs=0.06)
+
+
+@pytest.mark.graph
+@pytest.mark.parametrize("clock", ["rig", "wall"])
+def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, clock):
+    """As under `ros2 launch`: SIGINT for every process in one moment."""
+    with GraphRun(wall_clock=clock == "wall") as graph:
+        with Robot("tester", watch=graph.watch) as robot:
+            graph.wait_until_ready(robot, told=lambda waiting: None)
+        capfd.readouterr()
+        for name in graph.pids:
+            graph.signal(name, signal.SIGINT)
+        for name in graph.pids:
+            wait_until(lambda name=name: graph.exit_code(name) is not None, 30.0, f"{name}'s end")
+        assert {graph.exit_code(name) for name in graph.pids} == {0}
+        told = capfd.readouterr()
+    complaints = [line for line in (told.out + told.err).splitlines()
+                  if "[WARN]" in line or "[ERROR]" in line]  # fmt: skip
+    assert complaints == []

@@ -25,6 +25,7 @@ def run(*words: str) -> subprocess.CompletedProcess:
         (["--foo"], "unknown arguments: --foo"),
         (["--ros-args", "--bar"], "--bar"),
         (["--ros-args", "-p", "rate:=["], "rate"),
+        (["--ros-args", "-r", "__ns:=/a b"], "__ns:=/a b"),
         (["--ros-args", "-p", "rate:=fast"], "rate = 'fast': a value of type float is wanted"),
         (["--ros-args", "--params-file", "/nonexistent"], "/nonexistent: No such file"),
         (["--ros-args", "--params-file", FILE], "mine.yaml is not YAML"),
@@ -35,4 +36,15 @@ def test_refused_in_a_sentence(tmp_path, words, told):
     done = run(*(word.format(folder=tmp_path) for word in words))
     assert done.returncode == 2
     assert told in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_what_ros_itself_cannot_do_is_a_sentence_too(monkeypatch, tmp_path):
+    """No keys where SROS2 is in force: the node cannot be made."""
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    monkeypatch.setenv("ROS_SECURITY_STRATEGY", "Enforce")
+    monkeypatch.setenv("ROS_SECURITY_KEYSTORE", str(tmp_path))
+    done = run()
+    assert done.returncode == 2
+    assert str(tmp_path) in done.stderr
     assert "Traceback" not in done.stderr

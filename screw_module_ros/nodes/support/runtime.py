@@ -18,6 +18,7 @@ from collections.abc import Callable
 import rclpy
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.loop.ticker import BREATH_S
@@ -31,6 +32,8 @@ from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals, stopped
 from .transport import choose_transport
 
+RCLError = rclpy_implementation.RCLError  # exported nowhere else
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 _END_S = 2.0
 _TEARDOWN_S = 6  # bringup becomes impatient after 8
 _ACTIVE_POLL_S = 0.005
@@ -75,7 +78,7 @@ def run_together(
             locks.append(lock_node(node.get_fully_qualified_name()))
         _live(nodes, loop)
         return 0
-    except (ParameterError, AlreadyRunning) as error:
+    except (ParameterError, AlreadyRunning, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
@@ -94,7 +97,7 @@ def _begin(given: Arguments) -> list[ParameterFile]:
     files = [read_file(path) for path in given.files]
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rclpy exports neither of the two that rcl's refusals become
+    except (RCLError, UnknownROSArgsError) as error:
         raise ParameterError(f"the ROS arguments are refused: {error}") from None
     return files
 

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes of the chain with different rates: no torque, and both rates are named."""
+
+from __future__ import annotations
+
+import pytest
+from screw_module_msgs.msg import ImpedanceState
+
+from screw_module_ros.nodes.support.graph_run import GraphRun
+from screw_module_ros.nodes.support.robot import Robot, RobotError
+
+pytestmark = pytest.mark.graph
+
+CHAIN = ["sim_rig", "supervisor", "encoder", "force_sensor", "impedance_controller", "amplifier"]
+NEEDED = "supervisor:required:=[encoder, force_sensor, impedance_controller, amplifier]"
+
+
+def test_both_rates_are_named_and_nothing_is_enabled():
+    extra = ["-p", NEEDED, "-p", "encoder:rate:=500.0"]
+    with GraphRun(only=CHAIN, extra=extra) as graph:
+        with Robot("tester", watch=graph.watch, simulated=True) as robot:
+            graph.wait_until_ready(robot, told=lambda waiting: None)
+            robot.trigger("encoder/home")
+            sentence = "encoder ticks at 500 Hz, this node at 1000 Hz"
+            robot.wait_until(
+                lambda: (s := robot.state(ImpedanceState)) and s.reason.startswith(sentence),
+                10.0,
+                "the controller names no rates",
+            )
+            assert robot.state(ImpedanceState).commanded_force == 0.0
+            robot.pause(0.5)
+            with pytest.raises(RobotError, match=sentence):
+                robot.trigger("supervisor/reset")
+            with pytest.raises(RobotError, match=sentence):
+                robot.enable()
