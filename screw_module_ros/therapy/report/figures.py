@@ -51,7 +51,7 @@ def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
         angle = np.linspace(0.0, 2.0 * np.pi, 40)
         axes.plot(1e3 * (x + hit_radius * np.cos(angle)), 1e3 * (y + hit_radius * np.sin(angle)),
                   color=DESIRED, lw=1.2, zorder=4, label=_once(axes, "target"))  # fmt: skip
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("to the patient's right [mm]")
     axes.set_ylabel("away from the patient [mm]")
 
