@@ -25,7 +25,7 @@ from .page import STATEMENT, labelled, patient_of
 _A4 = (8.27, 11.69)  # [inch]
 _DPI = 200
 _LEFT, _WIDTH = 0.06, 0.88  # of the page
-_MOST_SESSIONS = 6  # rows for which the page has room: the latest
+_MOST_SESSIONS = 4  # the latest, for which the page has room; all are in the HTML
 
 
 def write_pdf(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
@@ -46,7 +46,7 @@ def front(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Figure:
     page.text(_LEFT, 0.95, f"{STATEMENT} Sampled at {rate_of(sessions)}.", size=7.5, color="#555")
     lines = [_session_line(session) for session in sessions[-_MOST_SESSIONS:]]
     page.text(_LEFT, 0.937, "\n".join(lines), size=7.5, va="top", linespacing=1.5)
-    top = 0.925 - 0.026 * len(lines)
+    top = 0.93 - 0.025 * len(lines)
     for title, figure in (
         ("Paths to the targets, latest session", paths_figure(sessions[-1])),
         ("Figures over trials and sessions; bars are medians of each block",
@@ -90,8 +90,14 @@ def _closing(
     if sessions[-1].changes:
         change = sessions[-1].changes[-1]
         lines.append(f"Last change of assistance: {change['reason']}.")
-    for session, replay in list(zip(sessions, replays, strict=True))[-_MOST_SESSIONS:]:
-        lines.append(f"{summary(session).date}: computed again: {replay.verdict}")
+    unequal = [
+        f"{summary(session).date}: computed again from the recording: {replay.verdict}."
+        for session, replay in zip(sessions, replays, strict=True)
+        if replay.problems
+    ]
+    lines += unequal[-_MOST_SESSIONS:] or [
+        "Computed again from the recordings, all results are equal, bit for bit."
+    ]
     wrapped = [part for line in lines for part in textwrap.wrap(line, 125)]
     page.text(_LEFT, top, "\n".join(wrapped), size=7.5, va="top", linespacing=1.4)
 
