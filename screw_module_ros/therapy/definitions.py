@@ -38,7 +38,7 @@ DEFINITIONS: dict[str, Definition] = {
         "Mean of the hand's way along the line minus the back wall's, until the wall has arrived.",
     ),
     "pm3": Definition(
-        "mean square distance from the line", "mm²", 1e6,
+        "mean square off the line", "mm²", 1e6,
         "Mean of the squared distance from the straight line, from start to end of the movement.",
     ),
     "pm4": Definition("way along the line", "mm", 1e3, "Farthest the hand came along the line."),

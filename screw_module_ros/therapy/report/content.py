@@ -55,10 +55,12 @@ def outward_paths(recorded: Recorded) -> list[Path]:
     """
     axes = AXES[recorded.protocol.space]
     rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
+    at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
     times = np.array([sample.time_ns for sample in recorded.samples])
     found = []
     for number, row in enumerate(rows):
-        first, last = np.searchsorted(times, (row["started_ns"], row["ended_ns"]))
+        last = int(np.searchsorted(times, row["ended_ns"]))
+        first = at.get(row["first"], last)
         points = np.array(
             [[s.position[a] for a in axes] for s in recorded.samples[first : last + 1]]
         )
