@@ -27,7 +27,7 @@ import math
 from typing import NamedTuple
 
 from ..filters import LowpassState, lowpass_coefficients, lowpass_step
-from .chatter import QUIET_GUARD, GuardState, guard_step
+from .chatter import QUIET_GUARD, GuardState, damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
 from .impedance import spring_damper
@@ -166,7 +166,7 @@ def vertical_step(
         settings.observer_bandwidth, settings.observer_delay, settings.observer_limit,
         _resting(settings, state), dt,
     )  # fmt: skip
-    spring = _pull(settings, blend, setpoint, inp, observer.velocity, guard.share)
+    spring = _pull(settings, blend, setpoint, inp, observer.velocity, damper_share(guard))
     pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
@@ -181,6 +181,7 @@ def vertical_step(
     feedback += blend.observer * feedback_force(
         guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
     )
+    feedback += blend.friction * (1.0 - blend.feedback) * _over_limit(settings, blend, handle_force)
     friction += blend.observer * observer.disturbance
     asked = impedance + gravity + friction + feedback
     allowed = _limited(settings, blend.base, inp, asked)
@@ -288,6 +289,17 @@ def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> floa
     return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
 
 
+def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -> float:
+    """Return the force [N] against what is pressed on the hand beyond the limits.
+
+    A friction feed-forward that is more than the friction presses on a hand at rest. Without force
+    feedback nothing else knows of it.
+    """
+    beyond = min(0.0, handle_force + settings.force_up)
+    beyond += max(0.0, handle_force - settings.force_down)
+    return feedback_force(blend.gain, beyond, 0.0, settings.feedback_limit)
+
+
 def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
     """Return whether the handle rests, near enough to the force that it should have.
 
@@ -306,12 +318,13 @@ def _pull(
     setpoint: SetPoint,
     inp: VerticalInput,
     estimated: float,
-    share: float,
+    guarded: float,
 ) -> float:
     """Return the force of spring and damper [N].
 
     OBSERVER takes the velocity that its observer estimates [m/s], which lags less than the filtered
-    one, and never runs with less damping than it needs, whatever was set since it began.
+    one, and never runs with less damping than it needs, whatever was set since it began. guarded:
+    weight of the chatter guard's damper.
     """
     weight = blend.observer
     velocity = inp.velocity + weight * (estimated - inp.velocity)
@@ -321,7 +334,7 @@ def _pull(
     )  # fmt: skip
     damping = blend.damping + weight * max(0.0, least - blend.damping)
     lively = max(weight, blend.feedback, blend.friction)
-    damping += lively * (1.0 - share) * settings.chatter_damping
+    damping += lively * guarded * settings.chatter_damping
     return spring_damper(
         blend.stiffness,
         damping,
