@@ -68,7 +68,7 @@ def policy() -> dict[str, dict[str, Profile]]:
 def test_an_enclave_for_each_executable_and_no_other():
     found = policy()
     assert sorted(found) == sorted([*NODES, COMPOSED.executable, *BESIDE, *OTHERS])
-    for name in (*NODES, *OTHERS):
+    for name in (*NODES, "therapy_session", *OTHERS):
         assert list(found[name]) == [name]
     assert list(found["characterize"]) == ["characterize", "characterize_client"]
     parts = {name: found[name][name] for name in COMPOSED.parts}
@@ -77,8 +77,8 @@ def test_an_enclave_for_each_executable_and_no_other():
 
 def test_a_game_plays_and_does_no_more():
     game = policy()["game"]["game"]
-    assert game.publish == {"/rosout", "/parameter_events", "/setpoint"}
-    assert game.subscribe == {CLOCK, "/endpoint_state"}
+    assert game.publish == {"/rosout", "/parameter_events", "/setpoint", "/therapy/wish"}
+    assert game.subscribe == {CLOCK, "/endpoint_state", "/therapy/state", "/therapy/trial"}
     assert not game.request and not game.call and not game.execute
 
 
@@ -90,6 +90,13 @@ def test_only_who_must_commands_the_drive():
     enables = {node for enclave in found.values() for node, profile in enclave.items()
                if "/amplifier/enable" in profile.request}  # fmt: skip
     assert enables == {"operator", "characterize_client"}
+
+
+def test_only_the_therapy_node_takes_the_slot():
+    found = policy()
+    may = {node for enclave in found.values() for node, profile in enclave.items()
+           if "/therapy/slot" in profile.publish}  # fmt: skip
+    assert may == {"therapy_session"}
 
 
 def test_who_asks_asks_what_is_offered():
@@ -132,20 +139,21 @@ def test_the_policy_is_the_running_graph():
     """
     found = policy()
     with GraphRun() as graph:
-        ours = bringup.Process("characterize", ["--ros-args", "-p", "use_sim_time:=true"])
+        simulated = ["--ros-args", "-p", "use_sim_time:=true"]
+        ours = [bringup.Process(name, simulated) for name in BESIDE]
         try:
             with Robot("operator", watch=graph.watch, simulated=True) as robot:
                 robot.wait_until_ready([*graph.names, *BESIDE])
                 seen = {name: _seen(robot.node, name) for name in (*NODES, *BESIDE)}
         finally:
-            ours.stop()
-    for name in NODES:
+            bringup.stop(ours)
+    for name in (*NODES, "therapy_session"):
         allowed, has = found[name][name], seen[name]
         assert allowed.publish == has.publish, name
         assert allowed.reply == has.reply, name
         if name != "session_recorder":
             assert allowed.subscribe - {CLOCK} == has.subscribe - {CLOCK}, name
-            assert allowed.request == has.request == frozenset(), name
+            assert allowed.request == has.request, name
     idle, allowed = seen["characterize"], found["characterize"]["characterize"]
     assert allowed.publish - idle.publish == {"/screw/force_command", "/screw/controller_state"}
     assert (allowed.subscribe - {CLOCK}, allowed.reply, allowed.execute) == (
