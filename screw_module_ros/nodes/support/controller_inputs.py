@@ -22,7 +22,7 @@ class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
     inbox, forces: what is waited for apart, the encoder sample and the force. wanted: the set
-    point.
+    point; slot: that of a therapy session.
     """
 
     def __init__(self, inbox: Inbox, forces: Inbox):
@@ -32,7 +32,7 @@ class ControllerInputs:
         self._take_encoder = take(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
         self._take_force = forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
         self._take_setpoint = take(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self._slot = SlotInbox(inbox, vertical=True)
+        self.slot = SlotInbox(inbox, vertical=True)
         self._take_amplifier = take(AmplifierState, "screw/amplifier_state", qos.NEWEST)
         take_safety = take(SafetyState, "safety_state", qos.COMMAND)
         self._safety = Newest(take_safety, _SAFETY_AGE_NS)
@@ -51,7 +51,7 @@ class ControllerInputs:
 
     def hear(self, controller: VerticalController, now_ns: int) -> None:
         """Take set point, slot and amplifier state, where they come by a topic."""
-        self._slot.hear(controller.guide, now_ns)
+        self.slot.hear(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
