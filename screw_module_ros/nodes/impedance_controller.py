@@ -223,6 +223,7 @@ class ImpedanceControllerNode(ModuleNode):
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
             "calibration": told.calibration,
+            "slot refused": self._inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)

@@ -88,8 +88,9 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "robot_share": Definition(
         "robot's share of the work", "%", 100.0,
-        "Work that the robot did on the hand over all work across the handle in both directions. "
-        "Mass and friction of the robot are in it, so it is not zero without assistance.",
+        "Work that the robot did on the hand over all work across the handle in both directions, "
+        "on the protocol's axes. Mass and friction of the robot are in it, so it is not zero "
+        "without assistance.",
     ),
     "patient_work": Definition(
         "work of the patient", "J", 1.0, "Positive part of handle force times velocity, over time."

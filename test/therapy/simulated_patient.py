@@ -104,7 +104,7 @@ class Simulation:
             return
         self.shown = seen
         if trial.phase == PREPARE:
-            self._go(trial.plan.start, 1.5, 0.0, 1.0)
+            self._go(trial.origin, 1.5, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
                 self.person.spread * self.chance.gauss(0.0, 1.0)

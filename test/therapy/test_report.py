@@ -12,7 +12,13 @@ from screw_module_ros.therapy.bag import replayed
 from screw_module_ros.therapy.definitions import DEFINITIONS
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.record import NUMBERS
-from screw_module_ros.therapy.report.content import middle, outward_paths, reaches, summary
+from screw_module_ros.therapy.report.content import (
+    middle,
+    other_tests,
+    outward_paths,
+    reaches,
+    summary,
+)
 from screw_module_ros.therapy.report.page import STATEMENT, write_page
 from screw_module_ros.therapy.report.pdf import back, front, write_pdf
 
@@ -125,3 +131,25 @@ def test_a_session_in_which_nothing_was_reached(tmp_path):
     weak = recorded(FEEBLE._replace(reach=0.3), short(CLOCK, rules=rules, adaptation=None), 1)
     write_page(tmp_path / "page.html", [weak], [replayed(weak)])
     assert not any(row["reached"] for row in reaches(weak) if not row["assisted"])
+
+
+def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
+    evaluation = load_protocol("evaluation")
+    blocks = tuple(
+        block._replace(
+            circuits=1,
+            duration=min(block.duration, 2.0),
+            targets=block.targets._replace(count=min(block.targets.count, 2)),
+        )
+        for block in evaluation.blocks
+    )
+    session = recorded(HEALTHY, evaluation._replace(blocks=blocks), 1)
+    assert len(session.trials) == 4 + 1 + 1 + 2 + 2
+    found = {name: value for _, name, value in other_tests(session)}
+    assert found["hold_deviation"] < 5.0, "[mm]; it rests where it was brought to"
+    assert 50.0 < found["pm4"] < 140.0, "[mm]; held back by a spring of 100 N/m"
+    assert found["largest_force"] > 5.0, "[N]; the arm pushes against what holds it"
+    assert found["size"] > 0.0
+    file = write_page(tmp_path / "page.html", [session], [replayed(session)])
+    assert "Round dynamic" in file.read_text("utf-8")
+    write_pdf(tmp_path / "page.pdf", [session], [replayed(session)])

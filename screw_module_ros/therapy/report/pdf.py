@@ -18,9 +18,9 @@ from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import rate_of, summary
+from .content import other_tests, rate_of, summary
 from .figures import assistance_figure, paths_figure, trials_figure
-from .page import STATEMENT, labelled, patient_of
+from .page import STATEMENT, labelled, number_text, patient_of
 
 _A4 = (8.27, 11.69)  # [inch]
 _DPI = 200
@@ -87,6 +87,9 @@ def _closing(
 ) -> None:
     """Write the last change's reason and the replays' verdicts."""
     lines = []
+    if others := other_tests(sessions[-1]):
+        told = [f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others]
+        lines.append(f"Medians of the latest session. {'; '.join(told)}.")
     if sessions[-1].changes:
         change = sessions[-1].changes[-1]
         lines.append(f"Last change of assistance: {change['reason']}.")
