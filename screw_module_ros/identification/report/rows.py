@@ -13,7 +13,6 @@ from .study import Module
 from .truth import true_mass, true_weight
 from .words import like
 
-
 LOOSE = 0.3
 """Share of a figure beyond which a tolerance no longer lets it agree, only be compatible."""
 
