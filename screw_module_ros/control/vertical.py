@@ -101,9 +101,9 @@ class Blend(NamedTuple):
 class VerticalState(NamedTuple):
     """Memory of the law.
 
-    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed, position:
-    of the last sample, where there was one [m]; friction: modelled, at full size [N]; ratio: of
-    friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds back;
+    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
+    position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
+    ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds back;
     guard: of the force gains.
     """
 

@@ -127,7 +127,7 @@ def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
 
 
 def test_a_model_that_promises_too_much_is_doubted():
-    """Nothing rubs here, so feeding friction forward drives; the law sees that and takes it back."""
+    """Nothing rubs here, so feeding friction forward drives; the law takes it back."""
     law = SETTINGS._replace(stiffness=0.0, gravity=0.0)
     inp = REST._replace(mode=modes.FRICTION_COMPENSATION, position=0.15)
     _, state = run(inp, law=law)
