@@ -169,7 +169,7 @@ def _answer(
 ) -> tuple[float, LawState, float]:
     """Return the torque command [Nm] in answer to a sample, the law's next state and the heat."""
     if p.kind == LAW:
-        inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True)
+        inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
         output, law = law_step(p.law, p.friction, s.law, inp, p.period)
         made, heat = commanded(p.chain, s.heat, output.force, 1.0, p.period)
         return made.command, law, heat

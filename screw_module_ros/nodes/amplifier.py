@@ -28,7 +28,6 @@ from .support.due import Due
 from .support.flat import COMMAND, Command
 from .support.module_node import Health
 from .support.runtime import main as run_node
-from .support.senders import Senders, too_many_senders
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
 
@@ -58,7 +57,6 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
-        self._senders: Senders | None = None
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -89,7 +87,7 @@ class AmplifierNode(DriveNode):
         self._take_command = inbox.subscribe(
             COMMAND, _COMMANDS, qos.COMMAND, wakes=True
         )
-        self._senders = Senders(self, [_COMMANDS])
+        self.want_one_sender(_COMMANDS)
         self.follow_permission(inbox, "vertical_permitted")
         self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
 
@@ -115,13 +113,6 @@ class AmplifierNode(DriveNode):
         drive.start()
         self.start_polls()
 
-    def disconnect(self) -> None:
-        """Close the bus."""
-        if self._senders is not None:
-            self._senders.close()
-            self._senders = None
-        super().disconnect()
-
     def leave(self) -> str:
         """Leave the drive cleanly."""
         return self.drives[0].shutdown()
@@ -142,12 +133,6 @@ class AmplifierNode(DriveNode):
                 self.gated.fault = self.gated.fault or self._rate_check.wrong
         return command
 
-    def permission(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what the supervisor permits; two who command while it is open stop it."""
-        super().permission(drives, now_ns)
-        if self._senders.warning and drives.enabled:
-            drives.fault = drives.fault or self._senders.warning
-
     def tell_state(self, now_ns: int) -> None:
         """Publish the state when it is due."""
         if self._state_due(now_ns):
@@ -161,10 +146,6 @@ class AmplifierNode(DriveNode):
     def gated(self) -> GatedDrives:
         """The gate with the drive."""
         return self.part.drives
-
-    def enable(self) -> str:
-        """Enable, unless more than one node gives commands; return why not."""
-        return too_many_senders(self, _COMMANDS) or super().enable()
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""

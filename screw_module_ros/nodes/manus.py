@@ -83,7 +83,11 @@ class ManusNode(DriveNode):
         inbox = self.new_inbox()
         self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
         self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
+<<<<<<< HEAD
         self._slot = SlotInbox(inbox, vertical=False)
+=======
+        self.want_one_sender(topics.SLOW_FORCE)
+>>>>>>> safety
         self._wanted = Wanted(axes=2)
         self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
@@ -152,7 +156,7 @@ class ManusNode(DriveNode):
 
     def enable(self) -> str:
         """Enable, once homed; return why not."""
-        return self._axes.enable(self.clock)
+        return self.two_senders() or self._axes.enable(self.clock)
 
     def clear_fault(self) -> str:
         """Recover; a drive that restarted must be homed again."""

@@ -11,7 +11,7 @@ from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 from screw_module_ros.control.gate import OPEN, GateSettings
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.senders import Senders, too_many_senders
+from screw_module_ros.nodes.support.senders import too_many_senders
 
 MS = 1_000_000
 
@@ -54,17 +54,22 @@ def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
     node.close()
 
 
-def test_the_amplifier_stops_while_open_and_refuses_to_open(make_node):
-    node = make_node("amplifier")
-    node._permission = SimpleNamespace(pass_on=lambda drives, now_ns: None)
-    node._senders = Senders(node, ["screw/force_command"])
+@pytest.mark.parametrize(
+    ("name", "kind", "topic"),
+    [("amplifier", ForceCommand, "screw/force_command"),
+     ("manus", ForceSample, "handle/force/decimated")],
+)  # fmt: skip
+def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind, topic):
+    node = make_node(name)
+    node._permission = SimpleNamespace(pass_on=lambda drives, now_ns: None, close=lambda: None)
+    node.want_one_sender(topic)
     drives = GatedDrives([], GateSettings(), MS)
-    publish(node, ForceCommand, "screw/force_command", 2)
+    publish(node, kind, topic, 2)
     node._senders._count()
     node.permission(drives, MS)
     assert drives.fault == "", "nothing passes: the next enable is refused"
-    assert node.enable() == too_many_senders(node, "screw/force_command") != ""
+    assert node.enable() == too_many_senders(node, topic) != ""
     drives.gate = drives.gate._replace(phase=OPEN)
     node.permission(drives, 2 * MS)
-    assert drives.fault.startswith("2 nodes publish screw/force_command")
-    node._senders.close()
+    assert drives.fault.startswith(f"2 nodes publish {topic}")
+    node.disconnect()

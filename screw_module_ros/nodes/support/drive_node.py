@@ -16,6 +16,7 @@ from .driver import DriverNode
 from .module_node import ERROR, OK, WARN, Done, Health
 from .permission import Permission
 from .realtime import Inbox
+from .senders import Senders, too_many_senders
 from .timing_report import broken_contract
 
 _CLEARED = "cleared; call ~/enable to enable"
@@ -28,6 +29,8 @@ class DriveNode(DriverNode):
         super().__init__(name, port, rate)
         self.parameters.declare(GateSettings, "gate")
         self.drives: tuple[Drive, ...] = ()
+        self._alone: tuple[str, ...] = ()
+        self._senders: Senders | None = None
         self.serve(SetBool, "~/enable", self._enable)
         self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
 
@@ -38,7 +41,17 @@ class DriveNode(DriverNode):
 
     def enable(self) -> str:
         """Enable; return why not, empty when done."""
-        return self.gated.enable(self.clock)
+        return self.two_senders() or self.gated.enable(self.clock)
+
+    def two_senders(self) -> str:
+        """Return that a topic with one sender wanted has more, looked at now; else empty."""
+        told = (too_many_senders(self, topic) for topic in self._alone)
+        return next(filter(None, told), "")
+
+    def want_one_sender(self, topic: str) -> None:
+        """Refuse to enable, and stop, while more than one node publishes this topic."""
+        self._alone = (topic,)
+        self._senders = Senders(self, self._alone)
 
     def clear_fault(self) -> str:
         """Recover; return what is left, empty when well."""
@@ -62,8 +75,10 @@ class DriveNode(DriverNode):
         self._permission = Permission(self, inbox, attrgetter(name))
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what the supervisor permits."""
+        """Tell the gate what the supervisor permits; two senders stop it while it is open."""
         self._permission.pass_on(drives, now_ns)
+        if self._senders is not None and self._senders.warning and drives.enabled:
+            drives.fault = drives.fault or self._senders.warning
 
     def end(self) -> None:
         """Torque off and a clean exit, so that the next start does not begin in fault."""
@@ -76,6 +91,9 @@ class DriveNode(DriverNode):
         """Close the bus."""
         if self._inbox is not None:
             self._permission.close()
+        if self._senders is not None:
+            self._senders.close()
+            self._senders = None
         self.drives = ()
         self.close_port()
 
