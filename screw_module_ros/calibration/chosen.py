@@ -18,11 +18,15 @@ FRICTION_FILE = "params/friction_thesis.yaml"
 
 
 class ChosenFriction(NamedTuple):
-    """A friction model, its identity, and the module's weight [N], None where it is not known."""
+    """A friction model, its identity, and the module's weight [N] and mass [kg].
+
+    None where weight and mass are not known: then the friction model is not this module's either.
+    """
 
     model: FrictionModel
     identity: str
     gravity: float | None = None
+    mass: float | None = None
 
     def told(self, gravity: float) -> str:
         """Return the identity, and that another gravity [N] was set by hand."""
@@ -41,7 +45,7 @@ def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
         path = path or resource_path(FRICTION_FILE)
         return ChosenFriction(load_friction_model(path), calibration_identity(path))
     identity = module.identity(settings.calibration_file)
-    return ChosenFriction(module.friction, identity, module.gravity)
+    return ChosenFriction(module.friction, identity, module.gravity, module.mass)
 
 
 class LinearizationSettings(NamedTuple):

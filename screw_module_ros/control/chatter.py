@@ -47,6 +47,21 @@ QUIET_GUARD = GuardState(
 )  # fmt: skip
 
 
+def damper_share(state: GuardState) -> float:
+    """Return the weight of the damper, 0 to 1: full while nothing is left, none at the ceiling."""
+    if state.share >= state.ceiling:
+        return 0.0
+    return 1.0 - state.share / state.ceiling
+
+
+def guarded(share: float) -> str:
+    """Return what the guard has to say when it leaves a share of the force gain, 0 to 1."""
+    return (
+        f"chatter guard: the handle force shakes, {100.0 * share:.0f} % of feedback and friction "
+        "model are left, a damper is in their place; hold the handle otherwise, or lower the gain"
+    )
+
+
 def guard_step(state: GuardState, force: float, limit: float, dt: float) -> GuardState:
     """Return the guard after a sample of the handle force [N]; limit: rms [N]; dt [s]."""
     coefficients = lowpass_coefficients(CORNER, dt)

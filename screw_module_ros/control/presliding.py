@@ -18,8 +18,29 @@ import math
 
 from .friction import FrictionModel, friction_force
 
+MOVING = 0.005  # [m/s] slower motion tells nothing of the level
+DOUBT_TIME = 0.1  # [s] in which a model is doubted that promises too much
+TRUST_TIME = 1.0  # [s] in which it is trusted again
+NEAR_ENOUGH = 1.05  # times what was found: the model's own scatter does not lower it
 SMALLEST_LEVEL = 0.1
 """A level below counts as this [N]: the way over which the force turns round stays finite."""
+
+
+def ratio_step(ratio: float, modelled: float, found: float, velocity: float, dt: float) -> float:
+    """Return found over modelled friction, averaged while the handle moves; 1 at first.
+
+    modelled, found [N]; velocity [m/s]. A model that promises more friction than there is gives the
+    handle energy: fed forward, it swings on any spring (thesis 6.3.1 feeds forward 90 % for that).
+    """
+    if abs(velocity) < MOVING or abs(modelled) < 1.0 or modelled * velocity <= 0.0:
+        return ratio
+    now = min(2.0, max(0.0, found / modelled))
+    return ratio + (now - ratio) * min(1.0, dt / (DOUBT_TIME if now < ratio else TRUST_TIME))
+
+
+def trusted(ratio: float) -> float:
+    """Return the share of the model to use, at most 1, for a ratio of `ratio_step`."""
+    return min(1.0, NEAR_ENOUGH * ratio)
 
 
 def presliding_step(

@@ -23,18 +23,17 @@ command, which also carries the weight and overcomes friction, has limits of its
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from ..filters import LowpassState, lowpass_coefficients, lowpass_step
-from .chatter import QUIET_GUARD, GuardState, guard_step
+from .chatter import QUIET_GUARD, GuardState, damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
 from .observer import ObserverState, least_damping, observer_at, observer_step, remembered
-from .presliding import presliding_step
+from .presliding import presliding_step, ratio_step, trusted
 from .setpoint import Range, SetPoint, at_rest, follow
 from .vertical_settings import VerticalSettings
 
@@ -106,17 +105,20 @@ class Blend(NamedTuple):
 class VerticalState(NamedTuple):
     """Memory of the law.
 
-    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; position: last
-    sample [m]; friction: modelled, at full size [N]; observer; error_lowpass: of the force error
-    that OBSERVER feeds back; guard: of the force gains.
+    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
+    position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
+    ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds back;
+    guard: of the force gains.
     """
 
     setpoint: SetPoint
     blend: Blend
     lowpass: LowpassState
     force: float
+    placed: bool
     position: float
     friction: float
+    ratio: float
     observer: ObserverState
     error_lowpass: LowpassState
     guard: GuardState
@@ -151,7 +153,7 @@ def vertical_step(
         return _nothing(idle), idle
 
     last, observed = state.position, state.observer
-    if math.isnan(last):
+    if not state.placed:
         last, observed = inp.position, observer_at(inp.position)
     setpoint = _followed(settings, state, inp, dt)
     blend = _blended(settings, state.blend, inp.mode, dt)
@@ -159,14 +161,17 @@ def vertical_step(
         friction_model, settings.friction_stiffness, state.friction, inp.position, inp.velocity,
         inp.position - last,
     )  # fmt: skip
-    friction = guard.share * _friction(settings, blend, modelled)
+    friction = guard.share * trusted(state.ratio) * _friction(settings, blend, modelled)
     gravity = blend.base * blend.gravity
     observer = observer_step(
         observed, inp.position, inp.force - gravity - friction, settings.mass,
         settings.observer_bandwidth, settings.observer_delay, settings.observer_limit,
         _resting(settings, state), dt,
     )  # fmt: skip
-    spring = _pull(settings, blend, setpoint, inp, observer.velocity, guard.share)
+    ratio = ratio_step(
+        state.ratio, modelled, friction + observer.disturbance, observer.velocity, dt
+    )
+    spring = _pull(settings, blend, setpoint, inp, observer.velocity, damper_share(guard))
     pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
@@ -181,6 +186,8 @@ def vertical_step(
     feedback += blend.observer * feedback_force(
         guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
     )
+    unfelt = blend.friction * (1.0 - blend.feedback)
+    feedback += unfelt * _over_limit(settings, blend, handle_force)
     friction += blend.observer * observer.disturbance
     asked = impedance + gravity + friction + feedback
     allowed = _limited(settings, blend.base, inp, asked)
@@ -198,8 +205,9 @@ def vertical_step(
     )
     observer = remembered(observer, force)
     return output, VerticalState(
-        setpoint, blend, lowpass, force, inp.position, modelled, observer, error_lowpass, guard
-    )
+        setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
+        error_lowpass, guard,
+    )  # fmt: skip
 
 
 def _usable(inp: VerticalInput, dt: float) -> bool:
@@ -223,7 +231,7 @@ def _idle(
         0.0,
     )  # fmt: skip
     return VerticalState(
-        _setpoint_at(settings, position), blend, lowpass, 0.0, position, 0.0,
+        _setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
         observer_at(position), LowpassState(0.0, 0.0), guard,
     )  # fmt: skip
 
@@ -231,8 +239,8 @@ def _idle(
 def _unplaced(state: VerticalState) -> VerticalState:
     """Return a state that does not know where the nut was last."""
     return VerticalState(
-        state.setpoint, state.blend, state.lowpass, state.force, math.nan, state.friction,
-        state.observer, state.error_lowpass, state.guard,
+        state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
+        state.friction, state.ratio, state.observer, state.error_lowpass, state.guard,
     )  # fmt: skip
 
 
@@ -288,6 +296,17 @@ def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> floa
     return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
 
 
+def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -> float:
+    """Return the force [N] against what is pressed on the hand beyond the limits.
+
+    A friction feed-forward that is more than the friction presses on a hand at rest. Without force
+    feedback nothing else knows of it.
+    """
+    beyond = min(0.0, handle_force + settings.force_up)
+    beyond += max(0.0, handle_force - settings.force_down)
+    return feedback_force(blend.gain, beyond, 0.0, settings.feedback_limit)
+
+
 def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
     """Return whether the handle rests, near enough to the force that it should have.
 
@@ -306,12 +325,13 @@ def _pull(
     setpoint: SetPoint,
     inp: VerticalInput,
     estimated: float,
-    share: float,
+    guarded: float,
 ) -> float:
     """Return the force of spring and damper [N].
 
     OBSERVER takes the velocity that its observer estimates [m/s], which lags less than the filtered
-    one, and never runs with less damping than it needs, whatever was set since it began.
+    one, and never runs with less damping than it needs, whatever was set since it began. guarded:
+    weight of the chatter guard's damper.
     """
     weight = blend.observer
     velocity = inp.velocity + weight * (estimated - inp.velocity)
@@ -321,7 +341,7 @@ def _pull(
     )  # fmt: skip
     damping = blend.damping + weight * max(0.0, least - blend.damping)
     lively = max(weight, blend.feedback, blend.friction)
-    damping += lively * (1.0 - share) * settings.chatter_damping
+    damping += lively * guarded * settings.chatter_damping
     return spring_damper(
         blend.stiffness,
         damping,

@@ -44,14 +44,14 @@ class VerticalSettings(NamedTuple):
     )
     feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 60.0
     mass: Annotated[
-        float, Setting("that moves with the handle, the hand's not counted", "kg", 0.5, 50.0)
+        float, Setting("that moves with the handle, no hand's", "kg", 0.5, 50.0, live=True)
     ] = 5.5
     observer_gain: Annotated[
         float, Setting("force gain k of OBSERVER; it leaves mass / (1 + k)", "", 0.0, 30.0)
-    ] = 10.0
+    ] = 9.0
     observer_cutoff: Annotated[
         float, Setting("cutoff of the force that this gain acts on", "Hz", 1.0, 100.0)
-    ] = 10.0
+    ] = 9.0
     observer_bandwidth: Annotated[
         float, Setting("triple pole of the disturbance observer", "rad/s", 20.0, 1000.0)
     ] = 300.0
@@ -70,7 +70,7 @@ class VerticalSettings(NamedTuple):
     observer_friction: Annotated[
         float,
         Setting("share of modelled friction fed forward in OBSERVER; a calibration sets it", "",
-                0.0, 1.0),
+                0.0, 1.0, live=True),
     ] = 0.0
     observer_damping_ratio: Annotated[
         float,
@@ -82,7 +82,7 @@ class VerticalSettings(NamedTuple):
     ] = 1.2
     chatter_damping: Annotated[
         float, Setting("damper in place of what the guard took away", "Ns/m", 0.0, 200.0)
-    ] = 30.0
+    ] = 80.0
     fade_time: Annotated[
         float, Setting("time in which a part of the force comes or goes", "s", 0.05, 10.0)
     ] = 0.5

@@ -103,6 +103,7 @@ class Encoder:
         wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
         self._motion.restart()
+        self._rehoming.forget()
         self._last = None
         self._poll.restart()
         self._configured = True
@@ -215,9 +216,10 @@ class Encoder:
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
                 f"(limit {settings.home_speed_limit:g} m/s)"
             )
-        if self.homed:
+        if self.homed or self._rehoming.contradicted:
             mark, place = settings.home_position, self._motion.position
             if doubt := self._rehoming.doubt([mark], [place], self._port.clock.now_ns()):
+                self._motion.homed = False
                 raise NotHomed(doubt)
         self._motion.home(settings.home_position)
         return settings.home_position
@@ -257,6 +259,7 @@ class Encoder:
             return
         self._configured = self._running = False
         self._motion.restart()
+        self._rehoming.forget()
         self.fault = (
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
             "clear the fault to configure it again, then home"

@@ -3,7 +3,8 @@
 
 Homing is a person's word that the axis stands at its reference mark. Where the sensor has counted
 all the time since the last homing, it can tell how far off that word is: a homing elsewhere would
-move soft stops and set points by as much.
+move soft stops and set points by as much. Which of the two is right nobody knows until the person
+has said it twice, or homes where both agree: until then the axis counts as not homed.
 """
 
 from __future__ import annotations
@@ -15,12 +16,20 @@ _SOONEST_NS, _LATEST_NS = 1_000_000_000, 15_000_000_000
 
 
 class Rehoming:
-    """Remembers who asked for a homing that moves the origin; all times are passed in [ns]."""
+    """Remembers a homing that was asked for and moves the origin; all times are passed in [ns].
+
+    contradicted: the last one was not believed, so the one before is not either.
+    """
 
     def __init__(self, tolerance: float):
         """tolerance: the origin may move so far without a second word [m]."""
+        self.contradicted = False
         self._tolerance = tolerance
         self._asked: tuple[int, tuple[float, ...]] | None = None
+
+    def forget(self) -> None:
+        """Forget what was asked: the sensor counts anew."""
+        self._asked, self.contradicted = None, False
 
     def doubt(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
         """Return why the homing is not believed yet, empty when it is.
@@ -31,13 +40,15 @@ class Rehoming:
         """
         shift = math.dist(mark, place)
         asked, self._asked = self._asked, None
+        self.contradicted = False
         if shift <= self._tolerance:
             return ""
         if asked is not None and _SOONEST_NS <= now_ns - asked[0] <= _LATEST_NS:
             if math.dist(place, asked[1]) <= self._tolerance:
                 return ""
-        self._asked = now_ns, tuple(place)
+        self._asked, self.contradicted = (now_ns, tuple(place)), True
         return (
-            f"this moves the origin by {shift * 1e3:.1f} mm against the last homing: if it does "
-            "stand at the reference mark, call ~/home again, at the earliest in 1 s and within 15 s"
+            f"this moves the origin by {shift * 1e3:.1f} mm against the last homing, so neither "
+            "counts: bring it to the reference mark; if it stands there, call ~/home again, at the "
+            "earliest in 1 s and within 15 s"
         )

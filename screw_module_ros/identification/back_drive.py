@@ -17,7 +17,7 @@ import numpy as np
 from ..settings import Setting, validated
 from . import belt_drive
 from .back_drive_report import notes, quantities
-from .endpoint_inertia import JointInertia, anisotropy, grid, least_anisotropy, tensors
+from .endpoint_inertia import SETS, anisotropy, grid, least_anisotropy, tensors
 from .lab import Lab
 from .results import Result
 from .screw_geometry import (
@@ -48,9 +48,9 @@ class Settings(NamedTuple):
     plastic: Annotated[float, Setting("friction of a plastic screw", "", 0.0, 1.0)] = 0.15
     roller: Annotated[float, Setting("friction of a roller screw", "", 0.0, 1.0)] = 0.015
     module_mass: Annotated[float, Setting("of the vertical module", "kg", 0.0, 50.0)] = 2.7
-    inertia_shoulder: Annotated[float, Setting("M11", "kg m^2", 0.01, 10.0)] = 0.391
-    inertia_elbow: Annotated[float, Setting("M22", "kg m^2", 0.01, 10.0)] = 0.228
-    coupling: Annotated[float, Setting("M12 / cos D", "kg m^2", 0.0, 10.0)] = 0.227
+    plane: Annotated[
+        str, Setting("inertias of the planar arm and its base, by name", choices=tuple(SETS))
+    ] = "appendix_d"
     half_width: Annotated[float, Setting("half the workspace in x", "m", 0.01, 0.5)] = 0.1905
     half_depth: Annotated[float, Setting("half the workspace in y", "m", 0.01, 0.5)] = 0.2286
     heaviest: Annotated[float, Setting("inertia allowed in the plane", "kg", 0.1, 100.0)] = 4.0
@@ -100,11 +100,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     Raises ValueError for settings out of bounds and for a workspace out of the arm's reach.
     """
     validated(settings)
-    joints = JointInertia(settings.inertia_shoulder, settings.inertia_elbow, settings.coupling)
-    if joints.shoulder * joints.elbow <= joints.coupling**2:
-        raise ValueError("coupling: M12^2 must stay below M11 M22, else M(q) is no inertia")
+    joints, arm = SETS[settings.plane]
     area = grid(settings.half_width, settings.half_depth, 41, 41)
-    bare = tensors(area, joints)
+    bare = tensors(area, joints, arm=arm)
     laden = bare + settings.module_mass * np.eye(2)
     shown = grid(settings.half_width, settings.half_depth, 3, 3)
     friction = np.linspace(0.0, 0.5, 101)
@@ -116,9 +114,9 @@ def run(lab: Lab, settings: Settings) -> Result:
         "axes_bare": np.linalg.eigvalsh(bare),
         "axes_laden": np.linalg.eigvalsh(laden),
         "shown_points": shown,
-        "shown_bare": tensors(shown, joints),
-        "shown_laden": tensors(shown, joints, settings.module_mass),
-        "anisotropy_possible": np.array(least_anisotropy(joints)),
+        "shown_bare": tensors(shown, joints, arm=arm),
+        "shown_laden": tensors(shown, joints, settings.module_mass, arm),
+        "anisotropy_possible": np.array(least_anisotropy(joints, arm)),
         "heaviest": np.array(settings.heaviest),
         "module_mass": np.array(settings.module_mass),
         "friction": friction,

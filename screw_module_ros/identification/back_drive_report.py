@@ -122,12 +122,11 @@ def notes(settings, data: dict[str, np.ndarray]) -> tuple[str, ...]:
         "nut. By its own eq 4 the handle driving the screw loses more with plastic. The 40 % is "
         "taken as the ratio of the forces left for one input force; how far the acceleration "
         "follows depends on the inertias on either side.",
-        f"With the project's M(q) the anisotropy without module is {bare.min():.2f} to "
-        f"{bare.max():.2f}, not 1.23 to 1.53. No choice of the workspace helps: the least anywhere "
-        f"in the arm's reach is {float(data['anisotropy_possible']):.2f}; square roots "
-        f"({math.sqrt(bare.min()):.2f} to {math.sqrt(bare.max()):.2f}) do not match either. The "
-        "paper's estimate used other inertias, which it does not print: 4 kg with a module of "
-        "2.7 kg leaves 1.3 kg for the arm, its specification of 4/3 kg.",
+        f"Plane, set {settings.plane}: anisotropy without module {bare.min():.2f} to "
+        f"{bare.max():.2f}, the least anywhere in the arm's reach "
+        f"{float(data['anisotropy_possible']):.2f}. The paper prints no inertias: the set "
+        "appendix_d is derived from the figures it does print, so that these agree is no "
+        "discovery; inmotion2 was identified on a later commercial robot and cannot give them.",
         f"A module of {settings.module_mass:g} kg does reduce the anisotropy, to "
         f"{laden.min():.2f} to {laden.max():.2f}. The major axis is above the "
         f"{settings.heaviest:g} kg allowed on {share:.0%} of the workspace, {major.min():.2f} kg "

@@ -27,6 +27,22 @@ class JointInertia(NamedTuple):
     coupling: float
 
 
+APPENDIX_D = JointInertia(0.173, 0.226, 0.171)
+APPENDIX_D_ARM = MANUS._replace(base_y=-0.60)
+"""Derived from appendix D, not measured: the paper prints no inertias. With its links and the base
+0.60 m behind the workspace's centre they meet every figure it does print: anisotropy 1.23 to 1.53,
+4/3 kg at most without the module, 4 kg with one of 2.7 kg."""
+
+INMOTION2 = JointInertia(0.391, 0.228, 0.227)
+INMOTION2_ARM = MANUS
+"""Identified on a later commercial InMotion2, another robot than the thesis's."""
+
+SETS = {
+    "appendix_d": (APPENDIX_D, APPENDIX_D_ARM),
+    "inmotion2": (INMOTION2, INMOTION2_ARM),
+}
+
+
 def tensor(
     x: float, y: float, joints: JointInertia, mass: float = 0.0, arm: PlanarArm = MANUS
 ) -> np.ndarray:
@@ -44,9 +60,11 @@ def tensor(
     return back.T @ matrix @ back + mass * np.eye(2)
 
 
-def tensors(points: np.ndarray, joints: JointInertia, mass: float = 0.0) -> np.ndarray:
+def tensors(
+    points: np.ndarray, joints: JointInertia, mass: float = 0.0, arm: PlanarArm = MANUS
+) -> np.ndarray:
     """Return the inertia [kg], shape (n, 2, 2), at points x, y [m], shape (n, 2)."""
-    return np.array([tensor(float(x), float(y), joints, mass) for x, y in points])
+    return np.array([tensor(float(x), float(y), joints, mass, arm) for x, y in points])
 
 
 def grid(half_width: float, half_depth: float, columns: int, rows: int) -> np.ndarray:

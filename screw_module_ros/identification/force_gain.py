@@ -105,7 +105,7 @@ def _tried(
             f"gain_{gain:g}{'_preloaded' if preloaded else ''}",
             MotionTrial(
                 modes.FORCE_FEEDBACK,
-                VerticalSettings(force_gain=gain),
+                VerticalSettings(force_gain=gain, chatter_limit=50.0),
                 duration=settings.duration,
                 preloaded=preloaded,
             ),

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..control.linearization import Linearization, validated_linearization
+from ..geometry import torque_to_force
 from ..settings import Setting
 from .lab import Job, Lab, Part
 from .linearization_fit import Pieces, commands, desired_torque, fit_pieces
@@ -198,6 +199,8 @@ def _largest(linear: Part, fit: Pieces, settings: Settings) -> tuple[Quantity, .
     return (
         Quantity("largest_left", float(off.max()), math.nan, "Nm",
                  "largest difference of smoothed torque from desired torque, linearized"),
+        Quantity("largest_at_handle", torque_to_force(float(off.max())), math.nan, "N",
+                 "the same as a force at the handle; one step of object 6071 is 0.14 N"),
     )  # fmt: skip
 
 

@@ -74,6 +74,10 @@ class Joint:
         """Say that the joint stands at `angle` [rad]."""
         self._motion.home(angle)
 
+    def lose_home(self) -> None:
+        """Say that nobody knows any more where the joint stands."""
+        self._motion.homed = False
+
     def take(self, position: float, periods: int) -> str:
         """Take the drive's position [rad], `periods` after the last; return what is wrong.
 

@@ -199,9 +199,11 @@ class PlanarAxes:
                     "the reference mark"
                 )
         mark = settings.home_x, settings.home_y
-        if self.homed:
+        if self.homed or self._rehoming.contradicted:
             place = forward(*(joint.angle for joint in self.joints), MANUS)
             if doubt := self._rehoming.doubt(mark, place, now_ns):
+                for joint in self.joints:
+                    joint.lose_home()
                 return doubt
         angles = inverse(*mark, MANUS)
         for joint, angle in zip(self.joints, angles, strict=True):
@@ -219,6 +221,7 @@ class PlanarAxes:
         restarted = any(not drive.running for drive in self.drives.drives)
         problem = self.drives.clear_fault(clock)
         if restarted:
+            self._rehoming.forget()
             for joint in self.joints:
                 joint.restart()
         return problem

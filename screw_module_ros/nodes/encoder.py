@@ -93,8 +93,8 @@ class EncoderNode(DriverNode):
         try:
             return Done(f"homed at {device.home():g} m")
         except NotHomed as error:
-            if cleared and device.homed:
-                raise NotHomed(f"the fault is cleared, the last homing holds; {error}") from None
+            if cleared and not device.fault:
+                raise NotHomed(f"the fault is cleared; {error}") from None
             raise
 
     def health(self) -> Health:

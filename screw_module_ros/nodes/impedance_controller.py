@@ -14,7 +14,8 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.modes import MODE_NAMES
+from screw_module_ros.control.chatter import guarded
+from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -45,7 +46,8 @@ class ControllerSettings(NamedTuple):
 
     mode: Annotated[
         int, Setting("control mode: 0 OFF, 1 IMPEDANCE, 2 FRICTION_COMPENSATION, "
-                     "3 FORCE_FEEDBACK, 4 COMBINED", choices=tuple(MODE_NAMES), live=True)
+                     "3 FORCE_FEEDBACK, 4 COMBINED, 5 OBSERVER", choices=tuple(MODE_NAMES),
+                     live=True)
     ] = 1
     friction_file: Annotated[
         str, Setting("friction model file, empty for the thesis's polynomials or when "
@@ -81,7 +83,7 @@ class ImpedanceControllerNode(ModuleNode):
     def connect(self) -> None:
         """Load the calibration or friction model and make the topics."""
         chosen = self.parameters.read(ControllerSettings)
-        self.parameters.read(VerticalSettings).validated()
+        self._refuse_bad_start(chosen.mode)
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
         forces = Inbox(self, self.clock, self.direct)
@@ -90,14 +92,25 @@ class ImpedanceControllerNode(ModuleNode):
         self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
         self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
 
+    def _refuse_bad_start(self, mode: int) -> None:
+        refused = self.parameters.read(VerticalSettings).validated().refusal(mode)
+        if refused:
+            raise ValueError(refused)
+
     def _load(self, friction_file: str) -> None:
         settings = self.parameters.read(CalibrationSettings)
         chosen = self._friction = chosen_friction(settings, friction_file)
         if chosen.gravity is not None:
-            before = self.parameters.read(VerticalSettings).gravity
-            refused = self.parameters.write(gravity=chosen.gravity)
+            law = self.parameters.read(VerticalSettings)
+            before = law.gravity
+            # The module's own model: OBSERVER then has less to find out by itself.
+            refused = self.parameters.write(
+                gravity=chosen.gravity,
+                mass=chosen.mass,
+                observer_friction=law.friction_fraction,
+            )
             if refused:
-                raise ValueError(f"{settings.calibration_file}: gravity_N: {refused}")
+                raise ValueError(f"{settings.calibration_file}: {refused}")
             self.get_logger().info(
                 f"calibration {chosen.identity}: gravity set to {chosen.gravity:g} N "
                 f"(the parameter was {before:g} N)"
@@ -184,10 +197,23 @@ class ImpedanceControllerNode(ModuleNode):
     # Services ------------------------------------------------------------------------------
 
     def _set_impedance(self, request: SetImpedance.Request) -> str:
-        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
+        mode = self.parameters.read(ControllerSettings).mode
+        law = self.parameters.read(VerticalSettings)
+        wanted = law._replace(stiffness=request.stiffness, damping=request.damping)
+        return self._problem(wanted, mode) or self.parameters.write(
+            stiffness=request.stiffness, damping=request.damping
+        )
 
     def _set_mode(self, request: SetControlMode.Request) -> str:
-        return self.parameters.write(mode=request.mode)
+        law = self.parameters.read(VerticalSettings)
+        return self._problem(law, request.mode) or self.parameters.write(mode=request.mode)
+
+    def _problem(self, law: VerticalSettings, mode: int) -> str:
+        """Return why the law cannot run in a mode; the parameters check their own ranges."""
+        try:
+            return law.validated().refusal(mode)
+        except ValueError:
+            return ""
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
@@ -197,9 +223,12 @@ class ImpedanceControllerNode(ModuleNode):
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
             "calibration": told.calibration,
+            "slot refused": self._inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
+        if controller.output.share < 1.0 and controller.mode != OFF:
+            return Health(WARN, guarded(controller.output.share), values)
         if warning := broken_contract(told):
             return Health(WARN, warning, values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)

@@ -174,6 +174,7 @@ class ManusNode(DriveNode):
             "late": state.late,
             "lost": state.lost,
             "homed": self._axes.homed,
+            "slot refused": self._slot.refused or "no",
             **self.port_values(self._loop.skipped),
         }
         for joint, drive in zip(JOINTS, self.drives, strict=True):

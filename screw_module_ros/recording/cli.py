@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session info|verify|recover BAG`: look at, audit and repair recorded bags, without ROS."""
+"""`session`: look at, audit and repair recorded bags, and what therapy sessions tell; no ROS."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+from ..therapy.cli import add_commands
 from .errors import BagError
 from .recovery import recover
 from .verify import Report, verify
@@ -19,7 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         stream.reconfigure(errors="backslashreplace")  # a name may hold what cannot be printed
     try:
-        code = options.run(options.bag)
+        code = options.run(options)
         sys.stdout.flush()
     except BagError as error:
         print(f"session: {error}", file=sys.stderr)
@@ -46,7 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     ):
         command = commands.add_parser(name, help=text, description=text)
         command.add_argument("bag", type=Path, help="folder of the bag")
-        command.set_defaults(run=run)
+        command.set_defaults(run=lambda options, run=run: run(options.bag))
+    add_commands(commands)
     return parser
 
 

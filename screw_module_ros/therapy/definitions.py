@@ -38,7 +38,7 @@ DEFINITIONS: dict[str, Definition] = {
         "Mean of the hand's way along the line minus the back wall's, until the wall has arrived.",
     ),
     "pm3": Definition(
-        "mean square distance from the line", "mm²", 1e6,
+        "mean square off the line", "mm²", 1e6,
         "Mean of the squared distance from the straight line, from start to end of the movement.",
     ),
     "pm4": Definition("way along the line", "mm", 1e3, "Farthest the hand came along the line."),
@@ -88,8 +88,9 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "robot_share": Definition(
         "robot's share of the work", "%", 100.0,
-        "Work that the robot did on the hand over all work across the handle in both directions. "
-        "Mass and friction of the robot are in it, so it is not zero without assistance.",
+        "Work that the robot did on the hand over all work across the handle in both directions, "
+        "on the protocol's axes. Mass and friction of the robot are in it, so it is not zero "
+        "without assistance.",
     ),
     "patient_work": Definition(
         "work of the patient", "J", 1.0, "Positive part of handle force times velocity, over time."

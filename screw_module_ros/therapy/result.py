@@ -173,7 +173,7 @@ def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures
         )
     if moving is None:
         return figures
-    figures = _with_movement(figures, samples[moving], times[moving], rate, speed[moving])
+    figures = _with_movement(figures, line, samples[moving], times[moving], rate, speed[moving])
     figures = figures._replace(time_to_start=float(times[moving.start]))
     path = _path(line, samples[moving])
     if kind == CIRCLE:
@@ -188,10 +188,13 @@ def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures
     )
 
 
-def _with_movement(figures, samples, times, rate, speed) -> Figures:
+def _with_movement(figures, line, samples, times, rate, speed) -> Figures:
     found = speed_figures(speed, rate)
+    axes = AXES[line.space]  # what an axis that is locked or not homed tells must not count
     work = work_done(
-        np.array([s.force for s in samples]), np.array([s.velocity for s in samples]), times
+        np.array([[s.force[a] for a in axes] for s in samples]),
+        np.array([[s.velocity[a] for a in axes] for s in samples]),
+        times,
     )
     return figures._replace(
         duration=found.duration,

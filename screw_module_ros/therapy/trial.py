@@ -36,7 +36,8 @@ class PrepareError(RuntimeError):
 class Trial:
     """Takes the hand's samples one by one, from the end of the trial before.
 
-    phase: where it is; wish: the slots wanted now; result: once it is done, else None.
+    phase: where it is; wish: the slots wanted now; origin: where the hand begins [m], on a circle
+    the plan's target; result: once it is done, else None.
     """
 
     def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
@@ -49,7 +50,7 @@ class Trial:
         self._block: Block = protocol.blocks[plan.block - 1]
         self._assistance = assistance
         self.line = Line(plan.start, plan.target, protocol.space)
-        self._origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
+        self.origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
         self._slot = _slot_of(protocol, self._block, assistance)
         self._samples: list[HandSample] = []
         self._since_ns = self._start_ns = self._rest_ns = self._end_ns = 0
@@ -71,11 +72,11 @@ class Trial:
 
     def _prepare(self, sample: HandSample) -> None:
         rules, space = self._rules, self._protocol.space
-        away = distance(space, sample.position, self._origin)
+        away = distance(space, sample.position, self.origin)
         if self.wish is NO_SLOT:
             self._since_ns = sample.time_ns
             guide = self._guide()
-            self.wish = slots(Line(sample.position, self._origin, space), guide, sample.time_ns)
+            self.wish = slots(Line(sample.position, self.origin, space), guide, sample.time_ns)
         if away > rules.hit_radius:
             self._rest_ns = 0
             if self._passed(sample, self._since_ns) > rules.prepare_limit:

@@ -29,7 +29,7 @@ class Work(NamedTuple):
 def work_done(force: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> Work:
     """Return the work over a movement by the trapezoidal rule.
 
-    force: of the patient on the robot [N], velocity [m/s], both of shape (samples, 3); times [s].
+    force: of the patient on the robot [N], velocity [m/s], of shape (samples, axes); times [s].
     Samples without a valid force (NaN) count as no power.
     """
     power = np.nan_to_num(np.sum(force * velocity, axis=1))

@@ -63,6 +63,7 @@ def moved(inp, seconds=0.4, law=SETTINGS):
     _, state = run(inp._replace(velocity=0.0), law=law)
     for _ in range(round(seconds / DT)):
         inp = inp._replace(position=inp.position + inp.velocity * DT)
+        state = state._replace(ratio=1.0)  # no mechanism answers: there is nothing to compare
         output, state = vertical_step(law, MODEL, state, inp, DT)
     return output, inp
 
@@ -127,6 +128,24 @@ def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
         SETTINGS, MODEL, state, inp._replace(position=0.18 + small, velocity=small / DT), DT
     )
     assert output.friction == pytest.approx(0.9 * SETTINGS.friction_stiffness * small, rel=0.01)
+
+
+def test_a_model_that_promises_too_much_is_doubted():
+    """Nothing rubs here, so feeding friction forward drives; the law takes it back."""
+    law = SETTINGS._replace(stiffness=0.0, gravity=0.0)
+    inp = REST._replace(mode=modes.FRICTION_COMPENSATION, position=0.15)
+    _, state = run(inp, law=law)
+    mass, position, velocity, most = law.mass, 0.15, 0.05, 0.0
+    for _ in range(1000):
+        position += velocity * DT
+        inp = inp._replace(position=position, velocity=velocity)
+        output, state = vertical_step(law, MODEL, state, inp, DT)
+        velocity += output.force / mass * DT
+        most = max(most, output.friction)
+        if velocity > 0.3:
+            velocity = 0.05
+    assert most > 3.0
+    assert output.friction < 1.5
 
 
 def test_first_sample_is_no_way_travelled():

@@ -238,7 +238,9 @@ def homed(wire, encoder, encoder_end):
 def test_homing_elsewhere_must_be_asked_for_twice(wire, homed):
     with pytest.raises(NotHomed, match=r"57\.0 mm against the last homing.*again"):
         homed.home()
-    assert tick(wire, homed, 300).position == pytest.approx(0.157, abs=1e-6), "nothing moved"
+    sample = tick(wire, homed, 300)
+    assert sample.position == pytest.approx(0.157, abs=1e-6), "nothing moved"
+    assert not sample.homed, "one of the two homings is wrong"
     wire.advance(3000)
     tick(wire, homed, 301)
     assert homed.home() == pytest.approx(0.1)
@@ -262,6 +264,16 @@ def test_asking_again_at_another_place_is_a_first_time(wire, homed, encoder_end)
         wire.advance(2000)
         for k in range(200):
             tick(wire, homed, 300 + 200 * n + k)
+
+
+def test_homing_where_the_first_was_settles_a_contradiction(wire, homed, encoder_end):
+    with pytest.raises(NotHomed, match="neither counts"):
+        homed.home()
+    encoder_end.position = 5000
+    for n in range(200):
+        tick(wire, homed, 300 + n)
+    homed.home()
+    assert tick(wire, homed, 600).homed
 
 
 def test_homing_at_the_same_mark_and_after_a_boot_up_is_asked_for_once(wire, homed, encoder_end):

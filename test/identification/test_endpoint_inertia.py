@@ -6,7 +6,8 @@ import pytest
 
 from screw_module_ros.geometry import MANUS, forward, inverse, jacobian
 from screw_module_ros.identification.endpoint_inertia import (
-    JointInertia,
+    INMOTION2,
+    SETS,
     anisotropy,
     grid,
     least_anisotropy,
@@ -14,7 +15,7 @@ from screw_module_ros.identification.endpoint_inertia import (
     tensors,
 )
 
-JOINTS = JointInertia(0.391, 0.228, 0.227)
+JOINTS = INMOTION2
 
 
 def test_links_at_a_right_angle_feel_like_two_masses():
@@ -48,6 +49,23 @@ def test_anisotropy_does_not_depend_on_the_way_the_arm_points():
 def test_the_least_anisotropy_is_below_that_of_the_workspace():
     over = anisotropy(tensors(grid(0.1905, 0.2286, 9, 9), JOINTS))
     assert least_anisotropy(JOINTS) <= over.min() * (1 + 1e-3)
+
+
+def test_the_derived_set_meets_what_appendix_d_prints():
+    joints, arm = SETS["appendix_d"]
+    bare = tensors(grid(0.1905, 0.2286, 41, 41), joints, arm=arm)
+    over = anisotropy(bare)
+    assert over.min() == pytest.approx(1.23, abs=0.02)
+    assert over.max() == pytest.approx(1.53, abs=0.02)
+    major = np.linalg.eigvalsh(bare)[:, 1]
+    assert major.max() <= 4.0 / 3.0
+    assert major.max() + 2.7 == pytest.approx(4.0, abs=0.05)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_sets_are_inertias(name):
+    joints, _ = SETS[name]
+    assert joints.shoulder * joints.elbow > joints.coupling**2
 
 
 def test_out_of_reach_is_refused():

@@ -16,7 +16,14 @@ BLOW = 6.0  # [N] for less than 0.4 s: the mass that arrives at the far side of 
 @pytest.mark.parametrize(
     ("mode", "friction"),
     # The screw's friction stands between motor and hand; feedback of gain 5 leaves a sixth of it.
-    [(modes.IMPEDANCE, 16.0), (modes.FORCE_FEEDBACK, 3.0)],
+        # OBSERVER, which needs nothing known of the screw, comes nearest.
+    [
+        (modes.IMPEDANCE, 16.0),
+        (modes.FRICTION_COMPENSATION, 16.0),
+        (modes.FORCE_FEEDBACK, 3.0),
+        (modes.COMBINED, 3.0),
+        (modes.OBSERVER, 1.0),
+    ],
 )
 @pytest.mark.parametrize(("aim", "largest"), [(0.34, 65.0), (0.02, -45.0)])
 def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
@@ -39,4 +46,5 @@ def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
     assert sum(pressed[-500:]) / 500 >= abs(largest) - friction
     parts = enabled.controller.output
     assert parts.impedance == pytest.approx(largest)
-    assert parts.force == pytest.approx(parts.impedance + parts.gravity + parts.feedback)
+    total = parts.impedance + parts.gravity + parts.friction + parts.feedback
+    assert parts.force == pytest.approx(total)

@@ -36,6 +36,7 @@ def test_elsewhere_it_must_be_asked_for_twice(bench):
     refused = axes.home(bench.now_ns)
     assert "mm against the last homing" in refused and "again" in refused
     assert (shoulder.angle, elbow.angle) == angles, "nothing moved"
+    assert not axes.homed and "not homed" in bench.enable_plane()
     bench.ticks(500)
     assert "against" in axes.home(bench.now_ns), "too soon to be a second thought"
     bench.ticks(2000)

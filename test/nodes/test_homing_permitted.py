@@ -61,13 +61,13 @@ def test_not_while_the_drive_is_enabled(home, state):
     """Whether by us or by somebody else; nothing is cleared then either."""
     said = home(state)
     assert "the vertical drive is enabled" in said and "disable it first" in said
-    assert home() == "the fault is cleared, the last homing holds; this moves the origin by 57 mm"
+    assert home() == "the fault is cleared; this moves the origin by 57 mm"
 
 
 @pytest.mark.parametrize("states", [(), (AmplifierState(),)])
 def test_while_disabled_or_silent_only_the_encoder_is_asked(home, states):
     said = home(*states)
-    assert said == "the fault is cleared, the last homing holds; this moves the origin by 57 mm"
+    assert said == "the fault is cleared; this moves the origin by 57 mm"
     assert home(*states) == "homed at 0.25 m"
 
 

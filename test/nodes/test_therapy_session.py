@@ -6,15 +6,24 @@ from __future__ import annotations
 import math
 import os
 import shutil
+import stat
 
 import pytest
 import yaml
-from screw_module_msgs.msg import AssistanceChange, ForceCommand, TherapyState, TrialResult
+from diagnostic_msgs.msg import DiagnosticArray
+from screw_module_msgs.msg import (
+    AssistanceChange,
+    ForceCommand,
+    TherapySlot,
+    TherapyState,
+    TrialResult,
+)
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+from screw_module_ros.recording.cli import main
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.bag import read_session, replayed
 
@@ -108,6 +117,7 @@ def session(tmp_path_factory):
                 with pytest.raises(RobotError) as refused:
                     robot.ask(StartTherapy, "therapy_session/start", request)
                 told["refused"].append(str(refused.value))
+            told["bad slot"] = diagnosed_after_bad_slot(robot)
             request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
             robot.ask(StartTherapy, "therapy_session/start", request)
             patient.until(lambda: len(patient.results) >= 2, 60.0, "no trial comes to its end")
@@ -127,6 +137,29 @@ def session(tmp_path_factory):
     if keep := os.environ.get("KEEP_THERAPY_BAG"):
         shutil.copytree(told["bag"], keep)
     return told
+
+
+def diagnosed_after_bad_slot(robot):
+    """Publish a slot that cannot be; return what both controllers say of it."""
+    publisher = robot.node.create_publisher(TherapySlot, "therapy/slot", 1)
+    slot = TherapySlot(planar=True, vertical=True, duration=math.nan)
+    said = {}
+
+    def heard(message):
+        for status in message.status:
+            values = {value.key: value.value for value in status.values}
+            said[status.name] = values.get("slot refused", "")
+
+    subscription = robot.node.create_subscription(DiagnosticArray, "/diagnostics", heard, 50)
+
+    def refused():
+        publisher.publish(slot)
+        return all("duration" in said.get(name, "") for name in ("manus", "impedance_controller"))
+
+    robot.wait_until(refused, 20.0, "nobody refuses a slot of no duration")
+    robot.node.destroy_subscription(subscription)
+    robot.node.destroy_publisher(publisher)
+    return said
 
 
 def make_ready(robot):
@@ -191,6 +224,24 @@ def test_the_recording_gives_the_same_results_bit_for_bit(session):
     assert found.problems == []
     assert len(found.results) == TRIALS
     assert recorded.changes[0]["reason"] == session["changes"][0].reason
+
+
+def test_the_commands_read_the_bag(session, tmp_path, capsys):
+    bag, out = str(session["bag"]), tmp_path / "out"
+    assert main(["replay", bag]) == 0
+    assert capsys.readouterr().out.startswith(f"equal: {TRIALS} trials")
+    assert main(["export", "--out", str(out), bag]) == 0
+    lines = (out / "trials.csv").read_text().splitlines()
+    assert len(lines) == 1 + TRIALS and lines[1].startswith(f"{PATIENT},clock_adaptive,")
+    assert main(["report", "--out", str(out), bag]) == 0
+    made = sorted(file.name for file in out.iterdir())
+    assert made == [f"{PATIENT}_report.html", f"{PATIENT}_report.pdf", "trials.csv"]
+    assert {stat.S_IMODE(file.stat().st_mode) for file in out.iterdir()} == {0o600}
+
+
+def test_a_slot_that_cannot_be_is_refused_by_both_controllers(session):
+    for name in ("manus", "impedance_controller"):
+        assert session["bad slot"][name].startswith("therapy/slot: Slot: duration = nan")
 
 
 def test_it_ends_in_order(session):

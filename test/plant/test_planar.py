@@ -45,9 +45,9 @@ def inertia(shoulder, elbow, mass):
     """M(q) of design section 7 with a mass at the tip, written out again."""
     c = math.cos(elbow - shoulder)
     return (
-        0.391 + mass * L1 * L1,
-        (0.227 + mass * L1 * L2) * c,
-        0.228 + mass * L2 * L2,
+        0.173 + mass * L1 * L1,
+        (0.171 + mass * L1 * L2) * c,
+        0.226 + mass * L2 * L2,
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import random
+from pathlib import Path
 from typing import NamedTuple
 
 from screw_module_ros.control.slot import (
@@ -29,6 +30,10 @@ from screw_module_ros.plant.arm import (
     spring_terms,
 )
 from screw_module_ros.plant.patient import ArmSettings, changed_patient, resting_patient
+from screw_module_ros.therapy.bag import Recorded
+from screw_module_ros.therapy.protocol import Protocol
+from screw_module_ros.therapy.record import flat
+from screw_module_ros.therapy.replay import Act
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import RUNNING, Session
 from screw_module_ros.therapy.trial import PREPARE
@@ -99,7 +104,7 @@ class Simulation:
             return
         self.shown = seen
         if trial.phase == PREPARE:
-            self._go(trial.plan.start, 1.5, 0.0, 1.0)
+            self._go(trial.origin, 1.5, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
                 self.person.spread * self.chance.gauss(0.0, 1.0)
@@ -186,3 +191,35 @@ class Simulation:
             self.step()
         return samples
 
+
+
+def recorded(person: Person, protocol: Protocol, seed: int, day: int = 0) -> Recorded:
+    """Return a session of a simulated patient as a bag would tell it. day: after 2026-01-05."""
+    session = Session(protocol)
+    simulation = Simulation(session, person, seed)
+    simulation.now_ns = (1_767_600_000 + 86_400 * day) * 1_000_000_000
+    samples = simulation.run()
+    rows = [
+        {
+            **flat(result),
+            "start": result.plan.start,
+            "target": result.plan.target,
+            "started_ns": result.start_ns,
+            "ended_ns": result.end_ns,
+        }
+        for result in session.results
+    ]
+    changes = [
+        {
+            "block": 2,
+            "circuit": change.circuit,
+            "duration_before": change.before.duration,
+            "duration": change.after.duration,
+            "side_stiffness_before": change.before.side_stiffness,
+            "side_stiffness": change.after.side_stiffness,
+            "reason": change.reason,
+        }
+        for change in session.changes
+    ]
+    acts = [Act(0, RUNNING, ""), Act(samples[-1].sequence, session.state, session.reason)]
+    return Recorded(Path("bag"), "P-7K3QX", protocol, acts, rows, changes, samples)

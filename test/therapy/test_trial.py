@@ -210,3 +210,21 @@ def test_gaps_say_after_which_sample_and_how_many():
     wrapped = at(2**32 - 10, 2**32 - 5, 0, 5, 15)
     assert gaps_of(wrapped) == ((5, 1),)
     assert gaps_of(at(7)) == ()
+
+
+def test_an_axis_that_is_not_known_does_not_matter():
+    """A locked or unhomed vertical tells NaN; a reach in the plane has all its figures."""
+    hand = Hand(trial())
+    take = hand.trial.take
+    hand.trial.take = lambda sample: take(sample._replace(z=math.nan, vz=math.nan))
+    hand.stay(0.6, fy=1.0)
+    assert hand.trial.phase == WAIT
+    begin = hand.y
+    for k in range(1, 201):
+        hand.y = begin + 0.14 * way(k / 200)
+        hand.take(0.14 * pace(k / 200), fy=5.0)
+    hand.stay(0.6)
+    figures = hand.trial.result.figures
+    assert figures.patient_work == pytest.approx(5.0 * 0.14, rel=0.1)
+    assert figures.robot_share == 0.0
+    assert math.isfinite(figures.path_error) and math.isfinite(figures.sparc)

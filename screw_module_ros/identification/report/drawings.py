@@ -14,6 +14,7 @@ from ..figures import (
     friction_model,
     friction_spectrum,
     inertia,
+    stability,
     torque,
 )
 from ..figures import curves as chapter_6
@@ -29,6 +30,8 @@ _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
     "torque_response": torque.torque_figures,
     "force_position": chapter_6.force_position_figures,
     "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
+    "force_error": stability.force_error_figures,
+    "stability": stability.stability_figures,
     "friction_spectrum": friction_spectrum.spectrum_figures,
     "friction_map": friction_maps.friction_map_figures,
     "gravity": friction_model.gravity_figures,

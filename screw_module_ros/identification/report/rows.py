@@ -13,6 +13,9 @@ from .study import Module
 from .truth import true_mass, true_weight
 from .words import like
 
+LOOSE = 0.3
+"""Share of a figure beyond which a tolerance no longer lets it agree, only be compatible."""
+
 
 class Compared(NamedTuple):
     """A published figure beside ours."""
@@ -29,6 +32,16 @@ class Compared(NamedTuple):
     def agrees(self) -> bool:
         """Whether the difference is as small as it should be."""
         return abs(self.difference) <= self.published.near * (1.0 + 1e-9)
+
+    @property
+    def verdict(self) -> str:
+        """What the table says: a tolerance wider than `LOOSE` of the figure shows little."""
+        if self.ours is None:
+            return "missed"
+        if not self.agrees:
+            return "differs"
+        loose = self.published.near > LOOSE * abs(self.published.value)
+        return "compatible" if loose else "agrees"
 
 
 class Wanted(NamedTuple):

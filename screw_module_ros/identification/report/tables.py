@@ -16,7 +16,9 @@ from .words import like, number, scaled, value_text
 
 _THESIS_SAYS = re.compile(r" \((?:thesis|appendix|Table|fig|[A-D0-9]\.)[^)]*\)$")
 
-COMPARED_HEAD = ("experiment", "quantity", "figure", "thesis", "ours", "difference", "verdict")
+COMPARED_HEAD = (
+    "experiment", "quantity", "figure", "thesis", "tolerance", "ours", "difference", "verdict",
+)  # fmt: skip
 CHECKED_HEAD = ("experiment", "quantity", "truth", "identified", "wanted", "verdict")
 CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with feedback")
 
@@ -28,18 +30,18 @@ def compared_rows(rows: Iterable[Compared], brief: bool = False) -> list[tuple[s
         p = row.published
         if row.ours is None:
             given = (p.experiment, p.quantity, p.where, number(p.value))
-            cells.append((*given, "no result", "", "missed"))
+            cells.append((*given, number(p.near), "no result", "", row.verdict))
             continue
-        verdict = "agrees" if row.agrees else "differs"
         cells.append(
             (
                 p.experiment,
                 _label(row.ours, brief),
                 p.where,
                 like(row.ours, p.value),
+                f"± {number(p.near * scaled(row.ours.value, row.ours.unit)[0])}",
                 value_text(row.ours),
                 _difference(row),
-                verdict,
+                row.verdict,
             )
         )
     return cells

@@ -16,7 +16,7 @@ def value_text(quantity: Quantity) -> str:
         return f"{number(value)} {unit}".strip()
     digits = max(0, 1 - math.floor(math.log10(spread)))
     if digits > 6 or abs(value) >= 1e5:
-        return f"{number(value)} ± {spread:.1g} {unit}".strip()
+        return f"{number(value)} ± {spread:.2g} {unit}".strip()
     return f"{value:.{digits}f} ± {spread:.{digits}f} {unit}".strip()
 
 

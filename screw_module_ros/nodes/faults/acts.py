@@ -12,6 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .limits import PERIOD_NS
 from .row import Act, Failed
+from .way_back import AGAIN, SECOND_WORD_S
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
@@ -33,9 +34,15 @@ def cured(device: str) -> Act:
 def rehomed(stand) -> None:
     """Carry the handle to the reference mark and home the encoder there."""
     stand.patient.place()
-    stand.robot.wait_until(
-        lambda: stand.robot.call(Trigger, "encoder/home").success, 5.0, "encoder/home is refused"
-    )
+
+    def home() -> bool:
+        answer = stand.robot.call(Trigger, "encoder/home")
+        if AGAIN in answer.message:
+            stand.robot.pause(SECOND_WORD_S)
+            answer = stand.robot.call(Trigger, "encoder/home")
+        return answer.success
+
+    stand.robot.wait_until(home, 8.0, "encoder/home is refused")
 
 
 def both(*acts: Act) -> Act:

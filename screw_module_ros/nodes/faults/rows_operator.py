@@ -20,6 +20,7 @@ from .acts import both, called, cured, fault, published, refused, repeated, swit
 from .limits import BY_SERVICE, DYING, STALE, TOLD
 from .patient import HOME, SPRING
 from .row import EITHER, GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
+from .way_back import AGAIN
 
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
@@ -95,7 +96,7 @@ def _operator() -> Iterator[Row]:
     yield _goes_on("home-elsewhere", "encoder/home while disabled, away from the mark",
                    _home_elsewhere, "encoder refuses the first time, and who asks again at once",
                    )._replace(safe=OFF, within=BY_SERVICE, plane_within=BY_SERVICE,
-                              way_back="enable")  # fmt: skip
+                              way_back="encoder/home at the mark, enable")  # fmt: skip
     yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
     yield Row(
@@ -157,7 +158,7 @@ def _home_elsewhere(stand) -> float:
     stand.robot.pause(1.0)
     before = stand.heard.now.height
     for _ in range(10):
-        refused("encoder/home", said="against the last homing")(stand)
+        refused("encoder/home", said=AGAIN)(stand)
     state = stand.robot.state(ImpedanceState)
     if state is None or abs(state.position - before) > 0.005:
         raise Failed("the origin has moved")

@@ -14,6 +14,9 @@ from .patient import Patient
 
 _READY_S, _STEP_S, _SETTLE_S = 30.0, 0.02, 0.6
 _TARE_AGAIN_S = 1.5
+AGAIN = "against the last homing"
+"""In the answer of a homing that wants a second word."""
+SECOND_WORD_S = 1.5
 
 
 class WayBack:
@@ -51,7 +54,7 @@ class WayBack:
         robot, heard = self._robot, self._heard
         if not heard.homed:
             self._patient.place()
-            return self._try(Trigger, "encoder/home")
+            return self._home("encoder/home")
         ill = any(
             told.startswith("force_sensor:") and "samples/s" not in told
             for told in robot.complaints()
@@ -81,8 +84,16 @@ class WayBack:
             return self._try(Trigger, "manus/clear_fault") or plane.reason
         if not plane.homed:
             self._patient.place_plane()
-            return self._try(Trigger, "manus/home") or "manus: homed"
+            return self._home("manus/home") or "manus: homed"
         return ""
+
+    def _home(self, service: str) -> str:
+        """Home, with a second word where the count contradicts the last time: it is at the mark."""
+        refused = self._try(Trigger, service)
+        if AGAIN not in refused:
+            return refused
+        self._robot.pause(SECOND_WORD_S)
+        return self._try(Trigger, service)
 
     def _permission(self) -> str:
         state = self._robot.state(SafetyState)

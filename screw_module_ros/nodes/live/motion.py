@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,13 @@ class Motion:
         """
         session, stand, robot = self._session, self._session.stand, self._session.robot
         stand.require("human_arm")
+        if (trial.way, trial.side_force, trial.tremor) != (0.0, 0.0, 0.0) or math.isfinite(
+            trial.released_after
+        ):
+            raise NotPossible(
+                "a hand that holds off the centre, presses sideways, trembles or lets go is only "
+                "there in process: run this experiment with `make reproduce`"
+            )
         session.check_homed()
         check_disabled(robot)
         linearization = self._fitting_linearization(trial)

@@ -23,7 +23,7 @@ class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
     inbox, forces: what is waited for apart, the encoder sample and the force. period_ns: of the
-    node. wanted: the set point.
+    node. wanted: the set point; slot: that of a therapy session.
     """
 
     def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
@@ -33,7 +33,7 @@ class ControllerInputs:
         self._take_encoder = take(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
         self._take_force = forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
         self._take_setpoint = take(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self._slot = SlotInbox(inbox, vertical=True)
+        self.slot = SlotInbox(inbox, vertical=True)
         self._take_amplifier = take(AmplifierState, "screw/amplifier_state", qos.NEWEST)
         take_safety = take(SafetyState, "safety_state", qos.COMMAND)
         self._safety = Newest(take_safety, _SAFETY_AGE_NS)
@@ -66,7 +66,7 @@ class ControllerInputs:
     def hear(self, controller: VerticalController, now_ns: int) -> None:
         """Take set point, slot and amplifier state, where they come by a topic."""
         controller.held = self.wrong_rate
-        self._slot.hear(controller.guide, now_ns)
+        self.slot.hear(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)

@@ -33,6 +33,7 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
     message.desired_velocity = output.desired_velocity
     message.stiffness, message.damping = blend.stiffness, blend.damping
     message.force_gain = blend.gain
+    message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force
     message.samples = controller.meter.samples

@@ -83,7 +83,7 @@ def fill_state(message: TherapyState, session: Session, sample: HandSample | Non
         return
     block = session.protocol.blocks[trial.plan.block - 1]
     message.trial, message.circuit = trial.plan.number, trial.plan.circuit
-    message.block, message.assisted = block.title, block.assisted
+    message.block, message.kind, message.assisted = block.title, block.kind, block.assisted
     message.phase = _PHASES.get(trial.phase, TherapyState.NONE)
     _fill_points(message, trial.plan)
     start_ns = session.wish.start_ns

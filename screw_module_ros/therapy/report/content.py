@@ -14,10 +14,17 @@ import numpy as np
 from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..line import AXES
-from ..protocol import REACH
+from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH
 
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
+OTHERS = {
+    CIRCLE: ("independence", "size", "log_jerk"),
+    HOLD: ("hold_deviation",),
+    RESISTED: ("pm4",),
+    STRENGTH: ("largest_force", "largest_vertical_force"),
+}
+"""Figures of trials that are no reaches, by their kind."""
 _NS = 1e-9
 
 
@@ -55,10 +62,12 @@ def outward_paths(recorded: Recorded) -> list[Path]:
     """
     axes = AXES[recorded.protocol.space]
     rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
+    at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
     times = np.array([sample.time_ns for sample in recorded.samples])
     found = []
     for number, row in enumerate(rows):
-        first, last = np.searchsorted(times, (row["started_ns"], row["ended_ns"]))
+        last = int(np.searchsorted(times, row["ended_ns"]))
+        first = at.get(row["first"], last)
         points = np.array(
             [[s.position[a] for a in axes] for s in recorded.samples[first : last + 1]]
         )
@@ -104,6 +113,16 @@ def summary(recorded: Recorded) -> Summary:
         f"{share:.0f} %" if math.isfinite(share) else "–",
         f"{lost} of {lost + samples}",
     )
+
+
+def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
+    """Return (block's title, name of a figure, median in its unit) of what is not a reach."""
+    found = []
+    for number, block in enumerate(recorded.protocol.blocks, 1):
+        rows = [row for row in recorded.trials if row["block"] == number]
+        for name in OTHERS.get(block.kind, ()) if rows else ():
+            found.append((block.title, name, middle(rows, name)))
+    return found
 
 
 def date_of(recorded: Recorded) -> str:

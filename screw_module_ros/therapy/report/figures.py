@@ -27,7 +27,7 @@ def paths_figure(recorded: Recorded) -> Figure:
     """Draw the outward paths of a session, apart without and with assistance."""
     paths = outward_paths(recorded)
     with rc_context({**STYLE, **_SMALL}):
-        figure = Figure(figsize=(7.4, 3.7), layout="constrained")
+        figure = Figure(figsize=(7.4, 3.1), layout="constrained")
         panels = figure.subplots(1, 2, sharex=True, sharey=True)
         for axes, assisted in zip(panels, (False, True), strict=True):
             kept = [path for path in paths if path.assisted is assisted]
@@ -36,8 +36,10 @@ def paths_figure(recorded: Recorded) -> Figure:
                 _heights(axes, kept)
             else:
                 _plane(axes, kept, recorded.protocol.rules.hit_radius)
-        if paths:
-            panels[1].legend(loc="upper right")
+        lines = {line.get_label(): line for axes in panels for line in axes.get_lines()}
+        shown = {name: lines[name] for name in ("earlier", "last third", "target") if name in lines}
+        if shown:
+            figure.legend(shown.values(), shown.keys(), loc="outside right upper")
     return figure
 
 
@@ -51,7 +53,7 @@ def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
         angle = np.linspace(0.0, 2.0 * np.pi, 40)
         axes.plot(1e3 * (x + hit_radius * np.cos(angle)), 1e3 * (y + hit_radius * np.sin(angle)),
                   color=DESIRED, lw=1.2, zorder=4, label=_once(axes, "target"))  # fmt: skip
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("to the patient's right [mm]")
     axes.set_ylabel("away from the patient [mm]")
 
@@ -77,7 +79,7 @@ def _once(axes: Axes, label: str) -> str | None:
 def trials_figure(sessions: Sequence[Recorded]) -> Figure:
     """Draw the figures of SHOWN over all trials, session after session."""
     with rc_context({**STYLE, **_SMALL}):
-        figure = Figure(figsize=(7.4, 4.4), layout="constrained")
+        figure = Figure(figsize=(7.4, 3.5), layout="constrained")
         panels = figure.subplots(2, 3).ravel()
         for axes, name in zip(panels, SHOWN, strict=True):
             _figure_over_trials(axes, sessions, name)
@@ -119,10 +121,10 @@ def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted:
 def assistance_figure(sessions: Sequence[Recorded]) -> Figure:
     """Draw duration and stiffness in use after each circuit at which they were judged."""
     with rc_context({**STYLE, **_SMALL}):
-        figure = Figure(figsize=(7.4, 1.9), layout="constrained")
+        figure = Figure(figsize=(7.4, 1.5), layout="constrained")
         left, right = figure.subplots(1, 2)
-        _steps(left, sessions, "duration", "time of the back wall [s]; longer is more help")
-        _steps(right, sessions, "side_stiffness", "side walls [N/m]; stiffer is more help")
+        _steps(left, sessions, "duration", "time allowed for a reach [s]")
+        _steps(right, sessions, "side_stiffness", "stiffness of the side walls [N/m]")
     return figure
 
 

@@ -19,7 +19,7 @@ from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import SHOWN, middle, rate_of, reaches, summary
+from .content import SHOWN, middle, other_tests, rate_of, reaches, summary
 from .figures import assistance_figure, paths_figure, trials_figure
 
 HEADS = (
@@ -69,6 +69,7 @@ def write_page(file: Path, sessions: Sequence[Recorded], replays: Sequence[Repla
         "<h2>Figures over trials and sessions; bars are the medians of each block</h2>",
         _image(trials_figure(sessions), "Figures over trials"),
         _medians(sessions),
+        _others(sessions),
         "<h2>Assistance</h2>",
         _image(assistance_figure(sessions), "Assistance over the circuits"),
         _reasons(latest),
@@ -116,6 +117,20 @@ def _medians(sessions: Sequence[Recorded]) -> str:
                 cells = [number_text(middle(kept, name)) for name in SHOWN]
                 rows.append([f"{summary(session).date}, {words}", *cells])
     return _table(heads, rows, {labelled(name): name for name in SHOWN})
+
+
+def _others(sessions: Sequence[Recorded]) -> str:
+    """Return the medians of what is not a reach: circles, holding, strength."""
+    lines = []
+    for session in sessions:
+        for title, name, value in other_tests(session):
+            label = f'<a href="#{name}">{escape(labelled(name))}</a>'
+            cells = (escape(summary(session).date), escape(title), label, number_text(value))
+            lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    if not lines:
+        return ""
+    heads = "".join(f"<th>{head}</th>" for head in ("session (UTC)", "test", "figure", "median"))
+    return f"<h2>Other tests</h2><table><tr>{heads}</tr>{''.join(lines)}</table>"
 
 
 def labelled(name: str) -> str:

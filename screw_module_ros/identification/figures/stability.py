@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of what limits the force gain (7.1), and of the force error over all samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from ...control.modes import MODE_NAMES
+from ..force_metric import ErrorOf
+from ..results import Result
+from .style import COLOURS, DESIRED, STYLE
+
+
+def stability_figures(result: Result) -> dict[str, Figure]:
+    """Draw the largest stable gain over the delay and over the mass that holds the handle."""
+    data = result.data
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+        left, right = figure.subplots(1, 2, sharey=True)
+        for number, name in enumerate(("feedback", "observer")):
+            style = {"color": COLOURS[number], "label": name}
+            left.plot(1e3 * data["delays"], data[f"delay_{name}"], **style)
+            right.plot(data["masses"], data[f"mass_{name}"], **style)
+        for number, axes in enumerate((left, right)):
+            axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")
+            axes.set_yscale("log")
+            axes.set_xlabel(
+                ("delay from sample to current [ms]", "mass of the arm at the handle [kg]")[number]
+            )
+        right.set_xscale("log")
+        left.set_ylabel("largest stable force gain")
+        left.set_title("What the linear loop allows (7.1); dashed: the thesis's 5", loc="left")
+        left.legend()
+    return {"stability": figure}
+
+
+def force_error_figures(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every mode in every trial."""
+    names = list(result.settings["cases"])
+    kinds = [MODE_NAMES[mode].lower() for mode in result.settings["modes"]]
+    width = 0.8 / len(kinds)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+        axes = figure.add_subplot()
+        for number, kind in enumerate(kinds):
+            rms = [ErrorOf(*result.data[f"{kind}_{name}"]).rms for name in names]
+            axes.bar(
+                np.arange(len(names)) + (number - 0.5 * (len(kinds) - 1)) * width, rms, width,
+                color=COLOURS[number % len(COLOURS)], label=kind.replace("_", " "),
+            )  # fmt: skip
+        axes.set_yscale("log")
+        axes.set_xticks(np.arange(len(names)), names, rotation=60, ha="right")
+        axes.set_ylabel("rms force error, all samples [N]")
+        axes.set_title("What the hand feels beyond the impedance asked for", loc="left")
+        axes.legend(ncols=2)
+    return {"force error": figure}

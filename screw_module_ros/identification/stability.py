@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Largest stable force gain predicted, what limits it, and the onset in simulation (thesis 7.1).
+
+A designer's question before metal is cut: how much force feedback will mass, contact, delay, rate,
+filters and the hand allow? The linear sampled loop (`sampled_loop`) answers in milliseconds; each
+limit is taken away in turn to see what it costs. Where the bench is a simulated module, the gain is
+also raised in simulation, without play, until the handle chatters, to hold the prediction against.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..settings import Setting, validated
+from .force_gain import reduced
+from .lab import Job, Lab
+from .results import Quantity, Result
+from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
+from .trials import Arm, MotionTrial
+
+NAME = "stability"
+ENVIRONMENTS = {
+    "hand": ("a hand of 3 kg, 300 N/m, 5 Ns/m", Environment()),
+    "heavy_arm": ("an arm of 30 kg, 300 N/m, 30 Ns/m", Environment(30.0, 300.0, 30.0)),
+    "wall": ("a wall of 1e5 N/m, half of critical damping", Environment(0.0, 1e5, 740.0)),
+    "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Environment(1.0, 1e5, 30.0)),
+}
+_RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
+_MOST = 50.0  # what the law allows
+_CHATTER = 1.0  # [N] rms above 30 Hz: nearer to the limit the loop only amplifies noise
+
+
+class Settings(NamedTuple):
+    """The loop and the mechanism; a simulated module brings its own."""
+
+    rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 1000.0
+    delay: Annotated[
+        float, Setting("from a sample to the current's answer", "s", 0.0, 0.02)
+    ] = 1.26e-3
+    nut_mass: Annotated[float, Setting("turning with the screw", "kg", 0.1, 50.0)] = 4.4666
+    handle_mass: Annotated[float, Setting("beyond the play", "kg", 0.05, 50.0)] = 1.0234
+    contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
+    contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
+    cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
+    simulated: Annotated[bool, Setting("also look for the onset in simulation")] = True
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Predict, and simulate where the module is simulated. Raises ValueError, Cancelled."""
+    validated(settings)
+    mechanism, sampling = _of(lab, settings)
+    quantities, data, notes = [], {}, []
+    for name, (text, environment) in ENVIRONMENTS.items():
+        loops = (
+            ("feedback", Feedback(5.0, settings.cutoff)),
+            ("observer", _observer(VerticalSettings())),
+        )
+        for law_name, law in loops:
+            gain = largest_gain(mechanism, environment, sampling, law)
+            quantities.append(
+                Quantity(f"{law_name}_{name}", gain, math.nan, "",
+                         f"largest stable gain predicted, {law_name}, {text}")
+            )  # fmt: skip
+            costs = limits(mechanism, environment, sampling, law)
+            data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
+            worst = max(costs, key=costs.get)
+            notes.append(f"{law_name}, {text}: limited by {worst}; {_told(costs)}.")
+        if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
+            predicted = quantities[-2].value
+            low, high = _onset(lab, name, environment, predicted, settings.cutoff)
+            quantities.append(
+                Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "",
+                         f"gain at which the simulated module without play chatters, {text}")
+            )  # fmt: skip
+    data |= _curves(mechanism, sampling, settings.cutoff)
+    notes.append(
+        "Numbers after each limit: the gain with that one taken away, over the gain as it is. The "
+        "linear loop has neither friction, which helps, nor play, which hurts."
+    )
+    return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
+
+
+def limits(
+    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Feedback | Observer
+) -> dict[str, float]:
+    """Return by what factor the largest gain grows when each limit is taken away, by name.
+
+    Raises ValueError when no gain is stable.
+    """
+    now = largest_gain(mechanism, environment, sampling, law)
+    if now <= 0.0:
+        raise ValueError("no gain is stable: nothing can be said of what limits it")
+    # A shorter period also shortens what the delay has of it, so the delay is kept.
+    without = {
+        "the delay": (mechanism, environment, sampling._replace(delay=1e-6), law),
+        "the sampling rate": (mechanism, environment, sampling._replace(
+            rate=4.0 * sampling.rate), law),
+        "the contact": (mechanism._replace(contact_stiffness=30.0 * mechanism.contact_stiffness,
+                                           contact_damping=5.0 * mechanism.contact_damping),
+                        environment, sampling, law),
+        "amplifier and transducer": (mechanism._replace(amplifier=2e4, transducer=2e4),
+                                     environment, sampling, law),
+        "the environment's mass": (mechanism, environment._replace(mass=0.0), sampling, law),
+        "the environment's stiffness": (mechanism, environment._replace(stiffness=0.0),
+                                        sampling, law),
+    }  # fmt: skip
+    return {
+        name: min(largest_gain(*loop, most=1000.0), 1000.0) / now for name, loop in without.items()
+    }
+
+
+def hand_formula(
+    mechanism: Mechanism, environment: Environment, sampling: Sampling, cutoff: float
+) -> float:
+    """Return the largest gain by hand: phase 180 degrees at wp, where filter and delay meet.
+
+    Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
+    is half a period more than the delay and the amplifier's lag. NaN where the contact's resonance
+    wr lies below wp, and without a mass in the environment.
+    """
+    if environment.mass <= 0.0:
+        return math.nan
+    corner = 2.0 * math.pi * cutoff
+    tau = sampling.delay + 0.5 / sampling.rate + 0.5 / (math.pi * mechanism.amplifier)
+    low, high = 0.0, math.pi / tau
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        past = math.atan(middle / corner) + middle * tau > math.pi
+        low, high = (low, middle) if past else (middle, high)
+    outer = mechanism.handle_mass + environment.mass
+    resonance = math.sqrt(mechanism.contact_stiffness * (1.0 / mechanism.nut_mass + 1.0 / outer))
+    if low >= resonance:
+        return math.nan
+    mass = mechanism.nut_mass + outer
+    gain = mass / environment.mass * math.sqrt(1.0 + (low / corner) ** 2)
+    return gain * (1.0 - (low / resonance) ** 2)
+
+
+def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling]:
+    """Return mechanism and sampling, of the simulated module where there is one."""
+    world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))
+    if world is None or loop is None:
+        return (
+            Mechanism(settings.nut_mass, settings.handle_mass, settings.contact_stiffness,
+                      settings.contact_damping),
+            Sampling(settings.rate, settings.delay),
+        )  # fmt: skip
+    v, a = world.vertical, world.amplifier
+    return (
+        Mechanism(v.turning_mass, v.moving_mass, v.contact_stiffness, v.contact_damping,
+                  a.bandwidth, world.sensor.bandwidth),
+        Sampling(loop.rate, loop.command_delay + a.delay),
+    )  # fmt: skip
+
+
+def _observer(law: VerticalSettings) -> Observer:
+    return Observer(
+        law.observer_gain, law.observer_cutoff, law.observer_bandwidth, law.mass,
+        law.observer_delay, law.stiffness, law.least_damping,
+    )  # fmt: skip
+
+
+def _told(costs: dict[str, float]) -> str:
+    return ", ".join(f"{name} x{factor:.2g}" for name, factor in costs.items())
+
+
+def _onset(
+    lab: Lab, name: str, environment: Environment, predicted: float, cutoff: float
+) -> tuple[float, float]:
+    """Return the largest gain tried without chatter and the smallest with it."""
+    gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
+    jobs = [
+        Job(
+            f"{name}_{gain:.3g}",
+            MotionTrial(
+                modes.FORCE_FEEDBACK,
+                VerticalSettings(force_gain=gain, force_cutoff=cutoff, chatter_limit=_MOST),
+                arm=Arm(*environment), amplitude=0.05, duration=8.0, preloaded=True,
+            ),
+            reduced,
+        )
+        for gain in gains
+    ]  # fmt: skip
+    parts = lab.run(NAME, jobs)
+    bad = [gain for gain, job in zip(gains, jobs, strict=True)
+           if float(parts[job.name]["rms"]) > _CHATTER]  # fmt: skip
+    high = min(bad, default=math.inf)
+    low = max((gain for gain in gains if gain < high), default=0.0)
+    return low, high if math.isfinite(high) else low
+
+
+def _curves(mechanism: Mechanism, sampling: Sampling, cutoff: float) -> dict[str, np.ndarray]:
+    """Return the largest gain over the delay and over the environment's mass, for a figure."""
+    delays = np.linspace(0.1e-3, 4e-3, 14)
+    masses = np.geomspace(0.3, 50.0, 14)
+    hand = Environment()
+    found = {"delays": delays, "masses": masses}
+    for name, law in (
+        ("feedback", Feedback(5.0, cutoff)), ("observer", _observer(VerticalSettings()))
+    ):  # fmt: skip
+        found[f"delay_{name}"] = np.array(
+            [largest_gain(mechanism, hand, sampling._replace(delay=d), law) for d in delays]
+        )
+        found[f"mass_{name}"] = np.array(
+            [largest_gain(mechanism, hand._replace(mass=m), sampling, law) for m in masses]
+        )
+    return found

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`session new|replay|report|export`: pseudonyms, and what recorded therapy sessions tell."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ..recording.errors import BagError
+from .bag import Recorded, read_session, replayed
+from .pseudonym import new_pseudonym, write_private
+from .record import csv_text
+
+
+def add_commands(commands: argparse._SubParsersAction) -> None:
+    """Add the commands of therapy sessions to those of `session`."""
+    new = commands.add_parser("new", help="a new pseudonym", description="Print a new pseudonym.")
+    new.set_defaults(run=_new)
+    for name, run, text, several in (
+        ("replay", _replay, "compute a therapy session again and compare", False),
+        ("report", _report, "one page on a patient's sessions: HTML and PDF", True),
+        ("export", _export, "the trials of therapy sessions as CSV", True),
+    ):
+        command = commands.add_parser(name, help=text, description=text)
+        command.add_argument(
+            "bags", type=Path, nargs="+" if several else 1, help="folder of a bag", metavar="FOLDER"
+        )
+        if several:
+            command.add_argument("--out", type=Path, required=True, help="folder for what is made")
+        command.set_defaults(run=run)
+
+
+def _new(options: argparse.Namespace) -> int:
+    print(new_pseudonym())
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    found = replayed(_read(options.bags[0]))
+    for problem in found.problems:
+        print(f"PROBLEM {problem}")
+    print(found.verdict)
+    return 0 if not found.problems else 1
+
+
+def _report(options: argparse.Namespace) -> int:
+    from .report.page import patient_of, write_page  # matplotlib takes a second
+    from .report.pdf import write_pdf
+
+    sessions = _in_order(options.bags)
+    replays = [replayed(session) for session in sessions]
+    try:
+        name = f"{patient_of(sessions)}_report"
+    except ValueError as error:
+        raise BagError(str(error)) from None
+    folder = _folder(options.out)
+    print(write_page(folder / f"{name}.html", sessions, replays))
+    print(write_pdf(folder / f"{name}.pdf", sessions, replays))
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    rows = []
+    for session in _in_order(options.bags):
+        for row in session.trials:
+            rows.append({
+                "patient": session.patient,
+                "protocol": session.protocol.name,
+                "started_ns": row["started_ns"],
+                **row,
+            })
+    file = _folder(options.out) / "trials.csv"
+    write_private(file, csv_text(rows, ("patient", "protocol", "started_ns")).encode())
+    print(file)
+    return 0
+
+
+def _read(bag: Path) -> Recorded:
+    try:
+        return read_session(bag)
+    except ValueError as error:  # of the protocol in it
+        raise BagError(str(error)) from None
+
+
+def _folder(path: Path) -> Path:
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise BagError(f"--out {path}: {error.strerror}") from None
+    return path
+
+
+def _in_order(bags: list[Path]) -> list[Recorded]:
+    """Return the sessions by the time of their first trial."""
+    sessions = [_read(bag) for bag in bags]
+    return sorted(sessions, key=lambda s: s.trials[0]["started_ns"] if s.trials else 0)

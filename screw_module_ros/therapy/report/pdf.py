@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report as PDF: the page, and behind it what each number means."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from ..bag import Recorded
+from ..definitions import DEFINITIONS
+from ..pseudonym import write_private
+from ..replay import Replay
+from .content import other_tests, rate_of, summary
+from .figures import assistance_figure, paths_figure, trials_figure
+from .page import STATEMENT, labelled, number_text, patient_of
+
+_A4 = (8.27, 11.69)  # [inch]
+_DPI = 200
+_LEFT, _WIDTH = 0.06, 0.88  # of the page
+_MOST_SESSIONS = 4  # the latest, for which the page has room; all are in the HTML
+
+
+def write_pdf(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
+    """Write the report as PDF; arguments, errors and result as of `page.write_page`."""
+    patient_of(sessions)
+    stream = io.BytesIO()
+    with PdfPages(stream, metadata={"CreationDate": None}) as pdf:
+        pdf.savefig(front(sessions, replays))
+        pdf.savefig(back())
+    write_private(file, stream.getvalue())
+    return file
+
+
+def front(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Figure:
+    """Return the first page."""
+    page = Figure(figsize=_A4)
+    page.text(_LEFT, 0.965, f"Sessions of {patient_of(sessions)}", size=14, weight="bold")
+    page.text(_LEFT, 0.95, f"{STATEMENT} Sampled at {rate_of(sessions)}.", size=7.5, color="#555")
+    lines = [_session_line(session) for session in sessions[-_MOST_SESSIONS:]]
+    page.text(_LEFT, 0.937, "\n".join(lines), size=7.5, va="top", linespacing=1.5)
+    top = 0.93 - 0.025 * len(lines)
+    for title, figure in (
+        ("Paths to the targets, latest session", paths_figure(sessions[-1])),
+        ("Figures over trials and sessions; bars are medians of each block",
+         trials_figure(sessions)),
+        ("Assistance", assistance_figure(sessions)),
+    ):  # fmt: skip
+        top = _placed(page, figure, title, top)
+    _closing(page, sessions, replays, top)
+    return page
+
+
+def _session_line(recorded: Recorded) -> str:
+    row = summary(recorded)
+    return (
+        f"{row.date}  {row.protocol}: {row.trials} trials, {row.reached} targets reached, "
+        f"{row.initiated} started by the patient;\n    assistance {row.assistance}; robot's share "
+        f"of the work {row.share}; samples lost {row.lost}"
+    )
+
+
+def _placed(page: Figure, figure: Figure, title: str, top: float) -> float:
+    """Put a figure below `top` (share of the page); return where the next one begins."""
+    canvas = FigureCanvasAgg(figure)
+    figure.set_dpi(_DPI)
+    canvas.draw()
+    picture = np.asarray(canvas.buffer_rgba())
+    width, height = figure.get_size_inches()
+    share = _WIDTH * _A4[0] / width * height / _A4[1]
+    page.text(_LEFT, top, title, size=9, weight="bold", va="top")
+    axes = page.add_axes((_LEFT, top - 0.016 - share, _WIDTH, share))
+    axes.imshow(picture, aspect="auto", interpolation="lanczos")
+    axes.axis("off")
+    return top - 0.026 - share
+
+
+def _closing(
+    page: Figure, sessions: Sequence[Recorded], replays: Sequence[Replay], top: float
+) -> None:
+    """Write the last change's reason and the replays' verdicts."""
+    lines = []
+    if others := other_tests(sessions[-1]):
+        told = [f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others]
+        lines.append(f"Medians of the latest session. {'; '.join(told)}.")
+    if sessions[-1].changes:
+        change = sessions[-1].changes[-1]
+        lines.append(f"Last change of assistance: {change['reason']}.")
+    unequal = [
+        f"{summary(session).date}: computed again from the recording: {replay.verdict}."
+        for session, replay in zip(sessions, replays, strict=True)
+        if replay.problems
+    ]
+    lines += unequal[-_MOST_SESSIONS:] or [
+        "Computed again from the recordings, all results are equal, bit for bit."
+    ]
+    wrapped = [part for line in lines for part in textwrap.wrap(line, 125)]
+    page.text(_LEFT, top, "\n".join(wrapped), size=7.5, va="top", linespacing=1.4)
+
+
+def back() -> Figure:
+    """Return the page with the definitions."""
+    page = Figure(figsize=_A4)
+    axes: Axes = page.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.axis("off")
+    axes.text(_LEFT, 0.965, "What each number means", size=14, weight="bold")
+    y = 0.945
+    for name, definition in DEFINITIONS.items():
+        axes.text(_LEFT, y, labelled(name), size=7.5, weight="bold", va="top")
+        lines = textwrap.wrap(definition.text, 100)
+        axes.text(_LEFT + 0.25, y, "\n".join(lines), size=7.5, va="top", linespacing=1.25)
+        y -= 0.012 * max(1, len(lines)) + 0.009
+    return page

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sampled loop against integration in time, and against what is known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from screw_module_ros.identification import stability
+from screw_module_ros.identification.figures.stability import stability_figures
+from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.sampled_loop import (
+    Environment,
+    Feedback,
+    Mechanism,
+    Observer,
+    Sampling,
+    _feedback,
+    _observer,
+    largest_gain,
+    spectral_radius,
+)
+
+HAND = Environment()
+
+
+def integrated(mechanism, environment, sampling, law, ticks=500):
+    """Growth per tick of the loop, integrated in small steps; written out again."""
+    dt = 1e-6
+    steps = round(1.0 / sampling.rate / dt)
+    late = round(sampling.delay / dt)
+    build = _observer if isinstance(law, Observer) else _feedback
+    a, b, c, d = build(law, 1.0 / sampling.rate)
+    inner, history = np.zeros(len(a)), [0.0] * 10
+    nut, nut_v, handle, handle_v, made, shown = 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0
+    m, e = mechanism, environment
+    sizes = []
+    for _ in range(ticks):
+        seen = np.array([nut, shown])
+        history.insert(0, float(c @ inner + d @ seen))
+        inner = a @ inner + b @ seen
+        for step in range(steps):
+            age = (step - late) // steps  # 0: this period's command, -1: the one before
+            command = history[-age] if age > -9 else 0.0
+            made += dt * 2 * math.pi * m.amplifier * (command - made)
+            contact = m.contact_stiffness * (handle - nut) + m.contact_damping * (handle_v - nut_v)
+            held = -e.stiffness * handle - e.damping * handle_v
+            handle_a = (held - contact) / (m.handle_mass + e.mass)
+            nut_v += dt * (made + contact) / m.nut_mass
+            handle_v += dt * handle_a
+            nut += dt * nut_v
+            handle += dt * handle_v
+            shown += dt * 2 * math.pi * m.transducer * (held - e.mass * handle_a - shown)
+        sizes.append(abs(shown) + abs(made))
+    late_size, early = max(sizes[-40:]), max(sizes[-240:-200])
+    return (late_size / early) ** (1 / 200)
+
+
+@pytest.mark.parametrize(
+    ("law", "sampling"),
+    [
+        (Feedback(30.0), Sampling(1000.0, 1.26e-3)),
+        (Feedback(40.0), Sampling(2000.0, 0.385e-3)),
+        (Observer(60.0), Sampling(1000.0, 1.26e-3)),
+    ],
+)
+def test_unstable_loops_grow_as_their_eigenvalue_says(law, sampling):
+    soft = Mechanism(contact_stiffness=1e6, contact_damping=500.0)
+    radius = spectral_radius(soft, HAND, sampling, law)
+    assert radius > 1.005
+    assert integrated(soft, HAND, sampling, law) == pytest.approx(radius, abs=0.002)
+
+
+def test_published_study_of_this_loop():
+    """Four cases found by another program, which also had the amplifier's 0.22 ms of lag."""
+    stiff = Mechanism()
+    assert largest_gain(stiff, HAND, Sampling(2000.0, 0.385e-3), Feedback(1.0)) == pytest.approx(
+        22.1, rel=0.1
+    )
+    assert largest_gain(stiff, HAND, Sampling(1000.0, 1.26e-3), Feedback(1.0)) == pytest.approx(
+        14.7, rel=0.1
+    )
+    heavy = Environment(30.0, 300.0, 30.0)
+    assert largest_gain(stiff, heavy, Sampling(1000.0, 1.26e-3), Feedback(1.0)) == pytest.approx(
+        5.5, rel=0.1
+    )
+
+
+def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff():
+    stiff = Mechanism(contact_stiffness=1e9, contact_damping=3e4, transducer=1e5)
+    for mass in (3.0, 10.0, 30.0):
+        arm = Environment(mass, 0.0, 20.0)
+        for sampling in (Sampling(1000.0, 1.26e-3), Sampling(2000.0, 0.385e-3)):
+            exact = largest_gain(stiff, arm, sampling, Feedback(1.0, stiffness=20.0))
+            by_hand = stability.hand_formula(stiff, arm, sampling, 30.0)
+            assert 0.7 * exact < by_hand < 1.1 * exact
+
+
+def test_hand_formula_says_when_it_does_not_hold():
+    soft = Mechanism(contact_stiffness=1e5)
+    assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
+    assert math.isnan(stability.hand_formula(Mechanism(), Environment(0.0), Sampling(), 30.0))
+
+
+def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
+    law = Observer(10.0, stiffness=100.0, damping=6.0)
+    for environment, margin in ((HAND, 2.0), (Environment(30.0, 300.0, 30.0), 1.2)):
+        assert largest_gain(Mechanism(), environment, Sampling(), law) > margin * law.gain
+
+
+def test_what_limits_is_what_helps_most_when_taken_away():
+    slow = Sampling(1000.0, 6e-3)
+    costs = stability.limits(Mechanism(), Environment(1.0, 300.0, 5.0), slow, Feedback(1.0))
+    assert costs["the delay"] > 1.3
+    assert costs["the contact"] == pytest.approx(1.0, abs=0.2)
+
+
+def test_experiment_predicts_without_a_simulated_module(tmp_path):
+    class Nothing:
+        rate, name = 1000.0, "no module"
+
+    result = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
+    assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
+    assert result.value("observer_hand") > result.value("feedback_hand")
+    assert any("limited by" in note for note in result.notes)
+    assert stability_figures(result)["stability"].axes

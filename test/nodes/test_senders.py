@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two publishers of what one node alone may publish stop who hears them; no graph."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
+
+from screw_module_ros.control.gate import OPEN, GateSettings
+from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support.senders import Senders, too_many_senders
+
+MS = 1_000_000
+
+
+def publish(node, kind, topic, count):
+    return [node.create_publisher(kind, topic, qos.SAMPLE) for _ in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "topic"), [(EncoderSample, "screw/encoder"), (ForceSample, "handle/force")]
+)
+def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, kind, topic):
+    node = make_node("impedance_controller")
+    node.connect()
+    node.begin()
+    voices = publish(node, kind, topic, 1)
+    node._senders._count()
+    node.hear(MS)
+    assert "publish" not in node.part.reason
+    voices += publish(node, kind, topic, 1)
+    node._senders._count()
+    node.hear(2 * MS)
+    assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.part.reason
+    assert node.part.faulted
+    node.destroy_publisher(voices.pop())
+    node._senders._count()
+    node.part.reset(3 * MS)
+    node.hear(3 * MS)
+    assert not node.part.faulted
+    node.close()
+
+
+def test_in_one_process_with_the_sensors_their_topics_do_not_matter(make_node):
+    node = make_node("impedance_controller")
+    node.direct = ("screw/encoder", "handle/force", "screw/amplifier_state")
+    node.connect()
+    voices = publish(node, ForceSample, "handle/force", 2)
+    node._senders._count()
+    assert node._senders.warning == "" and len(voices) == 2
+    node.close()
+
+
+def test_the_amplifier_stops_while_open_and_refuses_to_open(make_node):
+    node = make_node("amplifier")
+    node._permission = SimpleNamespace(pass_on=lambda drives, now_ns: None)
+    node._senders = Senders(node, ["screw/force_command"])
+    drives = GatedDrives([], GateSettings(), MS)
+    publish(node, ForceCommand, "screw/force_command", 2)
+    node._senders._count()
+    node.permission(drives, MS)
+    assert drives.fault == "", "nothing passes: the next enable is refused"
+    assert node.enable() == too_many_senders(node, "screw/force_command") != ""
+    drives.gate = drives.gate._replace(phase=OPEN)
+    node.permission(drives, 2 * MS)
+    assert drives.fault.startswith("2 nodes publish screw/force_command")
+    node._senders.close()

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report: one page for one patient, every number explained, for the owner alone."""
+
+import re
+import stat
+
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from simulated_patient import FEEBLE, HEALTHY, recorded
+
+from screw_module_ros.therapy.bag import replayed
+from screw_module_ros.therapy.definitions import DEFINITIONS
+from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.record import NUMBERS
+from screw_module_ros.therapy.report.content import (
+    middle,
+    other_tests,
+    outward_paths,
+    reaches,
+    summary,
+)
+from screw_module_ros.therapy.report.page import STATEMENT, write_page
+from screw_module_ros.therapy.report.pdf import back, front, write_pdf
+
+CLOCK = load_protocol("clock_adaptive")
+ELEVATOR = load_protocol("elevator")
+
+
+def short(protocol, count=2, **changes):
+    blocks = tuple(
+        protocol.blocks[index]._replace(
+            circuits=1, targets=protocol.blocks[index].targets._replace(count=count, rounds=1)
+        )
+        for index in (0, 1)
+    )
+    return protocol._replace(blocks=blocks, **changes)
+
+
+@pytest.fixture(scope="module")
+def sessions():
+    return [recorded(HEALTHY, short(CLOCK), 1, 0), recorded(HEALTHY, short(CLOCK), 2, 2)]
+
+
+@pytest.fixture(scope="module")
+def replays(sessions):
+    return [replayed(session) for session in sessions]
+
+
+@pytest.fixture(scope="module")
+def html(sessions, replays, tmp_path_factory):
+    file = write_page(tmp_path_factory.mktemp("report") / "page.html", sessions, replays)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    return file.read_text("utf-8")
+
+
+def test_every_link_leads_to_a_definition(html):
+    links = set(re.findall(r'href="#(\w+)"', html))
+    targets = set(re.findall(r'<dt id="(\w+)"', html))
+    assert targets == set(DEFINITIONS)
+    assert links and links <= targets
+
+
+def test_every_number_of_a_trial_that_is_a_measure_is_defined():
+    own = {"trial", "block", "circuit", "kind", "assisted", "slot_duration", "side_stiffness",
+           "moved", "first", "last", "samples", "rate"}  # fmt: skip
+    assert set(NUMBERS) - own == set(DEFINITIONS)
+
+
+def test_the_page_says_what_it_is_and_needs_nothing_from_outside(html):
+    assert STATEMENT in html
+    assert "P-7K3QX" in html and "Sampled at 200 Hz" in html
+    assert "bit for bit" in html
+    assert not re.findall(r'(?:src|href)="(?!#|data:)', html)
+    assert html.count("data:image/png") == 3
+
+
+def test_changes_come_with_their_reasons(html, sessions):
+    assert sessions[-1].changes[0]["reason"].split(" (")[0] in html
+
+
+def test_summary_counts(sessions):
+    row = summary(sessions[0])
+    assert (row.date, row.trials) == ("2026-01-05 08:00", "8")
+    assert (row.reached, row.lost[:5]) == ("8 of 8", "0 of ")
+    assert row.assistance.startswith("1.40 → ")
+    without = [r for r in reaches(sessions[0]) if not r["assisted"]]
+    assert 0.5 < middle(without, "duration") < 1.5
+
+
+def test_paths_lead_from_the_centre_to_their_targets(sessions):
+    paths = outward_paths(sessions[0])
+    assert len(paths) == 4
+    for path in paths:
+        assert abs(path.points[0]).max() < 0.011, "from when the target was shown"
+        assert max(abs(path.points[-1] - path.target)) < 0.011
+
+
+def test_the_pdf_has_two_pages_and_nothing_falls_off_the_first(sessions, replays, tmp_path):
+    file = write_pdf(tmp_path / "page.pdf", sessions, replays)
+    content = file.read_bytes()
+    assert content.startswith(b"%PDF") and len(re.findall(rb"/Type /Page\b", content)) == 2
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    many = [sessions[0]] * 8
+    bad = replays[0]._replace(problems=["trial 1: recorded, but not replayed"])
+    page = front(many, [bad] * 8)
+    assert all(axes.get_position().y0 > 0.0 for axes in page.axes)
+    renderer = FigureCanvasAgg(page).get_renderer()
+    assert min(text.get_window_extent(renderer).y0 for text in page.texts) > 0.0
+    labels = back().axes[0].texts
+    assert min(text.get_position()[1] for text in labels) > 0.02
+
+
+def test_several_patients_or_none_are_refused(sessions, replays, tmp_path):
+    other = sessions[1]._replace(patient="P-22222")
+    with pytest.raises(ValueError, match="P-22222, P-7K3QX"):
+        write_page(tmp_path / "page.html", [sessions[0], other], replays)
+    with pytest.raises(ValueError, match="none"):
+        write_pdf(tmp_path / "page.pdf", [], [])
+    assert not list(tmp_path.iterdir())
+
+
+def test_vertical_sessions_and_fixed_assistance(tmp_path):
+    lifted = recorded(HEALTHY, short(ELEVATOR, adaptation=None), 1)
+    file = write_page(tmp_path / "page.html", [lifted], [replayed(lifted)])
+    assert "not adapted" in file.read_text("utf-8")
+    assert len(outward_paths(lifted)) == 4
+
+
+def test_a_session_in_which_nothing_was_reached(tmp_path):
+    rules = CLOCK.rules._replace(give_up=2.0)
+    weak = recorded(FEEBLE._replace(reach=0.3), short(CLOCK, rules=rules, adaptation=None), 1)
+    write_page(tmp_path / "page.html", [weak], [replayed(weak)])
+    assert not any(row["reached"] for row in reaches(weak) if not row["assisted"])
+
+
+def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
+    evaluation = load_protocol("evaluation")
+    blocks = tuple(
+        block._replace(
+            circuits=1,
+            duration=min(block.duration, 2.0),
+            targets=block.targets._replace(count=min(block.targets.count, 2)),
+        )
+        for block in evaluation.blocks
+    )
+    session = recorded(HEALTHY, evaluation._replace(blocks=blocks), 1)
+    assert len(session.trials) == 4 + 1 + 1 + 2 + 2
+    found = {name: value for _, name, value in other_tests(session)}
+    assert found["hold_deviation"] < 5.0, "[mm]; it rests where it was brought to"
+    assert 50.0 < found["pm4"] < 140.0, "[mm]; held back by a spring of 100 N/m"
+    assert found["largest_force"] > 5.0, "[N]; the arm pushes against what holds it"
+    assert found["size"] > 0.0
+    file = write_page(tmp_path / "page.html", [session], [replayed(session)])
+    assert "Round dynamic" in file.read_text("utf-8")
+    write_pdf(tmp_path / "page.pdf", [session], [replayed(session)])
