@@ -197,7 +197,8 @@ def test_every_bag_holds_it(robot, shown, calibration):
 def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_until, calibration):
     """The metadata is brought up to date at the end; no timer runs here that would have done it."""
     given = {"folder": tmp_path, "name": "bag", "topics": "[/told_once/*]"}
-    node = make_node("session_recorder", *(f"-p{n}:={v}" for n, v in given.items()))
+    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    node = make_node("session_recorder", *words)
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
     node.trigger_configure()
     node.trigger_activate()
