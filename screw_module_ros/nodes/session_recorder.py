@@ -8,6 +8,7 @@ node, and stands in `~/status` and diagnostics until the next `~/start`.
 
 from __future__ import annotations
 
+import os
 import threading
 from datetime import datetime
 from pathlib import Path
@@ -229,4 +230,5 @@ class SessionRecorder(ModuleNode):
 
 def main() -> int:
     """Console entry point."""
+    os.umask(0o077)  # what a patient does is for the owner of the recording alone
     return run_node(SessionRecorder)
