@@ -292,4 +292,5 @@ class SessionRecorder(ModuleNode):
 
 def main() -> int:
     """Console entry point."""
+    os.umask(0o077)  # what a patient does is for the owner of the recording alone
     return run_node(SessionRecorder)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..recording.errors import BagError
 from .bag import Recorded, read_session, replayed
-from .pseudonym import new_pseudonym, write_private
+from .pseudonym import new_pseudonym, patient_folder, write_private
 from .record import csv_text
 
 
@@ -26,7 +26,8 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
             "bags", type=Path, nargs="+" if several else 1, help="folder of a bag", metavar="FOLDER"
         )
         if several:
-            command.add_argument("--out", type=Path, required=True, help="folder for what is made")
+            text = "where a folder per patient is made for it"
+            command.add_argument("--out", type=Path, required=True, help=text, metavar="FOLDER")
         command.set_defaults(run=run)
 
 
@@ -50,28 +51,28 @@ def _report(options: argparse.Namespace) -> int:
     sessions = _in_order(options.bags)
     replays = [replayed(session) for session in sessions]
     try:
-        name = f"{patient_of(sessions)}_report"
+        folder = _folder(options.out, patient_of(sessions))
     except ValueError as error:
         raise BagError(str(error)) from None
-    folder = _folder(options.out)
-    print(write_page(folder / f"{name}.html", sessions, replays))
-    print(write_pdf(folder / f"{name}.pdf", sessions, replays))
+    print(write_page(folder / "report.html", sessions, replays))
+    print(write_pdf(folder / "report.pdf", sessions, replays))
     return 0
 
 
 def _export(options: argparse.Namespace) -> int:
-    rows = []
+    rows: dict[str, list[dict]] = {}
     for session in _in_order(options.bags):
         for row in session.trials:
-            rows.append({
+            rows.setdefault(session.patient, []).append({
                 "patient": session.patient,
                 "protocol": session.protocol.name,
                 "started_ns": row["started_ns"],
                 **row,
             })
-    file = _folder(options.out) / "trials.csv"
-    write_private(file, csv_text(rows, ("patient", "protocol", "started_ns")).encode())
-    print(file)
+    for patient, own in rows.items():
+        file = _folder(options.out, patient) / "trials.csv"
+        write_private(file, csv_text(own, ("patient", "protocol", "started_ns")).encode())
+        print(file)
     return 0
 
 
@@ -82,12 +83,11 @@ def _read(bag: Path) -> Recorded:
         raise BagError(str(error)) from None
 
 
-def _folder(path: Path) -> Path:
+def _folder(root: Path, patient: str) -> Path:
     try:
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise BagError(f"--out {path}: {error.strerror}") from None
-    return path
+        return patient_folder(root, patient)
+    except (OSError, ValueError) as error:
+        raise BagError(f"--out {root}: {error}") from None
 
 
 def _in_order(bags: list[Path]) -> list[Recorded]:

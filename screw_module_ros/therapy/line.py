@@ -13,6 +13,9 @@ PLANE, VERTICAL, SPACE = "plane", "vertical", "space"
 AXES = {PLANE: (0, 1), VERTICAL: (2,), SPACE: (0, 1, 2)}
 """Components of a point that count, by where a protocol takes place."""
 
+FARTHEST = 1.0  # [m] on any axis: beyond it no hand on this robot can be
+FASTEST = 10.0  # [m/s] the same
+
 
 class Line(NamedTuple):
     """start, target: x, y, z [m]; space: plane, vertical or space; the other axes do not count."""
@@ -71,6 +74,14 @@ def speed_of(space: str, sample: HandSample) -> float:
     """Return the hand's speed [m/s] on the axes that count."""
     velocity = sample.velocity
     return math.sqrt(sum(velocity[a] ** 2 for a in AXES[space]))
+
+
+def is_known(space: str, sample: HandSample) -> bool:
+    """Return whether position and velocity can be real on the axes that count; NaN cannot."""
+    position, velocity = sample.position, sample.velocity
+    return all(
+        abs(position[a]) <= FARTHEST and abs(velocity[a]) <= FASTEST for a in AXES[space]
+    )
 
 
 def slots(line: Line, like: Slot, start_ns: int | None) -> SlotWish:

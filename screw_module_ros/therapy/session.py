@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
-from .line import NO_SLOT, SlotWish
+from .line import NO_SLOT, SlotWish, is_known
 from .measures import Measures
 from .protocol import Protocol, TrialPlan, plan
 from .result import TrialResult
@@ -61,11 +61,11 @@ class Session:
         return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
 
     def take(self, sample: HandSample) -> Said:
-        """Go on by one sample; one that says `stop` pauses the session."""
+        """Go on by one sample; one that says `stop`, or not where the hand is, pauses."""
         if self.state != RUNNING or self.trial is None:
             return _NOTHING
-        if sample.stop:
-            self.pause(sample.stop)
+        if sample.stop or not is_known(self.protocol.space, sample):
+            self.pause(sample.stop or "where the hand is, or its speed, is not known")
             return _NOTHING
         try:
             self.trial.take(sample)

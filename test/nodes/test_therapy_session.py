@@ -231,12 +231,17 @@ def test_the_commands_read_the_bag(session, tmp_path, capsys):
     assert main(["replay", bag]) == 0
     assert capsys.readouterr().out.startswith(f"equal: {TRIALS} trials")
     assert main(["export", "--out", str(out), bag]) == 0
-    lines = (out / "trials.csv").read_text().splitlines()
+    lines = (out / PATIENT / "trials.csv").read_text().splitlines()
     assert len(lines) == 1 + TRIALS and lines[1].startswith(f"{PATIENT},clock_adaptive,")
     assert main(["report", "--out", str(out), bag]) == 0
-    made = sorted(file.name for file in out.iterdir())
-    assert made == [f"{PATIENT}_report.html", f"{PATIENT}_report.pdf", "trials.csv"]
-    assert {stat.S_IMODE(file.stat().st_mode) for file in out.iterdir()} == {0o600}
+    made = sorted((out / PATIENT).iterdir())
+    assert [file.name for file in made] == ["report.html", "report.pdf", "trials.csv"]
+    assert {stat.S_IMODE(file.stat().st_mode) for file in made} == {0o600}
+
+
+def test_a_bag_is_for_its_owner_alone(session):
+    assert stat.S_IMODE(session["bag"].stat().st_mode) == 0o700
+    assert {stat.S_IMODE(file.stat().st_mode) for file in session["bag"].iterdir()} == {0o600}
 
 
 def test_a_slot_that_cannot_be_is_refused_by_both_controllers(session):

@@ -5,10 +5,13 @@ import math
 from statistics import mean, pstdev
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
 
 from screw_module_ros.therapy.line import NO_SLOT
 from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
 
 CLOCK = load_protocol("clock_adaptive")
@@ -170,3 +173,37 @@ def test_adaptation_begins_anew_in_each_block_but_keeps_what_it_gave():
     assert {r.duration for r in third} == {session.changes[0].after.duration}
     free = [r for r in session.results if r.plan.block == 2]
     assert {(r.duration, r.side_stiffness) for r in free} == {(1.4, 0.0)}
+
+
+numbers = st.floats(allow_nan=True, allow_infinity=True, width=32)
+places = st.floats(-0.2, 0.2)
+acts = st.sampled_from(("pause", "resume", "", "", "", "", "", "", ""))
+moments = st.tuples(
+    st.integers(0, 40), acts, st.tuples(*[st.one_of(places, numbers)] * 9), st.integers(1, 200)
+)
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(("clock_adaptive", "evaluation", "reach_3d")), st.lists(moments, max_size=8))
+def test_whatever_is_measured_a_session_goes_on_or_pauses(name, moments):
+    """No sample makes it fail, and no slot that it wishes for is refused."""
+    session = Session(load_protocol(name))
+    count = 0
+    for gap, act, values, repeats in moments:
+        if act == "pause":
+            session.pause("asked for")
+        else:
+            session.resume()
+        for _ in range(repeats):
+            count += 1 + gap
+            session.take(HandSample(5 * count, 5_000_000 * count, *values))
+            for slot in (session.wish.plane, session.wish.vertical):
+                assert slot is None or slot.validated()
+    assert all(result.samples > 0 for result in session.results)
+
+
+def test_a_position_that_is_not_known_pauses():
+    session = Session(CLOCK)
+    session.take(HandSample(0, 0, math.nan, *(0.0,) * 8))
+    assert (session.state, session.wish) == (PAUSED, NO_SLOT)
+    assert session.reason == "where the hand is, or its speed, is not known"
