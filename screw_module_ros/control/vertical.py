@@ -103,8 +103,8 @@ class VerticalState(NamedTuple):
 
     setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
-    ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds back;
-    guard: of the force gains.
+    ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
+    back; guard: of the force gains.
     """
 
     setpoint: SetPoint
