@@ -34,7 +34,7 @@ def test_shaking_takes_the_gain_away_within_half_a_second(frequency):
         sine(40.0, 0.5),  # a hand that works
         sine(3.5, 5.0),  # tremor
         sine(1.0, 60.0),  # noise
-        lambda t: 12.0 if 0.3 < t < 0.34 else 0.0,  # a jolt
+        lambda t: 10.0 if 0.3 < t < 0.34 else 0.0,  # a jolt
         lambda t: 12.0 * min(1.0, t / 0.05),  # a hand that grips within 50 ms
     ],
 )
