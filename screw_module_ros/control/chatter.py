@@ -23,15 +23,15 @@ LASTING = 0.2  # [s]
 FALL = 0.1  # [s]
 RETURN = 3.0  # [s]
 FORGET = 60.0  # [s]
-KEPT_SHARE = 0.6  # of the share at which shaking began
+KEPT_SHARE = 0.4  # of the share at which shaking began
 CLIPPED = 3.0  # of the limit: one jolt is no chatter, however hard
 QUIET = 0.5  # of the limit: below it the shaking is over
 
 
 class GuardState(NamedTuple):
     """share: of the force gain that remains, 0 to 1; ceiling: to which it may return; tripped:
-    shaking now; above: how long the rms has been over the limit [s]; mean_square [N^2]; first,
-    second: low passes whose complement is the high pass."""
+    shaking now; above: how long the rms has been over the limit, times how far [s]; mean_square
+    [N^2]; first, second: low passes whose complement is the high pass."""
 
     share: float
     ceiling: float
@@ -71,7 +71,8 @@ def guard_step(state: GuardState, force: float, limit: float, dt: float) -> Guar
     mean_square = state.mean_square
     mean_square += (rapid * rapid - mean_square) * min(1.0, dt / WINDOW)
     rms = math.sqrt(mean_square)
-    above = state.above + dt if rms > limit else 0.0
+    # Harder shaking is believed sooner: what grows by itself must not get far.
+    above = state.above + dt * rms / limit if rms > limit else 0.0
     tripped = rms > QUIET * limit if state.tripped else above > LASTING
     ceiling = clamp(state.ceiling + dt / FORGET, 0.0, 1.0)
     if tripped and not state.tripped:

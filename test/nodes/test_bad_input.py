@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
+from screw_module_msgs.msg import ForceCommand
+from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device
 
@@ -44,6 +46,22 @@ def test_a_malformed_friction_file(make_node, tmp_path):
     file.write_text("format: screw_module_ros/friction\nversion: 1\n")
     told = refused(make_node("impedance_controller", "-p", f"friction_file:={file}"))
     assert str(file) in told
+
+
+def test_observer_without_the_damper_it_needs(make_node):
+    """The sentence says how much damping is wanted."""
+    assert "needs a damping of" in refused(make_node("impedance_controller", "-p", "mode:=5"))
+
+
+def test_observer_is_refused_by_the_services_until_there_is_a_damper(make_node):
+    """First the damper, then the mode; a stiffer spring asks for more of it."""
+    node = make_node("impedance_controller")
+    told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
+    assert "raise the damping first" in told
+    assert node._set_impedance(SetImpedance.Request(stiffness=100.0, damping=10.0)) == ""
+    assert node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER)) == ""
+    told = node._set_impedance(SetImpedance.Request(stiffness=2000.0, damping=10.0))
+    assert "2000 N/m needs a damping of" in told
 
 
 def test_a_rate_that_lines_up_with_nothing(make_node):

@@ -167,3 +167,22 @@ def test_bristles_never_give_back_more_than_they_got(steps):
 def test_bristle_never_shoots_past_the_level(bristle, velocity, level):
     after, _ = step(bristle, velocity, level)
     assert abs(after) <= max(abs(bristle), level) * (1.0 + 1e-12)
+
+
+def test_rollers_that_slip_do_not_repeat_with_the_height(settings):
+    slipping = settings.friction._replace(roller_amplitude=1.0, roller_slip=2.0)
+    first, again, later = (
+        steady_level(slipping, TURN_RATE, 0.2, 0.05, True, way) for way in (0.0, 0.0, 0.7)
+    )
+    assert first == again
+    assert abs(later - first) > 0.05
+    assert abs(later - first) <= 2.0 * 1.2
+
+
+def test_cold_grease_rubs_more_until_it_has_travelled(settings):
+    cold = settings.friction._replace(cold=0.2, cold_way=5.0, roller_slip=0.0)
+    warm = steady_level(cold._replace(cold=0.0), TURN_RATE, 0.2, 0.05, True)
+    levels = [steady_level(cold, TURN_RATE, 0.2, 0.05, True, way) for way in (0.0, 5.0, 100.0)]
+    assert levels[0] > levels[1] > levels[2]
+    assert levels[2] == pytest.approx(warm)
+    assert 1.1 < levels[0] / warm < 1.3

@@ -4,11 +4,19 @@
 from __future__ import annotations
 
 import copy
+import math
+import random
 
 import pytest
 import yaml
 
-from screw_module_ros.plant.settings import DEFAULT_FILE, PlantFileError, checked, load_world
+from screw_module_ros.plant.settings import (
+    DEFAULT_FILE,
+    PlantFileError,
+    changed_later,
+    checked,
+    load_world,
+)
 from screw_module_ros.resources import resource_path
 
 
@@ -98,3 +106,45 @@ def test_perturbed_rigs_differ_by_seed_and_repeat(settings):
         assert len(set(ratios)) == len(rigs)
         assert all(0.7 < ratio < 1.4 for ratio in ratios)
         assert max(ratios) - min(ratios) > 0.1
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        lambda rig: rig.vertical.contact_stiffness,
+        lambda rig: rig.vertical.film_damping,
+        lambda rig: rig.vertical.rail_friction,
+        lambda rig: rig.friction.stiffness,
+        lambda rig: rig.friction.stribeck_speed,
+        lambda rig: rig.friction.load_gain,
+        lambda rig: rig.friction.roller_slip,
+        lambda rig: rig.friction.wave,
+        lambda rig: rig.friction.against.trend[-1],
+        lambda rig: rig.amplifier.delay,
+        lambda rig: rig.sensor.force_noise,
+        lambda rig: rig.sensor.bandwidth,
+    ],
+)
+def test_perturbing_reaches_what_nobody_measures(value):
+    assert len({value(load_world(perturb_seed=seed)) for seed in range(10)}) == 10
+
+
+def test_what_a_seed_drew_before_it_still_draws():
+    """Reports of earlier versions name rigs by seed: the first stream is as it was."""
+    rig, printed = load_world(perturb_seed=3), load_world()
+    draw = random.Random("plant 3")
+    ripple, slope = draw.uniform(-0.4, 0.4), draw.uniform(-0.3, 0.3)
+    mine, theirs = rig.friction.against, printed.friction.against
+    assert mine.rotation[0] == pytest.approx(math.exp(ripple) * theirs.rotation[0])
+    assert mine.slope == pytest.approx(math.exp(slope) * theirs.slope)
+
+
+def test_a_rig_changes_after_it_was_calibrated(settings):
+    later = [changed_later(settings, seed) for seed in range(10)]
+    assert changed_later(settings, 3) == later[3]
+    for rig in later:
+        checked(rig)
+        assert rig.vertical.moving_mass != settings.vertical.moving_mass
+        assert rig.friction.roller_phase != settings.friction.roller_phase
+        assert rig.vertical.turning_mass == settings.vertical.turning_mass
+    assert len({rig.friction.scale for rig in later}) == 10
