@@ -83,11 +83,8 @@ class ManusNode(DriveNode):
         inbox = self.new_inbox()
         self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
         self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
-<<<<<<< HEAD
         self._slot = SlotInbox(inbox, vertical=False)
-=======
         self.want_one_sender(topics.SLOW_FORCE)
->>>>>>> safety
         self._wanted = Wanted(axes=2)
         self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
