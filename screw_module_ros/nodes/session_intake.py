@@ -219,12 +219,16 @@ class Intake:
         return None
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
-        """Return ROS time of a message [ns]: its own stamp, or now where it has none."""
+        """Return ROS time of a message [ns]: its own stamp, or now where it has none.
+
+        A stamp of wall clock, which rclpy gives to what it logs, is none in simulated time.
+        """
+        now_ns = self._clock.stamp_ns()
         if tap.is_stamped and data[1] == 1 and len(data) >= _STAMP_AT + _STAMP.size:
             seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_AT)
-            if seconds > 0:
+            if 0 < seconds <= now_ns // 1_000_000_000:
                 return seconds * 1_000_000_000 + nanoseconds
-        return self._clock.stamp_ns()
+        return now_ns
 
     def calibrations(self) -> dict[str, str]:
         """Return the calibration identity each topic told last."""

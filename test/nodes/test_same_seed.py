@@ -72,6 +72,7 @@ def played(folder: Path, seed: int) -> Path:
         script.at(ENABLED_S + 1.2).set_impedance(200.0, 5.0)
         script.at(END_S).check_enabled()
         robot.stop_recording()
+    assert_of_simulated_time(folder / "session")
     return folder / "session"
 
 
@@ -83,6 +84,12 @@ def samples(bag: Path) -> dict[str, list[bytes]]:
         if begin <= message.log_time < end:
             found[message.topic.lstrip("/")].append(message.data)
     return found
+
+
+def assert_of_simulated_time(bag: Path) -> None:
+    """No message is noted by wall clock, also what rclpy stamps with it."""
+    newest = max(message.log_time for message in raw_messages(bag))
+    assert START_NS < newest < START_NS + 1000 * S
 
 
 def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
