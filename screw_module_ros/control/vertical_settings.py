@@ -69,7 +69,7 @@ class VerticalSettings(NamedTuple):
     ] = 0.5
     observer_friction: Annotated[
         float,
-        Setting("share of modelled friction fed forward in OBSERVER; a calibration sets it", "",
+        Setting("share of modelled friction fed forward in OBSERVER", "",
                 0.0, 1.0, live=True),
     ] = 0.0
     observer_damping_ratio: Annotated[

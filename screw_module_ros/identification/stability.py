@@ -32,7 +32,7 @@ ENVIRONMENTS = {
 }
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
-_CHATTER = 1.0  # [N] rms above 30 Hz: nearer to the limit the loop only amplifies noise
+_CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 
 
 class Settings(NamedTuple):
@@ -73,10 +73,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
             predicted = quantities[-2].value
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
-            quantities.append(
-                Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "",
-                         f"gain at which the simulated module without play chatters, {text}")
-            )  # fmt: skip
+            quantities.append(_found(name, text, low, high))
     data |= _curves(mechanism, sampling, settings.cutoff)
     notes.append(
         "Numbers after each limit: the gain with that one taken away, over the gain as it is. The "
@@ -172,7 +169,7 @@ def _told(costs: dict[str, float]) -> str:
 def _onset(
     lab: Lab, name: str, environment: Environment, predicted: float, cutoff: float
 ) -> tuple[float, float]:
-    """Return the largest gain tried without chatter and the smallest with it."""
+    """Return the largest gain tried without chatter and the smallest with it, inf for none."""
     gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
     jobs = [
         Job(
@@ -191,7 +188,15 @@ def _onset(
            if float(parts[job.name]["rms"]) > _CHATTER]  # fmt: skip
     high = min(bad, default=math.inf)
     low = max((gain for gain in gains if gain < high), default=0.0)
-    return low, high if math.isfinite(high) else low
+    return low, high
+
+
+def _found(name: str, text: str, low: float, high: float) -> Quantity:
+    if math.isinf(high):
+        said = f"largest gain tried on the simulated module; it did not chatter, {text}"
+        return Quantity(f"simulated_{name}", low, math.nan, "", said)
+    said = f"gain at which the simulated module without play chatters, {text}"
+    return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", said)
 
 
 def _curves(mechanism: Mechanism, sampling: Sampling, cutoff: float) -> dict[str, np.ndarray]:

@@ -71,9 +71,9 @@ def run(lab: Lab, settings: Settings) -> Result:
         "linear_torque": linear["torque"],
     }
     quantities = (
-        _asymptotes(torque, command, settings, _fewer(raw, settings))
+        _largest(linear, fit, settings)
+        + _asymptotes(torque, command, settings, _fewer(raw, settings))
         + _check(raw, desired, linear["torque"])
-        + _largest(linear, fit, settings)
         + _found(fit)
     )
     return Result(NAME, quantities, settings._asdict(), _notes(fit, settings), data)
@@ -214,6 +214,8 @@ def _notes(fit: Pieces, settings: Settings) -> tuple[str, ...]:
         )
     ]
     return (
+        "Judge the linearization by its largest error at the handle: a correlation of 0.9999 still "
+        "has room for more than a newton of it.",
         f"The torque is smoothed at {settings.cutoff:g} Hz forwards and backwards for the fits: "
         "its noise would flatten a fit of command over torque.",
         f"The slope steps by {steps[0]:.1%} and {steps[1]:.1%} at the joints (thesis: about 10 %); "

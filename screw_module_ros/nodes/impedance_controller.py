@@ -101,14 +101,8 @@ class ImpedanceControllerNode(ModuleNode):
         settings = self.parameters.read(CalibrationSettings)
         chosen = self._friction = chosen_friction(settings, friction_file)
         if chosen.gravity is not None:
-            law = self.parameters.read(VerticalSettings)
-            before = law.gravity
-            # The module's own model: OBSERVER then has less to find out by itself.
-            refused = self.parameters.write(
-                gravity=chosen.gravity,
-                mass=chosen.mass,
-                observer_friction=law.friction_fraction,
-            )
+            before = self.parameters.read(VerticalSettings).gravity
+            refused = self.parameters.write(gravity=chosen.gravity, mass=chosen.mass)
             if refused:
                 raise ValueError(f"{settings.calibration_file}: {refused}")
             self.get_logger().info(

@@ -64,6 +64,9 @@ def test_linearized_torque_is_a_line(result):
     assert result.value("correlation") >= 0.9999
     assert result.value("correlation_raw") < 0.9995
     assert result.value("largest_left") < 0.005
+    per_torque = 2.0 * math.pi / 0.01905
+    at_handle = result.value("largest_at_handle")
+    assert at_handle == pytest.approx(result.value("largest_left") * per_torque)
     assert result.value("slope") == pytest.approx(1.0, abs=0.002)
 
 

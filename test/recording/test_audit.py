@@ -153,6 +153,7 @@ def test_layout_of_own_types(definitions, own_types):
     assert {name for name, where in found.items() if where == HEADER} == {
         "PlanarState",
         "EndpointState",
+        "TherapyState",
     }
 
 

@@ -88,6 +88,7 @@ class Checked(NamedTuple):
 
 
 WANTED = (
+    Wanted("static_torque", "largest_at_handle", lambda m: 0.0, 1.5),
     Wanted("static_torque", "correlation", None, 0.9999),
     Wanted(
         "static_torque", "torque_constant", lambda m: m.world.amplifier.torque_constant, 0.01, True
