@@ -109,4 +109,4 @@ def test_a_nut_that_does_not_follow_the_stage_is_refused():
 def test_a_run_too_short_is_refused():
     trial, samples = stage_run(0.05)
     with pytest.raises(ValueError, match="samples"):
-        binned(trial, Samples(*(values[:300] for values in samples)))
+        binned(trial, Samples(*(None if each is None else each[:300] for each in samples)))

@@ -105,7 +105,9 @@ def test_the_simulated_module_is_weighed(tmp_path, bench):
     vertical = load_world().vertical
     result = gravity.run(Lab(bench, tmp_path), Settings())
     truth = vertical.moving_mass * vertical.gravity
-    assert result.value("gravity") == pytest.approx(truth, abs=0.05)
+    # The handle's own guide rubs against the crossing, which is always away from where the weight
+    # rests: no run of this kind tells the two apart.
+    assert result.value("gravity") == pytest.approx(truth + vertical.rail_friction, abs=0.05)
     assert result.value("play") == pytest.approx(vertical.play, abs=2e-6)
     axes = gravity_figures(result)["play"].axes[0]
     assert axes.get_ylabel().endswith("[N]")
