@@ -149,7 +149,8 @@ def test_full_buffer_is_a_bus_error_with_the_way_out(wire, monkeypatch):
 
 
 def test_slow_polls_get_their_answers_through_the_loop(wire, encoder_end):
-    encoder = Encoder(wire.port, EncoderSettings(listen=0.0))
+    # The loop moves the time as fast as it can, whenever the other thread has its turn.
+    encoder = Encoder(wire.port, EncoderSettings(listen=0.0, sdo_timeout=10.0))
     encoder.configure()
     encoder.start()
     done = threading.Event()
@@ -166,7 +167,7 @@ def test_slow_polls_get_their_answers_through_the_loop(wire, encoder_end):
         tick = 0
         while not done.is_set():
             tick += 1
-            encoder.request(tick, wire.advance(), 0)
+            encoder.request(tick, wire.advance(0.01), 0)
             wire.port.pump(wire.port.clock.now_ns() + 1)
 
     looping = threading.Thread(target=loop, name="loop")

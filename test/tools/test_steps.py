@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 
+import signal
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -77,6 +79,15 @@ def test_a_step_beside_another_that_fails_starts_no_further_command(tmp_path: Pa
     steps.run_all([step(tmp_path, "three", lambda: None)], steps.Progress(1))
 
 
+@pytest.fixture
+def hears_interrupts() -> Iterator[None]:
+    """A shell in the background ignores SIGINT, and what it starts would inherit that."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_interrupts")
 def test_an_interrupted_command_is_no_failed_one(tmp_path: Path) -> None:
     command = ["/bin/sh", "-c", "kill -INT $$"]
     with pytest.raises(KeyboardInterrupt):
