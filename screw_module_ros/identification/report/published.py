@@ -30,8 +30,8 @@ _DELAY = (
     "four ways, and says that less than a sample (500 us) cannot be told"
 )
 _WITH = (
-    "the assumed friction of the handle's own guide calms the nut in its play: chatter sets in above "
-    "11.2 with 0.3 N of it, above 8.5 with 0.1 N, above 7.5 without"
+    "the assumed friction of the handle's own guide calms the nut in its play: chatter sets in "
+    "above 11.2 with 0.3 N of it, above 8.5 with 0.1 N, above 7.5 without"
 )
 _WITHOUT = (
     "the thesis's 50 is where its simulation would still not have grown; here lasting chatter of "
