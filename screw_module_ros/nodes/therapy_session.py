@@ -31,13 +31,14 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.line import PLANE
-from screw_module_ros.therapy.protocol_file import load_protocol, protocol_text
+from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol, protocol_text
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
 from .support import qos
+from .support.below import below, root_folder
 from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.recorder_client import RecorderClient
@@ -59,8 +60,11 @@ _WAITS = "waiting for the recording"
 
 
 class TherapySettings(NamedTuple):
-    """What games may ask for."""
+    """What games and the therapist may ask for."""
 
+    folder: Annotated[
+        str, Setting("protocols of your own lie below it, ~ is the home folder")
+    ] = "~/protocols"
     allow_wishes: Annotated[
         bool, Setting("pass on set points of therapy/wish while no session runs", live=True)
     ] = True
@@ -242,8 +246,8 @@ class TherapySessionNode(ModuleNode):
 
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
-        protocol = load_protocol(request.protocol)
-        definition = protocol_text(request.protocol)
+        name = self._named(request.protocol)
+        protocol, definition = load_protocol(name), protocol_text(name)
         with self._lock:
             running = self._session
             if running is not None and running.state in (RUNNING, PAUSED):
@@ -263,6 +267,13 @@ class TherapySessionNode(ModuleNode):
             self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
             self._ask_for((math.nan,) * 3)
         return ""
+
+    def _named(self, protocol: str) -> str:
+        """Return one of the package's protocols, or the path of a file below our folder."""
+        if protocol in SHIPPED:
+            return protocol
+        root = root_folder(self.parameters.read(TherapySettings).folder)
+        return str(below(root, protocol, "protocol"))
 
     def _act(self, name: str, *reason: str) -> str:
         with self._lock:

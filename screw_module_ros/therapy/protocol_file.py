@@ -12,12 +12,15 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import yaml
 
+from ..quoting import LONGEST
+from ..regular_file import read_regular
 from ..resources import resource_path
 from ..settings import declared, problem
 from .protocol import Protocol
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
+_LARGEST = 100_000  # bytes; ours have a few thousand
 
 
 class ProtocolError(ValueError):
@@ -36,7 +39,7 @@ def protocol_text(name: str | Path) -> str:
     """Return a protocol's YAML, name as in `load_protocol`. Raises ProtocolError."""
     file = resource_path(f"params/therapy/{name}.yaml") if str(name) in SHIPPED else Path(name)
     try:
-        return file.read_text("utf-8")
+        return read_regular(file, _LARGEST).decode("utf-8")
     except (OSError, UnicodeDecodeError):
         raise ProtocolError(
             f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
@@ -46,9 +49,10 @@ def protocol_text(name: str | Path) -> str:
 def parse_protocol(text: str, name: str) -> Protocol:
     """Return the protocol of a YAML text; name: for messages. Raises ProtocolError."""
     try:
-        return read_protocol(yaml.safe_load(text))
-    except yaml.YAMLError as error:
-        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {error}") from None
+        return read_protocol(yaml.safe_load(text))  # with aliases: circuits repeat themselves
+    except (yaml.YAMLError, RecursionError) as error:
+        why = " ".join(str(error).split())[:LONGEST]
+        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {why}") from None
     except ValueError as error:
         raise ProtocolError(f"protocol {name}: {error}") from None
 

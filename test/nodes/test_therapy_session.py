@@ -104,7 +104,8 @@ def session(tmp_path_factory):
         Robot("therapist", watch=graph.watch, simulated=True) as robot,
     ):
         node = bringup.Process(
-            "therapy_session", ["--ros-args", *graph.arguments("endpoint_state")]
+            "therapy_session",
+            ["--ros-args", *graph.arguments("endpoint_state"), "-p", f"folder:={folder}"],
         )
         try:
             robot.wait_until_ready([*graph.names, "therapy_session"])
@@ -113,6 +114,7 @@ def session(tmp_path_factory):
             for request in (
                 StartTherapy.Request(protocol=protocol, patient="Erika Musterfrau"),
                 StartTherapy.Request(protocol="dancing", patient=PATIENT),
+                StartTherapy.Request(protocol="/etc/passwd", patient=PATIENT),
             ):
                 with pytest.raises(RobotError) as refused:
                     robot.ask(StartTherapy, "therapy_session/start", request)
@@ -203,9 +205,10 @@ def test_torque_off_pauses_and_says_why(session):
 
 
 def test_names_and_unknown_protocols_are_refused(session):
-    name, protocol = session["refused"]
+    name, protocol, elsewhere = session["refused"]
     assert "no pseudonym" in name and "Erika" not in name
-    assert "no protocol 'dancing'" in protocol
+    assert "no protocol" in protocol and "dancing" in protocol
+    assert "lies outside of" in elsewhere
 
 
 def test_screens_see_every_phase(session):
