@@ -69,7 +69,7 @@ class Listener:
 
     def __init__(self, robot: Robot):
         self.setpoint: tuple[float, ...] | None = None
-        self.homed = False
+        self._homed = False
         self._robot, self._clock = robot, robot.clock
         self._game_due_ns = 0
         self._moments: deque[Moment] = deque(maxlen=_KEPT)
@@ -149,12 +149,18 @@ class Listener:
         self._arrived("endpoint_state")
 
     def _sample(self, sample: EncoderSample) -> None:
-        self.homed = sample.homed
+        self._homed = sample.homed
+        self._arrived("encoder")
 
     def _wrench(self, _: WrenchStamped) -> None:
         self._arrived("force_sensor")
 
     # What it adds up to --------------------------------------------------------------------
+
+    @property
+    def homed(self) -> bool:
+        """Whether the encoder says so, and says it now."""
+        return self._homed and self.fresh("encoder")
 
     @property
     def time(self) -> float:
