@@ -33,6 +33,7 @@ NO_TORQUE = 5e-4
 NO_JOINT_TORQUE = 5e-3
 """The same for a joint of the plane [Nm]; 0.01 N at the handle."""
 _KEPT = 20_000
+_MIDDLE, _BEYOND = 0.18, 0.02  # of the travel [m], and what the stops give way
 _FRESH_NS = 300_000_000
 _GAME_NS = 50_000_000
 _ALARMS = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
@@ -149,7 +150,8 @@ class Listener:
         self._arrived("endpoint_state")
 
     def _sample(self, sample: EncoderSample) -> None:
-        self._homed = sample.homed
+        # An operator who reads of a place outside the travel homes, whatever the encoder believes.
+        self._homed = sample.homed and abs(sample.position - _MIDDLE) < _MIDDLE + _BEYOND
         self._arrived("encoder")
 
     def _wrench(self, _: WrenchStamped) -> None:

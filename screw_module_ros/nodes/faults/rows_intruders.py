@@ -62,7 +62,7 @@ def _row(
 def _twins() -> Iterator[Row]:
     yield _row("two-controllers", "a second impedance_controller under another name",
         _second_controller, "amplifier", _TWO_COMMAND,
-        "stop it; amplifier/clear_fault, reset, enable", within=_FAST, apart=True)  # fmt: skip
+        "stop it; amplifier/clear_fault, reset, enable", within=_COUNTED, apart=True)  # fmt: skip
     for node in ("amplifier", "force_sensor"):
         yield _row(f"two-of-{node}", f"a second {node} on the same device, under another name",
                    _guest(node), f"the second {node}: it does not start",
