@@ -45,5 +45,5 @@ def make_node(monkeypatch):
     yield make
     for node in made:
         node.destroy_node()
-        node.clock.close()  # else the page of simulated time lives on, and the next rig goes on in it
+        node.clock.close()  # else the next rig of this run goes on in its time
     rclpy.try_shutdown()
