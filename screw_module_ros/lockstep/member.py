@@ -65,6 +65,7 @@ class Member:
         """
         page, slot = self._page, self.slot
         if page.now_ns >= until_ns:
+            page.slot_until[slot] = BUSY  # who was idle or given up holds time from here on
             return
         stood_at, stood_since = page.now_ns, None
         try:

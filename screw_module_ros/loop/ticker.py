@@ -26,6 +26,7 @@ class Tick(NamedTuple):
 class Ticker:
     """Whole multiples of `period_ns`; an overrun skips ticks, never bursts.
 
+    The first is the one after it is first asked: what passed before the loop ran is no overrun.
     offset_ns: how long after the whole multiple the tick is, for loops that only look at what
     others do on it.
     """
@@ -34,10 +35,12 @@ class Ticker:
         self.period_ns = period_ns
         self._clock = clock
         self._offset_ns = offset_ns
-        self._last = (clock.now_ns() - offset_ns) // period_ns
+        self._last: int | None = None
 
     def due_ns(self) -> int:
         """Return the time of the next tick [ns]."""
+        if self._last is None:
+            self._last = (self._clock.now_ns() - self._offset_ns) // self.period_ns
         return (self._last + 1) * self.period_ns + self._offset_ns
 
     def sleep(self) -> Tick:
@@ -46,7 +49,7 @@ class Ticker:
         return self.take()
 
     def take(self) -> Tick:
-        """Return the tick of now; the caller has seen to it that it is due."""
+        """Return the tick of now; the caller has seen by `due_ns` that it is due."""
         now_ns = self._clock.now_ns()
         number = max((now_ns - self._offset_ns) // self.period_ns, self._last + 1)
         skipped = number - self._last - 1

@@ -22,3 +22,12 @@ def test_to_be_idle_again_is_no_progress():
         assert page.slot_declared[member.slot] == declared + 1
     finally:
         page.close()
+
+
+def test_who_was_idle_holds_time_even_when_its_wait_is_over_at_once(page, conductor):
+    member = Member(page, "loop", lambda: False)
+    member.idle()
+    conductor.move(3_000_000)
+    member.wait(1_000_000)
+    assert conductor.quiet() is None
+    member.leave()

@@ -10,6 +10,7 @@ from screw_module_ros.plant.world import ArmSettings
 
 HELD = 0.18
 NOISE = 0.5  # [N] of the sensor
+RAIL = 0.3  # [N] friction of the handle's guide: between sensor and hand, where no sensor sees it
 BLOW = 6.0  # [N] for less than 0.4 s: the mass that arrives at the far side of the nut's play
 
 
@@ -42,7 +43,7 @@ def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
     pressed = [-row.patient * way for row in rows]
     assert rows[-1].reason == ""
     assert max(pressed) <= abs(largest) + BLOW
-    assert max(pressed[400:]) <= abs(largest) + NOISE
+    assert max(pressed[400:]) <= abs(largest) + NOISE + RAIL
     assert sum(pressed[-500:]) / 500 >= abs(largest) - friction
     parts = enabled.controller.output
     assert parts.impedance == pytest.approx(largest)
