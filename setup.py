@@ -17,9 +17,11 @@ NODES = (
     "supervisor",
     "session_recorder",
     "therapy_session",
+    "web_bridge",
     "sim_rig",
     "bringup",
     "demo",
+    "therapy",
     "soak",
     "characterize",
     "bench",
@@ -38,7 +40,10 @@ setup(
     maintainer="screw_module_ros maintainers",
     maintainer_email="screw_module_ros@users.noreply.github.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["rig/eds/*.eds"]},
+    package_data={
+        NAME: ["rig/eds/*.eds", "bridge/pages/static/*.*", "bridge/pages/static/*/*",
+               "bridge/pages/static/*/*/*"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -6,7 +6,11 @@ decided by `therapy/`, which knows neither ROS nor a clock. A node that hangs or
 go: the controllers fade out what is not renewed. Torque is neither switched on nor off here.
 
 Games ask for set points by `therapy/wish`. They are passed on within the workspace, no faster than
-`wish_speed`, and only while no session runs and `allow_wishes` is true.
+`wish.speed`, and only while no session runs and `allow_wishes` is true.
+
+A therapist's page tells by `therapy/attendance` that somebody is there. Once a session has heard
+it, it goes on only as long as it hears it: whatever fails between the therapist and here, the page,
+the network, the bridge, the session pauses.
 """
 
 from __future__ import annotations
@@ -27,11 +31,14 @@ from screw_module_msgs.msg import (
     TrialResult,
 )
 from screw_module_msgs.srv import StartTherapy
+from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
+from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol
 from screw_module_ros.therapy.line import PLANE
-from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol, protocol_text
+from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
@@ -77,12 +84,15 @@ class TherapySessionNode(ModuleNode):
         super().__init__("therapy_session")
         self.parameters.declare(TherapySettings)
         self.parameters.declare(WishLimits, "wish")
+        self.parameters.declare(AssistanceLimits, "assistance")
+        self.parameters.declare(AttendanceSettings, "attendance")
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._patient = self._definition = ""
         self._recording = False
         self._sample: HandSample | None = None
         self._heard_ns: int | None = None
+        self._attendance = Attendance()
         self._recorder = RecorderClient(self, self.clock)
         self._slot = TherapySlot()
         self._state = TherapyState()
@@ -101,6 +111,7 @@ class TherapySessionNode(ModuleNode):
         inbox = self.new_inbox()
         self._take = inbox.subscribe(EndpointState, "endpoint_state", qos.STATE, wakes=True)
         self._take_wish = inbox.subscribe(EndpointSetpoint, "therapy/wish", qos.COMMAND)
+        self._take_attendance = inbox.subscribe(Empty, "therapy/attendance", qos.COMMAND)
         self._publish_slot = self.outlet(TherapySlot, SLOT_TOPIC, qos.COMMAND)
         self._publish_state = self.outlet(TherapyState, "therapy/state", qos.STATE)
         self._publish_result = self.outlet(TrialResult, "therapy/trial", qos.STATE)
@@ -113,6 +124,13 @@ class TherapySessionNode(ModuleNode):
         self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
         self._session, self._told, self._wish = None, None, None
         self._heard_ns = None
+        self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
+
+    def changed(self, kind: type) -> None:
+        """Take over live parameters; what a session may do counts from its start on."""
+        if kind is WishLimits and self.active:
+            with self._lock:
+                self._wishes.limits = self.parameters.read(WishLimits, "wish")
 
     def end(self) -> None:
         """End a session that runs, so that the hand is let go."""
@@ -150,10 +168,15 @@ class TherapySessionNode(ModuleNode):
             self._state.state_since = self._sample.sequence if self._sample else 0
 
     def _watch(self, now_ns: int) -> None:
-        """Pause a session whose samples have stopped."""
-        silent = self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
-        if silent and self._session is not None:
+        """Pause a session whose samples have stopped, or whose therapist's page is silent."""
+        if self._take_attendance() is not None:
+            self._attendance.hear(now_ns)
+        if self._session is None:
+            return
+        if self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS:
             self._change(self._session.pause, "endpoint_state is silent")
+        if reason := self._attendance.missed(now_ns):
+            self._change(self._session.pause, reason)
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
         """Let an operator's act change the session; return whether it did."""
@@ -247,13 +270,17 @@ class TherapySessionNode(ModuleNode):
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
         name = self._named(request.protocol)
-        protocol, definition = load_protocol(name), protocol_text(name)
+        protocol, definition = allowed_protocol(
+            protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
+            self.parameters.read(WishLimits, "wish"),
+        )  # fmt: skip
         with self._lock:
             running = self._session
             if running is not None and running.state in (RUNNING, PAUSED):
                 return f"a session of {self._patient} is {running.state}: call ~/abort first"
             if self._heard_ns is None:
                 return "no endpoint_state has come yet"
+            self._attendance.begin(self.clock.now_ns())
         with self._lock:
             self._patient, self._definition = patient, definition
             self._session, self._told, self._wish = Session(protocol), None, None
@@ -286,6 +313,7 @@ class TherapySessionNode(ModuleNode):
     def _resume(self, request: Trigger.Request) -> str:
         if self._session is not None and self._session.reason == _WAITS:
             return _WAITS
+        self._attendance.begin(self.clock.now_ns())
         return self._act("resume")
 
     def health(self) -> Health:

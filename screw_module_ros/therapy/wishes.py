@@ -17,18 +17,27 @@ _LONGEST = 0.2  # [s] that count between two wishes: after a pause no large step
 class WishLimits(NamedTuple):
     """How far and how fast a game may move the set point. The bounds are ours."""
 
-    half_width: Annotated[float, Setting("in x from the centre", "m", 0.0, 0.1905)] = 0.15
-    half_depth: Annotated[float, Setting("in y from the centre", "m", 0.0, 0.2286)] = 0.15
-    low: Annotated[float, Setting("lowest height", "m", 0.0, 0.36)] = 0.03
-    high: Annotated[float, Setting("greatest height", "m", 0.0, 0.36)] = 0.33
-    speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6)] = 0.3
+    half_width: Annotated[
+        float, Setting("in x from the centre", "m", 0.0, 0.1905, live=True)
+    ] = 0.15
+    half_depth: Annotated[
+        float, Setting("in y from the centre", "m", 0.0, 0.2286, live=True)
+    ] = 0.15
+    low: Annotated[float, Setting("lowest height", "m", 0.0, 0.36, live=True)] = 0.03
+    high: Annotated[float, Setting("greatest height", "m", 0.0, 0.36, live=True)] = 0.33
+    speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6, live=True)] = 0.3
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Return lowest and highest value of x, y and z [m]; `high` counts where it is lower."""
+        plane = (self.half_width, self.half_depth)
+        return (*((-half, half) for half in plane), (min(self.low, self.high), self.high))
 
 
 class WishGate:
-    """Passes on one wish after the other."""
+    """Passes on one wish after the other. limits: may be replaced at any time."""
 
     def __init__(self, limits: WishLimits):
-        self._limits = limits
+        self.limits = limits
         self._last: Point = (math.nan,) * 3
         self._last_ns = 0
 
@@ -37,13 +46,9 @@ class WishGate:
 
         hand: where it is [m], from which an axis that had no set point starts.
         """
-        limits = self._limits
+        limits = self.limits
         elapsed = min((now_ns - self._last_ns) * _NS, _LONGEST)
-        ranges = (
-            (-limits.half_width, limits.half_width),
-            (-limits.half_depth, limits.half_depth),
-            (limits.low, limits.high),
-        )
+        ranges = limits.ranges()
         self._last_ns = now_ns
         self._last = tuple(
             _moved(asked, last if math.isfinite(last) else here, limits.speed * elapsed, *bounds)

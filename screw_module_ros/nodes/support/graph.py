@@ -50,7 +50,7 @@ COMPOSED = Entry(
 )
 """One process with one hot loop in place of its four parts."""
 
-BESIDE = ("characterize", "therapy_session")
+BESIDE = ("characterize", "therapy_session", "web_bridge")
 """Nodes that are started by hand beside the graph."""
 
 SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robots as the bridge's clients reach them: topics and services of the graph.
+
+It takes no part in simulated time: a browser must not keep the robot waiting. The hot loop of the
+node polls the subscriptions, which hold the newest message alone, so a topic at 200 Hz costs what
+is shown of it; a message becomes JSON once, when the first client is sent it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from screw_module_ros.bridge.conversion import fill, plain
+from screw_module_ros.bridge.rights import ASKED, HEARD, SENT, Rights
+from screw_module_ros.clock import WallClock
+
+from . import qos
+from .realtime import HotGroup
+from .timers import Timers
+
+_RARE = ("therapy/trial", "therapy/assistance")  # each one counts
+_CHECK_S = 0.25
+
+
+def found_type(name: str) -> type:
+    """Return the class of a type, `package/msg/Name`, or `package/Name` of a message."""
+    package, _, rest = name.partition("/")
+    group, _, kind = rest.rpartition("/")
+    return getattr(importlib.import_module(f"{package}.{group or 'msg'}"), kind)
+
+
+def new_message(name: str) -> Any:
+    """Return a message of a type, `package/Name`."""
+    return found_type(name)()
+
+
+class HeardTopic:
+    """A subscription that is polled, and its newest message."""
+
+    def __init__(self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup):
+        self.kind = found_type(kind)
+        self.subscription = node.create_subscription(
+            self.kind, name, _never, profile, callback_group=group
+        )
+        self._newest: tuple[int, Any] | None = None
+        self._text: tuple[int, str] | None = None
+
+    def poll(self) -> None:
+        """Take what has come."""
+        while (taken := self.subscription.handle.take_message(self.kind, False)) is not None:
+            count = self._newest[0] if self._newest else 0
+            self._newest = (count + 1, taken[0])
+
+    def newest(self) -> tuple[int, str] | None:
+        """Return the newest message as JSON, with its number from 1."""
+        newest = self._newest
+        if newest is not None and (self._text is None or self._text[0] != newest[0]):
+            text = json.dumps(plain(newest[1]), allow_nan=False, separators=(",", ":"))
+            self._text = (newest[0], text)
+        return self._text
+
+
+class BridgeGateway:
+    """Topics and services of the robots that `rights` names; see `bridge.client.Gateway`.
+
+    answer_s: for how long a service may take [s].
+    """
+
+    def __init__(self, node: Node, rights: Rights, periodic: Timers, answer_s: float):
+        self._node, self._answer_ns = node, round(answer_s * 1e9)
+        self._clock = WallClock()
+        self._heard: dict[str, HeardTopic] = {}
+        self._publishers: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
+        self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
+        self._changing = threading.Lock()
+        group = HotGroup()
+        for place, kind in rights.places(HEARD):
+            profile = qos.STATE if place.name in _RARE else qos.SAMPLE
+            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group)
+        for place, kind in rights.places(SENT):
+            self._publishers[place.full] = node.create_publisher(
+                found_type(kind), place.full, qos.COMMAND
+            )
+        for place, kind in rights.places(ASKED):
+            self._clients[place.full] = node.create_client(found_type(kind), place.full)
+        self._periodic = periodic
+        self._timer = periodic.every(self._clock, _CHECK_S, self._end_waiting)
+
+    def close(self) -> None:
+        """Destroy topics and clients."""
+        self._periodic.cancel(self._timer)
+        for heard in self._heard.values():
+            self._node.destroy_subscription(heard.subscription)
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        for client in self._clients.values():
+            self._node.destroy_client(client)
+
+    def poll(self) -> None:
+        """Take what has come on all topics; from the node's loop."""
+        for heard in self._heard.values():
+            heard.poll()
+
+    # Gateway: called from the server's thread ------------------------------------------------
+
+    def newest(self, topic: str) -> tuple[int, str] | None:
+        """Return a topic's newest message as JSON, with its number."""
+        return self._heard[topic].newest()
+
+    def publish(self, topic: str, content: dict) -> None:
+        """Publish a message. Raises ConversionError."""
+        publisher = self._publishers[topic]
+        message = fill(publisher.msg_type(), content, new_message)
+        publisher.publish(message)
+
+    def call(self, service: str, arguments: dict, answered: Callable[[Any, bool], None]) -> None:
+        """Call a service. Raises ConversionError."""
+        client = self._clients[service]
+        request = fill(client.srv_type.Request(), arguments, new_message)
+        if not client.service_is_ready():
+            answered(f"nobody offers {service}: is its node running?", False)
+            return
+        future = client.call_async(request)
+
+        def given_up() -> None:
+            client.remove_pending_request(future)
+            answered(f"{service} did not answer within {self._answer_ns * 1e-9:g} s", False)
+
+        with self._changing:
+            self._waiting[future] = (self._clock.now_ns() + self._answer_ns, given_up)
+
+        def done(_: Any) -> None:
+            if self._taken(future):
+                error = future.exception()
+                answered(f"{service}: {error}" if error else plain(future.result()), not error)
+
+        future.add_done_callback(done)
+
+    def _taken(self, future: Any) -> bool:
+        """Take a call off the list; return whether it still was on it."""
+        with self._changing:
+            return self._waiting.pop(future, None) is not None
+
+    def _end_waiting(self) -> None:
+        """Give up calls that have waited long enough."""
+        now_ns = self._clock.now_ns()
+        with self._changing:
+            late = [(f, give_up) for f, (due, give_up) in self._waiting.items() if now_ns >= due]
+        for future, give_up in late:
+            if self._taken(future):
+                give_up()
+
+
+def _never(message) -> None:
+    raise AssertionError("a polled subscription is never served by the executor")
