@@ -132,7 +132,9 @@ class Rights:
 
 def _parameters_in(arguments: dict) -> list[Any]:
     """Return the names of the parameters that a call of a parameter service is about."""
-    named = arguments.get("names", arguments.get("parameters"))
-    if not isinstance(named, list) or not named:
-        raise Denied("a list of parameters is wanted")
+    (key, named), *more = [*arguments.items(), ("", None)]
+    if key not in ("names", "parameters") or len(more) > 1 or not isinstance(named, list):
+        raise Denied("one list, names or parameters, is wanted")
+    if not named:
+        raise Denied("the list names no parameter")
     return [each.get("name") if isinstance(each, dict) else each for each in named]

@@ -208,6 +208,7 @@ class Server:
                 return
             try:
                 connection.client.take(message.data, self._clock.now_ns())
+                connection.wake.set()  # who has just subscribed is sent what there is
             except CutOff as error:
                 await self._cut_off(connection, str(error))
                 return

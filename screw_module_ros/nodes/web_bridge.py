@@ -24,6 +24,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.screens import protocols_for_screens
 
+from .support.below import root_folder
 from .support.bridge_gateway import BridgeGateway
 from .support.kept import state_folder
 from .support.module_node import OK, Health, ModuleNode
@@ -38,6 +39,10 @@ class BridgeSettings(NamedTuple):
     robots: Annotated[
         tuple[str, ...], Setting("namespaces of the robots, empty: its own", at_start=True)
     ] = ("",)
+    folder: Annotated[
+        str, Setting("protocols of your own, as of therapy_session, ~ is the home folder",
+                     at_start=True),
+    ] = "~/protocols"  # fmt: skip
     wishes: Annotated[
         bool, Setting("the patient's token, which reads, may publish therapy/wish too", live=True)
     ] = False
@@ -64,10 +69,11 @@ class WebBridgeNode(ModuleNode):
         self._rights = Rights(self._robots(settings.robots), settings.wishes)
         tokens = tokens_in(self._token_file(listening))
         self._gateway = BridgeGateway(self, self._rights, self.periodic, limits.answer)
-        config = {"robots": list(self._rights.robots), "protocols": protocols_for_screens()}
+        say = self.get_logger().warning
+        protocols = protocols_for_screens(root_folder(settings.folder), say)
+        config = {"robots": list(self._rights.robots), "protocols": protocols}
         self._make_server = lambda: Server(
-            listening, limits, tokens, self._rights, self._gateway, self._wall, config,
-            self.get_logger().warning,
+            listening, limits, tokens, self._rights, self._gateway, self._wall, config, say
         )  # fmt: skip
         self._pause_s = 1.0 / limits.rate
 

@@ -12,9 +12,16 @@ from typing import Annotated, Any, NamedTuple
 import yaml
 
 from ..settings import Setting
+from .line import PLANE, SPACE, VERTICAL
 from .protocol import Protocol, ways
 from .protocol_file import parse_protocol
 from .wishes import WishLimits
+
+_SOFTEST_SHARE = 0.5  # of the stiffest walls, where those are softer than the protocol's softest
+_ROUNDING = 1e-9  # [m] sines of whole turns
+_AXES = {
+    PLANE: (True, True, False), VERTICAL: (False, False, True), SPACE: (True, True, True)
+}  # fmt: skip
 
 
 class AssistanceLimits(NamedTuple):
@@ -35,18 +42,28 @@ def limited_text(text: str, limits: AssistanceLimits) -> str:
 
 def _limit(content: dict[str, Any], stiffest: float) -> bool:
     """Limit every stiffness of a valid protocol in place; return whether one was too large."""
-    found = False
     sections = [(content["guidance"], ("back_stiffness", "side_stiffness"))]
     sections.append((content["rules"], ("prepare_stiffness",)))
-    sections.append((content.get("adaptation") or {}, ("softest", "stiffest")))
+    sections.append((content.get("adaptation") or {}, ("stiffest",)))
     sections += [(block, ("stiffness",)) for block in content["blocks"]]
+    found = False
     for section, names in sections:
         for name in names:
             if section.get(name, 0.0) > stiffest:
                 section[name], found = stiffest, True
-    if found and stiffest == 0.0:
-        content["guidance"]["growth"] = 0.0  # nothing that could grow
+    if found:
+        _make_fit(content, stiffest)
     return found
+
+
+def _make_fit(content: dict[str, Any], stiffest: float) -> None:
+    """Make what goes with the stiffness fit again: the softest walls, and what could grow."""
+    if stiffest == 0.0:
+        content["guidance"]["growth"] = 0.0
+        content.pop("adaptation", None)  # of no walls
+    bounds = content.get("adaptation")
+    if bounds and bounds["softest"] >= bounds["stiffest"]:
+        bounds["softest"] = _SOFTEST_SHARE * bounds["stiffest"]
 
 
 def allowed_protocol(
@@ -64,20 +81,15 @@ def allowed_protocol(
 
 
 def _check_workspace(protocol: Protocol, workspace: WishLimits) -> None:
-    axes = {
-        "plane": (True, True, False), "vertical": (False, False, True), "space": (True,) * 3,
-    }[protocol.space]  # fmt: skip
-    ranges = workspace.ranges()
-    for block in protocol.blocks:
-        for way in ways(protocol, block):
-            for point in way:
-                for used, name, value, (low, high) in zip(axes, "xyz", point, ranges, strict=True):
-                    if used and not low - _ROUNDING <= value <= high + _ROUNDING:
-                        raise ValueError(
-                            f"{protocol.name}: the target at {name} = {value:.3f} m lies outside "
-                            f"the workspace allowed, {low:g} to {high:g} m: widen it, or choose "
-                            "another protocol"
-                        )
-
-
-_ROUNDING = 1e-9  # [m] sines of whole turns
+    visited = {
+        point for block in protocol.blocks for way in ways(protocol, block) for point in way
+    }
+    used, ranges = _AXES[protocol.space], workspace.ranges()
+    for point in sorted(visited):
+        for counts, axis, value, (low, high) in zip(used, "xyz", point, ranges, strict=True):
+            if counts and not low - _ROUNDING <= value <= high + _ROUNDING:
+                raise ValueError(
+                    f"{protocol.name}: the target at {axis} = {value:.3f} m lies outside the "
+                    f"workspace allowed, {low:g} to {high:g} m: widen it, or choose another "
+                    "protocol"
+                )
