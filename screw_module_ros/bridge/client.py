@@ -28,6 +28,9 @@ class Gateway(Protocol):
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON with its number from 1, None before the first."""
 
+    def history(self, topic: str) -> list[str]:
+        """Return the last messages of a topic of `rights.KEPT` as JSON, oldest first."""
+
     def publish(self, topic: str, content: dict) -> None:
         """Publish. Raises ConversionError."""
 

@@ -23,6 +23,8 @@ HEARD = {
     "safety_state": _OURS + "SafetyState",
 }
 """Topics that the bridge hears, with their types."""
+KEPT = ("therapy/trial", "therapy/assistance")
+"""Of these each message counts: the last ones are kept, for a page that is opened or reloaded."""
 SENT = {WISH: _OURS + "EndpointSetpoint", ATTENDANCE: "std_msgs/msg/Empty"}
 """Topics that the bridge publishes, with their types."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"

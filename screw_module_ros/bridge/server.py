@@ -21,7 +21,7 @@ from ..clock import Clock
 from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
 from .pages import FOLDER, PAGES, SECURITY_HEADERS
-from .rights import Rights
+from .rights import KEPT, Denied, Rights
 from .rosbridge import status
 from .settings import Limits, Listening
 from .tokens import Tokens
@@ -124,6 +124,7 @@ class Server:
             context.load_cert_chain(listening.certificate, listening.key or None)
         app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
         app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
+        app.add_routes([web.get("/history.json", self._history)])
         app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
         app.router.add_static("/static/", FOLDER, follow_symlinks=False)
         app.on_response_prepare.append(_add_headers)
@@ -166,6 +167,16 @@ class Server:
         role = self._door.role_of(token_in(request.query, request.headers))
         config = {**self._config, "role": role, "wishes": self._rights.wishes or role != "patient"}
         return web.Response(text=json.dumps(config), content_type="application/json")
+
+    async def _history(self, request: web.Request) -> web.Response:
+        """Tell a page what was before it was there: /history.json?topic=/therapy/trial."""
+        role = self._door.role_of(token_in(request.query, request.headers))
+        try:
+            place, _ = self._rights.hears(role, request.query.get("topic", ""))
+        except Denied as error:
+            raise Refused(str(error)) from None
+        texts = self._gateway.history(place.full) if place.name in KEPT else []
+        return web.Response(text=f"[{','.join(texts)}]", content_type="application/json")
 
     async def _websocket(self, request: web.Request) -> web.StreamResponse:
         role = self._door.role_of(token_in(request.query, request.headers))

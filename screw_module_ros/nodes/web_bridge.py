@@ -13,6 +13,7 @@ import ssl
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from screw_module_ros.bridge.door import is_loopback
@@ -123,8 +124,9 @@ class WebBridgeNode(ModuleNode):
             full = f"/{name.strip('/')}" if name.strip("/") else self.get_namespace()
             try:
                 validate_namespace(full)
-            except ValueError as error:
-                raise ValueError(f"robots: {name!r} is no namespace: {error}") from None
+            except InvalidNamespaceException as error:
+                why = str(error).splitlines()[0].rstrip(":")
+                raise ValueError(f"robots: {name!r} is no namespace: {why}") from None
             if full in found:
                 raise ValueError(f"robots: {full} is named twice")
             found.append(full)
@@ -148,8 +150,9 @@ class WebBridgeNode(ModuleNode):
     def step(self) -> None:
         """Take the newest messages while anybody looks; by wall clock, as browsers live in it."""
         self.clock.idle()
-        if self._server.clients:
-            self._gateway.poll()
+        clients = self._server.clients
+        self._gateway.poll(anybody=clients > 0)
+        if clients:
             self._server.look()
             self._wall.sleep(self._pause_s)
         else:

@@ -16,9 +16,9 @@ _MOST = 50  # files that are offered
 def protocols_for_screens(
     folder: Path | None = None, told: Callable[[str], None] = lambda sentence: None
 ) -> list[dict[str, Any]]:
-    """Return name, title, space, number of trials, centre and targets [m] of each protocol.
+    """Return what to start each protocol by (`name`) and what it calls itself (`protocol`).
 
-    folder: of protocols of one's own, beside those of the package. told: takes what is wrong with
+    Besides title, space, number of trials, centre and targets [m]. folder: of protocols of one's own, beside those of the package. told: takes what is wrong with
     a file, which is not offered then.
     """
     found = [_described(name, load_protocol(name)) for name in SHIPPED]
@@ -35,6 +35,7 @@ def _described(name: str, protocol: Protocol) -> dict[str, Any]:
     targets = {point for block in protocol.blocks for point in points(protocol, block)}
     return {
         "name": name,
+        "protocol": protocol.name,
         "title": protocol.title,
         "space": protocol.space,
         "trials": sum(1 for _ in plan(protocol)),

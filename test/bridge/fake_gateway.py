@@ -23,6 +23,9 @@ class FakeGateway:
     def newest(self, topic):
         return self._topics.get(topic)
 
+    def history(self, topic):
+        return [json.dumps({"trial": number}) for number in (1, 2, 3)]
+
     def publish(self, topic, content):
         if "bad" in content:
             raise ConversionError("bad: unknown field")

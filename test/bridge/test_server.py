@@ -119,6 +119,18 @@ def test_the_configuration_needs_a_token(server):
     assert json.loads(text) == {**CONFIG, "role": "patient", "wishes": False}
 
 
+def test_what_was_before_is_told_to_who_may_hear_it(server):
+    assert run(answer(server, "/history.json?topic=/therapy/trial"))[0] == 403
+    status, text, _ = run(answer(server, "/history.json?topic=/therapy/trial", token=PATIENT))
+    assert (status, json.loads(text)) == (200, [{"trial": 1}, {"trial": 2}, {"trial": 3}])
+    denied = "/history.json?topic=/therapy/assistance"
+    assert run(answer(server, denied, token=PATIENT))[0] == 403
+    assert run(answer(server, denied, token=THERAPIST))[0] == 200
+    for nothing in ("", "?topic=", "?topic=/setpoint"):
+        assert run(answer(server, f"/history.json{nothing}", token=THERAPIST))[0] == 403
+    assert run(answer(server, "/history.json?topic=/endpoint_state", token=THERAPIST))[1] == "[]"
+
+
 def test_no_more_clients_than_allowed(server):
     async def crowd():
         async with aiohttp.ClientSession() as session:

@@ -51,7 +51,7 @@ def test_no_stiffness_grows_neither():
 
 @pytest.mark.parametrize(("workspace", "name", "told"), [
     (WishLimits(half_width=0.10), "clock_adaptive", "x = -0.140 m"),
-    (WishLimits(half_depth=0.05), "clock_adaptive", "y = 0.140 m"),
+    (WishLimits(half_depth=0.05), "clock_adaptive", "y = 0.099 m"),
     (WishLimits(high=0.30), "elevator", "z = 0.320 m"),
     (WishLimits(low=0.05), "elevator", "z = 0.040 m"),
     (WishLimits(high=0.20), "reach_3d", "z = 0.260 m"),

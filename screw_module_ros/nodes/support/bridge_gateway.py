@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import json
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -18,14 +19,14 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from screw_module_ros.bridge.conversion import fill, plain
-from screw_module_ros.bridge.rights import ASKED, HEARD, SENT, Rights
+from screw_module_ros.bridge.rights import ASKED, HEARD, KEPT, SENT, Rights
 from screw_module_ros.clock import WallClock
 
 from . import qos
 from .realtime import HotGroup
 from .timers import Timers
 
-_RARE = ("therapy/trial", "therapy/assistance")  # each one counts
+_MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.25
 
 
@@ -42,9 +43,12 @@ def new_message(name: str) -> Any:
 
 
 class HeardTopic:
-    """A subscription that is polled, and its newest message."""
+    """A subscription that is polled, and its newest message; `kept`: and the last ones before."""
 
-    def __init__(self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup):
+    def __init__(
+        self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup, kept: bool
+    ):
+        self.kept: deque[Any] = deque(maxlen=_MOST_KEPT if kept else 0)
         self.kind = found_type(kind)
         self.subscription = node.create_subscription(
             self.kind, name, _never, profile, callback_group=group
@@ -57,14 +61,22 @@ class HeardTopic:
         while (taken := self.subscription.handle.take_message(self.kind, False)) is not None:
             count = self._newest[0] if self._newest else 0
             self._newest = (count + 1, taken[0])
+            self.kept.append(taken[0])
 
     def newest(self) -> tuple[int, str] | None:
         """Return the newest message as JSON, with its number from 1."""
         newest = self._newest
         if newest is not None and (self._text is None or self._text[0] != newest[0]):
-            text = json.dumps(plain(newest[1]), allow_nan=False, separators=(",", ":"))
-            self._text = (newest[0], text)
+            self._text = (newest[0], _text(newest[1]))
         return self._text
+
+    def history(self) -> list[str]:
+        """Return the last messages as JSON."""
+        return [_text(message) for message in tuple(self.kept)]
+
+
+def _text(message: Any) -> str:
+    return json.dumps(plain(message), allow_nan=False, separators=(",", ":"))
 
 
 class BridgeGateway:
@@ -83,8 +95,9 @@ class BridgeGateway:
         self._changing = threading.Lock()
         group = HotGroup()
         for place, kind in rights.places(HEARD):
-            profile = qos.STATE if place.name in _RARE else qos.SAMPLE
-            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group)
+            kept = place.name in KEPT
+            profile = qos.STATE if kept else qos.SAMPLE
+            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group, kept)
         for place, kind in rights.places(SENT):
             self._publishers[place.full] = node.create_publisher(
                 found_type(kind), place.full, qos.COMMAND
@@ -104,16 +117,21 @@ class BridgeGateway:
         for client in self._clients.values():
             self._node.destroy_client(client)
 
-    def poll(self) -> None:
-        """Take what has come on all topics; from the node's loop."""
+    def poll(self, anybody: bool) -> None:
+        """Take what has come, from the node's loop; without `anybody` only what is to be kept."""
         for heard in self._heard.values():
-            heard.poll()
+            if anybody or heard.kept.maxlen:
+                heard.poll()
 
     # Gateway: called from the server's thread ------------------------------------------------
 
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON, with its number."""
         return self._heard[topic].newest()
+
+    def history(self, topic: str) -> list[str]:
+        """Return the last messages of a topic that is kept, as JSON, oldest first."""
+        return self._heard[topic].history()
 
     def publish(self, topic: str, content: dict) -> None:
         """Publish a message. Raises ConversionError."""

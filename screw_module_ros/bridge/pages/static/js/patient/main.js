@@ -42,7 +42,7 @@ function hearState(state) {
   const before = world.state;
   if (state.state !== before?.state) world.stateAt = performance.now();
   if (state.state === RUNNING && (before?.state !== RUNNING || !world.protocol)) {
-    world.protocol = config.protocols.find(({ name }) => name === state.protocol) ?? null;
+    world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
   }
   if (state.trial === 1 && state.state === RUNNING && before?.trial !== 1) world.reached = 0;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One robot on the therapist's page.
 
-import { named } from "../bridge.js";
+import { history, named } from "../bridge.js";
 import { el, say } from "../elements.js";
 import { LimitsCard } from "./limits.js";
 import { safetySentence, sessionSentence } from "./sentences.js";
@@ -28,7 +28,7 @@ export class RobotPanel {
     this.limits = new LimitsCard(call, (values) => { this.allowed = values; });
     this.views = new Views();
     this.traces = new Traces();
-    this.trials = new TrialsCard(robot);
+    this.trials = new TrialsCard();
     const title = config.robots.length > 1 ? `Robot ${robot.slice(1)}` : "Robot";
     this.element = el("article", { className: "robot", id: `robot${robot.replaceAll("/", "-")}` },
       el("section", { className: "card top" },
@@ -51,6 +51,18 @@ export class RobotPanel {
       this.heard[topic] = { message, at: performance.now() };
       more(message);
     });
+  }
+
+  // Asks for what is not told by itself: once there is a connection, and after each loss of it.
+  async load() {
+    this.limits.load();
+    try {
+      const [trials, changes] = await Promise.all(["therapy/trial", "therapy/assistance"].map(
+        (topic) => history(this.bridge.token, named(this.robot, topic))));
+      this.trials.begin(trials, changes);
+    } catch (error) {
+      this.start.tell(`The movements so far are not known: ${error.message}`);
+    }
   }
 
   // The newest message of a topic, null where it is silent.
@@ -80,8 +92,9 @@ export class RobotPanel {
     const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint);
     say(this.reasons, reason);
     this.reasons.classList.toggle("bad", isBad);
-    const protocol = this.protocols.find(({ name }) => name === state?.protocol);
-    this.views.draw(endpoint, state, this.allowed, protocol);
+    const shown = this.protocols.find(({ protocol }) => protocol === state?.protocol);
+    this.trials.show();
+    this.views.draw(endpoint, state, this.allowed, shown);
     if (now - this.drawn > TRACE_MS) {
       this.drawn = now;
       this.traces.draw();

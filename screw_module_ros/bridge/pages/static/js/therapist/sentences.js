@@ -14,7 +14,7 @@ const PHASES = {
 
 export function sessionSentence(state, protocols) {
   if (!state) return "The session node is silent.";
-  const title = protocols.find(({ name }) => name === state.protocol)?.title ?? state.protocol;
+  const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
   const count = `movement ${state.trial} of ${state.trials}`;
   switch (state.state) {
     case RUNNING: {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of the movements and changes of the assistance, newest first. They are kept for this tab,
-// so that a reload in mid-session does not lose them; only numbers and the pseudonym.
+// Results of the movements and changes of the assistance, newest first. The bridge keeps them, so
+// that a reload or another device in mid-session shows them all; here nothing is stored.
 
 import { el, say } from "../elements.js";
 
@@ -22,12 +22,8 @@ function fixed(value, digits) {
 }
 
 export class TrialsCard {
-  constructor(robot) {
-    this.key = `trials ${robot}`;
-    const kept = JSON.parse(sessionStorage.getItem(this.key) ?? "null");
-    this.session = kept?.session ?? "";
-    this.trials = kept?.trials ?? [];
-    this.changes = kept?.changes ?? [];
+  constructor() {
+    [this.session, this.trials, this.changes] = ["", [], []];
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
@@ -47,7 +43,7 @@ export class TrialsCard {
     }
     this.trials.push(Object.fromEntries(KEEP.map((name) => [name, result[name]])));
     if (this.trials.length > KEPT) this.trials.shift();
-    this.changed();
+    this.isShown = false;
   }
 
   takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
@@ -55,16 +51,20 @@ export class TrialsCard {
     if (last?.block === block && last?.circuit === circuit) return;
     this.changes.push({ block, circuit, duration, side, reason });
     if (this.changes.length > CHANGES) this.changes.shift();
-    this.changed();
+    this.isShown = false;
   }
 
-  changed() {
-    const { session, trials, changes } = this;
-    sessionStorage.setItem(this.key, JSON.stringify({ session, trials, changes }));
-    this.show();
+  // Begins anew with what the bridge has kept.
+  begin(trials, changes) {
+    [this.session, this.trials, this.changes] = ["", [], []];
+    trials.forEach((trial) => this.take(trial));
+    changes.forEach((change) => this.takeChange(change));
+    this.isShown = false;
   }
 
   show() {
+    if (this.isShown) return;
+    this.isShown = true;
     const reached = this.trials.filter((trial) => trial.reached).length;
     say(this.summary, this.trials.length
       ? `${this.session.split(" ")[0]}: ${reached} of ${this.trials.length} targets reached`

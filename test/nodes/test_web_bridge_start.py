@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How `web_bridge` starts, and when it refuses to."""
+
+from __future__ import annotations
+
+import asyncio
+import stat
+
+import aiohttp
+import pytest
+
+from screw_module_ros.nodes.support.parameters import ParameterError
+
+
+@pytest.fixture
+def refused(make_node):
+    """Return `refused(*ros_args)`: the sentence with which configuring is refused."""
+
+    def refuse(*ros_args):
+        node = make_node("web_bridge", *ros_args)
+        with pytest.raises((ValueError, OSError)) as error:
+            node.connect()
+        node.disconnect()
+        return str(error.value)
+
+    return refuse
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.7.7", "'::'", "robot.example"])
+def test_no_other_address_without_tls(refused, address):
+    told = refused("-p", f"address:={address}")
+    assert "name a certificate and its key, or listen on 127.0.0.1" in told
+
+
+def test_a_certificate_that_is_not_there_is_named(refused, tmp_path):
+    told = refused("-p", "address:=0.0.0.0", "-p", f"certificate:={tmp_path}/none.pem")
+    assert "none.pem: there is no such file" in told
+
+
+@pytest.mark.parametrize(("robots", "told"), [
+    ("[left, /left/]", "/left is named twice"), ("['1 2']", "is no namespace"),
+])  # fmt: skip
+def test_robots_that_cannot_be_are_named(refused, robots, told):
+    assert told in refused("-p", f"robots:={robots}")
+
+
+def test_tokens_that_others_can_read_are_refused(refused, tmp_path):
+    (tmp_path / "open").mkdir(mode=0o755)
+    (tmp_path / "open").chmod(0o755)
+    file = tmp_path / "open" / "tokens.json"
+    file.write_text("{}")
+    assert "chmod 700" in refused("-p", f"token_file:={file}")
+
+
+@pytest.mark.parametrize("given", ["port:=70000", "limits.rate:=1000.0", "limits.size:=1"])
+def test_values_out_of_range_are_refused(make_node, given):
+    with pytest.raises(ParameterError, match=given.split(":=")[0]):
+        make_node("web_bridge", "-p", given)
+
+
+def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
+    file = tmp_path / "state" / "tokens.json"
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={file}")
+    node.connect()
+    node.begin()
+    address = node._server.address
+    assert address.startswith("http://127.0.0.1:")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    health = node.health()
+    assert health.values["address"] == address
+    node.end()
+    node.disconnect()
+    assert node._server is None
+
+    async def ask():
+        async with aiohttp.ClientSession() as session:
+            await session.get(address)
+
+    with pytest.raises(aiohttp.ClientConnectionError):
+        asyncio.run(ask())
+
+
+def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    assert not node._rights.wishes
+    assert node.parameters.write(wishes=True) == ""
+    assert node._rights.wishes
+    assert node.parameters.write(wishes=False) == ""
+    assert not node._rights.wishes
+    assert "fixed once the node has started" in node.parameters.write(address="0.0.0.0")
+    node.disconnect()
