@@ -18,8 +18,9 @@ def protocols_for_screens(
 ) -> list[dict[str, Any]]:
     """Return what to start each protocol by (`name`) and what it calls itself (`protocol`).
 
-    Besides title, space, number of trials, centre and targets [m]. folder: of protocols of one's own, beside those of the package. told: takes what is wrong with
-    a file, which is not offered then.
+    Besides title, space, number of trials, centre and targets [m]. folder: of protocols of one's
+    own, beside those of the package. told: takes what is wrong with a file, which is not offered
+    then.
     """
     found = [_described(name, load_protocol(name)) for name in SHIPPED]
     files = sorted(folder.glob("*.yaml"))[:_MOST] if folder is not None else ()

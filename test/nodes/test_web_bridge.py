@@ -15,7 +15,7 @@ from screw_module_msgs.msg import TherapyState
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped  # noqa: E402
+from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 
@@ -171,7 +171,7 @@ def browser():
 
 
 def open_page(browser, stage, role, errors):
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page = browser.new_page(viewport={"width": 820, "height": 600})
     page.set_default_timeout(DEADLINE_MS)
     page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
     page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
@@ -203,8 +203,8 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     assert screen.evaluate("document.body.dataset.shown") in ("plane", "veil")
     page.get_by_text(f"Finished: Quick clock, {MOVEMENTS} movements.").wait_for()
     screen.get_by_role("heading", name="Finished. Thank you!").wait_for()
-    numbers = [int(text) for text in page.locator(".results tbody td:first-child").all_inner_texts()]
-    assert numbers == list(range(MOVEMENTS, 0, -1))
+    cells = page.locator(".results tbody td:first-child").all_inner_texts()
+    assert [int(text) for text in cells] == list(range(MOVEMENTS, 0, -1))
     assert page.get_by_text(f"of {MOVEMENTS} targets reached").count() == 1
 
     # The software stop stops.
