@@ -253,11 +253,12 @@ def test_a_foreign_page_reaches_nothing(stage, browser):
     page.close()
 
 
-def test_the_patients_game_plays(stage, browser):
+def test_the_patients_game_plays(stage, browser, wait_until):
     errors = []
     screen = open_page(browser, stage, "patient", errors)
     screen.get_by_role("button", name="Pick fruit").click()
-    screen.wait_for_function("Number(document.body.dataset.score) >= 2", timeout=DEADLINE_MS)
+    wait_until(lambda: int(screen.locator("body").get_attribute("data-score")) >= 2,
+               DEADLINE_MS * 1e-3, "picking two fruit")  # fmt: skip
     screen.get_by_role("button", name="Sound: off").click()
     screen.get_by_role("button", name="Sound: on").wait_for()
     assert errors == []

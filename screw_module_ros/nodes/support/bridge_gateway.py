@@ -13,6 +13,7 @@ import json
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -27,7 +28,8 @@ from .realtime import HotGroup
 from .timers import Timers
 
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
-_CHECK_S = 0.25
+_CHECK_S = 0.1
+_FOUND_NS = 1_000_000_000  # in which a service that has just come is found
 
 
 def found_type(name: str) -> type:
@@ -92,6 +94,7 @@ class BridgeGateway:
         self._publishers: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
+        self._unsent: list[tuple[int, str, Callable[[], None], Callable[[Any, bool], None]]] = []
         self._changing = threading.Lock()
         group = HotGroup()
         for place, kind in rights.places(HEARD):
@@ -105,7 +108,7 @@ class BridgeGateway:
         for place, kind in rights.places(ASKED):
             self._clients[place.full] = node.create_client(found_type(kind), place.full)
         self._periodic = periodic
-        self._timer = periodic.every(self._clock, _CHECK_S, self._end_waiting)
+        self._timer = periodic.every(self._clock, _CHECK_S, self._check_calls)
 
     def close(self) -> None:
         """Destroy topics and clients."""
@@ -143,9 +146,16 @@ class BridgeGateway:
         """Call a service. Raises ConversionError."""
         client = self._clients[service]
         request = fill(client.srv_type.Request(), arguments, new_message)
-        if not client.service_is_ready():
-            answered(f"nobody offers {service}: is its node running?", False)
+        if client.service_is_ready():
+            self._send(service, request, answered)
             return
+        with self._changing:
+            due_ns = self._clock.now_ns() + _FOUND_NS
+            send = partial(self._send, service, request, answered)
+            self._unsent.append((due_ns, service, send, answered))
+
+    def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
+        client = self._clients[service]
         future = client.call_async(request)
 
         def given_up() -> None:
@@ -167,9 +177,20 @@ class BridgeGateway:
         with self._changing:
             return self._waiting.pop(future, None) is not None
 
-    def _end_waiting(self) -> None:
-        """Give up calls that have waited long enough."""
+    def _check_calls(self) -> None:
+        """Send what waited for its service; give up calls that have waited long enough."""
         now_ns = self._clock.now_ns()
+        with self._changing:
+            unsent, self._unsent = self._unsent, []
+        for call in unsent:
+            due_ns, service, send, answered = call
+            if self._clients[service].service_is_ready():
+                send()
+            elif now_ns >= due_ns:
+                answered(f"nobody offers {service}: is its node running?", False)
+            else:
+                with self._changing:
+                    self._unsent.append(call)
         with self._changing:
             late = [(f, give_up) for f, (due, give_up) in self._waiting.items() if now_ns >= due]
         for future, give_up in late:
