@@ -261,5 +261,7 @@ def test_the_patients_game_plays(stage, browser, wait_until):
                DEADLINE_MS * 1e-3, "picking two fruit")  # fmt: skip
     screen.get_by_role("button", name="Sound: off").click()
     screen.get_by_role("button", name="Sound: on").wait_for()
+    screen.get_by_role("button", name="Back").click()
+    screen.get_by_role("button", name="Pick fruit").wait_for()
     assert errors == []
     screen.close()

@@ -8,7 +8,7 @@ import { OVER_TIME, PREPARE, REACHED } from "../states.js";
 const LOW = 0.0, HIGH = 0.36; // [m] of travel
 
 export function drawElevator({ ctx, width, height }, world) {
-  const top = 0.15 * height, bottom = 0.93 * height;
+  const top = 0.15 * height, bottom = height - Math.max(0.07 * height, 96);
   const at = (z) => bottom - ((z - LOW) / (HIGH - LOW)) * (bottom - top);
   const shaft = Math.min(0.34 * width, 0.32 * height);
   const left = width / 2 - shaft / 2;

@@ -97,6 +97,7 @@ function showWords(inSession, isHeard) {
   if (over) put($("veil").children, over);
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
+  $("back").hidden = inSession || play === null;
   put([$("task")], [running && !over ? task(world.state) : ""]);
   $("progress").hidden = !running;
   if (running) {
@@ -134,6 +135,7 @@ function makeButtons() {
     $("sound").textContent = `Sound: ${isOn ? "on" : "off"}`;
     $("sound").setAttribute("aria-pressed", isOn);
   };
+  $("back").onclick = () => choose(null);
   $("full").onclick = () => {
     if (document.fullscreenElement) document.exitFullscreen();
     else document.documentElement.requestFullscreen?.().catch(() => {});
