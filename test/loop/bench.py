@@ -12,6 +12,7 @@ import uuid
 from typing import NamedTuple
 
 import can
+from lean_bus import LeanVirtualBus
 
 from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.clock import ManualClock
@@ -175,7 +176,7 @@ class Bench:
         )
 
     def _bus(self, channel: str) -> can.BusABC:
-        bus = can.Bus(interface="virtual", channel=channel)
+        bus = LeanVirtualBus(channel)
         self._buses.append(bus)
         return bus
 
