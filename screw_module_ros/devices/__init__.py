@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS-free drivers for what hangs on the CAN bus; units and byte orders end here.
+"""ROS-free drivers for the devices on the CAN bus; units and byte orders end here.
 
-bus, port, echo     one CAN bus, one reader, without its own frames come back
 sdo, node, pdo      CANopen (CiA 301): parameters, network management, cyclic objects
-emcy, bus_load      names of emergencies; what the configured frames cost on the wire
+emcy                names of emergencies
 polled, ledger      one request a tick; which request an answer without a number belongs to
 motion, unwrap      wrapping counts to position and velocity of nut and joints, homed on the host
 encoder             CiA 406 encoder of the screw; encoder_setup

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ..can_io.bus_load import Traffic
+from ..can_io.port import Port
 from ..samples import DriveReading
 from ..settings import validated
 from ..units import from_per_mille, to_per_mille
 from . import cia402, drive_exit
 from . import drive_setup as setup
-from .bus_load import Traffic
 from .cia402 import Goal, State
 from .drive_logic import DriveLogic
 from .drive_reports import DriveCounters, DriveReports
@@ -30,7 +31,6 @@ from .drive_torque import ExcessTorque
 from .errors import BusError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
-from .port import Port
 
 _HEARTBEATS_MISSED = 3
 

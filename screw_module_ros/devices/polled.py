@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Generic, Protocol, TypeVar
 
+from ..can_io.port import Port
 from .ledger import FRESH, LATE, Ledger
-from .port import Port
 
 Sample = TypeVar("Sample")
 

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, NamedTuple
 
+from ..can_io.port import Port
 from ..control.timing import DeadlineMeter
 from ..devices.errors import DeviceError
-from ..devices.port import Port
 from ..settings import Setting
 from .planar_axes import PlanarAxes
 from .ticker import Tick, Ticker

@@ -22,8 +22,8 @@ from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.states import fill_wrench
-from .support.taring import Taring
 from .support.timing_report import latency_values
+from .taring import Taring
 
 
 class WrenchSettings(NamedTuple):

@@ -26,8 +26,8 @@ from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
+from .controller_inputs import ControllerInputs
 from .support import qos
-from .support.controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command

@@ -21,12 +21,12 @@ from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.settings import Setting
 
+from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support import qos, topics
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.flat import FORCE
 from .support.module_node import Health
-from .support.planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane

@@ -15,14 +15,14 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
-from screw_module_ros.devices.bus import BusSettings, open_bus
+from screw_module_ros.can_io.bus import BusSettings, open_bus
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
+from .rig_departure import Departure
 from .support import qos
-from .support.departure import Departure
 from .support.module_node import OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
 

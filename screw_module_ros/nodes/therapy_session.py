@@ -37,20 +37,14 @@ from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
+from .recorder_client import RecorderClient
 from .support import qos
 from .support.below import below, root_folder
 from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
-from .support.recorder_client import RecorderClient
 from .support.runtime import main as run_node
 from .support.slot_input import TOPIC as SLOT_TOPIC
-from .support.therapy_messages import (
-    change_message,
-    fill_slot,
-    fill_state,
-    hand_sample,
-    result_message,
-)
+from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import can
 
 from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.gate import OPEN, GateSettings
@@ -29,7 +30,6 @@ from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
-from screw_module_ros.devices.port import Port
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive

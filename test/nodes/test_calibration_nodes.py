@@ -16,11 +16,11 @@ from std_srvs.srv import Trigger
 from screw_module_ros.calibration.friction import load_friction_model
 from screw_module_ros.calibration.module import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.module_node import Done
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 

@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes.support import departure
-from screw_module_ros.nodes.support.departure import Departure
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.nodes import rig_departure as departure
+from screw_module_ros.nodes.rig_departure import Departure
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.graph_run import GraphRun
 
 STEP_NS = 50_000_000
 

@@ -25,8 +25,8 @@ from screw_module_msgs.msg import (
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.graph import COMPOSED
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 

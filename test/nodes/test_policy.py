@@ -12,10 +12,10 @@ from rclpy.node import Node
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.nodes.support.graph import BESIDE, COMPOSED, GRAPH
-from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.plan import ENCLAVES
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
+from screw_module_ros.trials.graph_run import GraphRun
 
 POLICY = "security/policy.xml"
 NODES = [entry.executable for entry in GRAPH]

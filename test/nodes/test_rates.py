@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError
+from screw_module_ros.operator.robot import Robot, RobotError
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 

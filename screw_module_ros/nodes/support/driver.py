@@ -6,9 +6,9 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated, NamedTuple
 
-from screw_module_ros.devices.bus import BusSettings, open_port, where
-from screw_module_ros.devices.bus_load import check_load
-from screw_module_ros.devices.port import Port
+from screw_module_ros.can_io.bus import BusSettings, open_port, where
+from screw_module_ros.can_io.bus_load import check_load
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.settings import Setting
 

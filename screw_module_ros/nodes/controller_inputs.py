@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller hears by topics: samples, set point, drive and supervisor."""
+
+from __future__ import annotations
+
+from screw_module_msgs.msg import AmplifierState, EndpointSetpoint, SafetyState
+
+from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.loop.rate_check import RateCheck
+from screw_module_ros.loop.wanted import Wanted
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+from .support import qos
+from .support.flat import ENCODER, FORCE
+from .support.freshness import Newest
+from .support.realtime import Inbox
+from .support.slot_input import SlotInbox
+
+_SAFETY_AGE_NS = 200_000_000
+
+
+class ControllerInputs:
+    """The controller's subscriptions, for the loop's thread; times in [ns].
+
+    inbox, forces: what is waited for apart, the encoder sample and the force. period_ns: of the
+    node. wanted: the set point; slot: that of a therapy session.
+    """
+
+    def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
+        self.wanted = Wanted(axes=1)
+        self._inbox, self._forces = inbox, forces
+        take = inbox.subscribe
+        self._take_encoder = take(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
+        self._take_force = forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
+        self._take_setpoint = take(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self.slot = SlotInbox(inbox, vertical=True)
+        self._take_amplifier = take(AmplifierState, "screw/amplifier_state", qos.NEWEST)
+        take_safety = take(SafetyState, "safety_state", qos.COMMAND)
+        self._safety = Newest(take_safety, _SAFETY_AGE_NS)
+        self._resets: int | None = None
+        self._encoder_rate = RateCheck("encoder", period_ns)
+        self._force_rate = RateCheck("force_sensor", period_ns)
+
+    @property
+    def wrong_rate(self) -> str:
+        """Return which sensor ticks at another rate, empty for none."""
+        return self._encoder_rate.wrong or self._force_rate.wrong
+
+    def next_sample(self, until_ns: int) -> EncoderReading | None:
+        """Return the newest encoder sample, waiting until then at most."""
+        self._inbox.wait(until_ns)
+        sample = self._take_encoder()
+        if sample is not None:
+            self._encoder_rate.hear(sample.sequence, sample.monotonic_ns)
+        return sample
+
+    def next_force(self, until_ns: int) -> ForceReading | None:
+        """Return the newest force sample, waiting until then at most; 0 = no wait."""
+        if until_ns:
+            self._forces.wait(until_ns)
+        sample = self._take_force()
+        if sample is not None:
+            self._force_rate.hear(sample.sequence, sample.monotonic_ns)
+        return sample
+
+    def hear(self, controller: VerticalController, now_ns: int) -> None:
+        """Take set point, slot and amplifier state, where they come by a topic."""
+        controller.held = self.wrong_rate
+        self.slot.hear(controller.guide, now_ns)
+        wanted = self._take_setpoint()
+        if wanted is not None:
+            self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
+        state = self._take_amplifier()
+        if state is not None:
+            controller.on_drive(state.enabled, state.position, now_ns)
+
+    def restart(self) -> None:
+        """Forget the supervisor's count of resets."""
+        self._resets = None
+
+    def follow_supervisor(self, controller: VerticalController, now_ns: int) -> None:
+        """A reset there clears a fault here; one that was started anew counts from 0 again."""
+        safety = self._safety.fresh(now_ns)
+        if safety is None:
+            return
+        if self._resets is not None and safety.resets > self._resets:
+            controller.reset(now_ns)
+        self._resets = safety.resets
+
+    def close(self) -> None:
+        """Remove the subscriptions that the node does not remove itself."""
+        self._forces.close()
