@@ -24,7 +24,7 @@ ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 SHARED = (
     "quoting", "units", "domain", "resources", "regular_file", "plain_yaml", "settings", "samples",
-    "geometry", "filters", "compiled", "figure_style",
+    "geometry", "filters", "compiled", "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
     *SHARED, "lockstep", "clock", "plant", "can_io", "rig", "control", "calibration", "devices",

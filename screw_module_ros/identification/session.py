@@ -12,13 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from screw_module_ros import graph
+
 from ..recording.errors import BagReadError
 from ..recording.reader import columns
 from .force_position import MOTION_THRESHOLD, Offsets, Spring, common_ticks, offsets
 from .timing import Timing, timing
 
-ENCODER, FORCE = "/screw/encoder", "/handle/force"
-DRIVE, ENDPOINT = "/screw/amplifier_state", "/endpoint_state"
+ENCODER, FORCE = f"/{graph.ENCODER}", f"/{graph.FORCE}"
+DRIVE, ENDPOINT = f"/{graph.AMPLIFIER_STATE}", f"/{graph.ENDPOINT_STATE}"
 TOPICS = (ENCODER, FORCE, DRIVE, ENDPOINT)
 
 Columns = Mapping[str, np.ndarray]

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState
 
+from screw_module_ros import graph
 from screw_module_ros.calibration.chosen import LinearizationSettings, chosen_linearization
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.gate import GateSettings
@@ -30,8 +31,7 @@ from .support.module_node import Health
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
-
-_COMMANDS = "screw/force_command"
+from .support.topics import offered
 
 
 class AmplifierSettings(NamedTuple):
@@ -41,7 +41,7 @@ class AmplifierSettings(NamedTuple):
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
     ] = 20
     state_rate: Annotated[
-        float, Setting("screw/amplifier_state messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.AMPLIFIER_STATE} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -49,7 +49,7 @@ class AmplifierNode(DriveNode):
     """SYNC and heartbeat on the tick, torque on the command."""
 
     def __init__(self):
-        super().__init__("amplifier", port=43114)
+        super().__init__("amplifier")
         self.parameters.declare(AmplifierSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(LinearizationSettings)
@@ -85,11 +85,11 @@ class AmplifierNode(DriveNode):
         self.get_logger().info(f"linearization: {self._state.calibration}")
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            COMMAND, _COMMANDS, qos.COMMAND, wakes=True
+            COMMAND, graph.FORCE_COMMAND, qos.COMMAND, wakes=True
         )
-        self.want_one_sender(_COMMANDS)
+        self.want_one_sender(graph.FORCE_COMMAND)
         self.follow_permission(inbox, "vertical_permitted")
-        self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.AMPLIFIER_STATE))
 
     def begin(self) -> None:
         """Start the drive, disabled."""

@@ -3,18 +3,16 @@
 
 from __future__ import annotations
 
-from screw_module_msgs.msg import AmplifierState, EndpointSetpoint, SafetyState
-
+from screw_module_ros import graph
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.rate_check import RateCheck
 from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-from .support import qos
-from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.realtime import Inbox
 from .support.slot_input import SlotInbox
+from .support.topics import requested
 
 _SAFETY_AGE_NS = 200_000_000
 
@@ -30,13 +28,12 @@ class ControllerInputs:
         self.wanted = Wanted(axes=1)
         self._inbox, self._forces = inbox, forces
         take = inbox.subscribe
-        self._take_encoder = take(ENCODER, "screw/encoder", qos.SAMPLE, wakes=True)
-        self._take_force = forces.subscribe(FORCE, "handle/force", qos.SAMPLE, wakes=True)
-        self._take_setpoint = take(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self._take_encoder = take(*requested(graph.ENCODER), wakes=True)
+        self._take_force = forces.subscribe(*requested(graph.FORCE), wakes=True)
+        self._take_setpoint = take(*requested(graph.SETPOINT))
         self.slot = SlotInbox(inbox, vertical=True)
-        self._take_amplifier = take(AmplifierState, "screw/amplifier_state", qos.NEWEST)
-        take_safety = take(SafetyState, "safety_state", qos.COMMAND)
-        self._safety = Newest(take_safety, _SAFETY_AGE_NS)
+        self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
+        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
         self._resets: int | None = None
         self._encoder_rate = RateCheck("encoder", period_ns)
         self._force_rate = RateCheck("force_sensor", period_ns)

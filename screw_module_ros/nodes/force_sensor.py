@@ -6,16 +6,15 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
-from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
-from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
 from .support.module_node import ERROR, OK, Done, Health
@@ -23,6 +22,7 @@ from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.states import fill_wrench
 from .support.timing_report import latency_values
+from .support.topics import offered
 from .taring import Taring
 
 
@@ -30,7 +30,7 @@ class WrenchSettings(NamedTuple):
     """The slow copy of the force for tools."""
 
     wrench_rate: Annotated[
-        float, Setting("handle/wrench messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.WRENCH} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -38,7 +38,7 @@ class ForceSensorNode(DriverNode):
     """One wrench a tick, of the patient on the robot."""
 
     def __init__(self):
-        super().__init__("force_sensor", port=43115)
+        super().__init__("force_sensor")
         self.parameters.declare(ForceSensorSettings, without=("rate",))
         self.parameters.declare(WrenchSettings)
         self._wrench = WrenchStamped()
@@ -59,10 +59,10 @@ class ForceSensorNode(DriverNode):
         self.check_bus_load(self.device.traffic)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
-        self._publish = self.outlet(ForceSample, "handle/force", qos.SAMPLE, raw=True)
-        self._publish_slow = self.outlet(ForceSample, topics.SLOW_FORCE, qos.SAMPLE, raw=True)
-        self._slow_every = max(1, round(rate / topics.SLOW_RATE))
-        self._send_wrench = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
+        self._publish = self.outlet(*offered(graph.FORCE), raw=True)
+        self._publish_slow = self.outlet(*offered(graph.FORCE_DECIMATED), raw=True)
+        self._slow_every = max(1, round(rate / graph.DECIMATED_RATE))
+        self._send_wrench = self.outlet(*offered(graph.WRENCH))
         self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import ForceCommand, ImpedanceState
+from screw_module_msgs.msg import ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
+from screw_module_ros import graph
 from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
 from screw_module_ros.calibration.module import CalibrationSettings
 from screw_module_ros.control.agreement import AgreementSettings
@@ -27,7 +28,6 @@ from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
 from .controller_inputs import ControllerInputs
-from .support import qos
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
@@ -37,8 +37,9 @@ from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
+from .support.topics import offered
 
-_SAMPLES = ("screw/encoder", "handle/force")
+_SAMPLES = (graph.ENCODER, graph.FORCE)
 
 
 class ControllerSettings(NamedTuple):
@@ -54,7 +55,7 @@ class ControllerSettings(NamedTuple):
                      "calibration_file is set")
     ] = ""
     state_rate: Annotated[
-        float, Setting("screw/controller_state messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.CONTROLLER_STATE} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -89,8 +90,8 @@ class ImpedanceControllerNode(ModuleNode):
         forces = Inbox(self, self.clock, self.direct)
         self._inputs = ControllerInputs(self.new_inbox(), forces, self._period_ns)
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
-        self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
-        self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
+        self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
     def _refuse_bad_start(self, mode: int) -> None:
         refused = self.parameters.read(VerticalSettings).validated().refusal(mode)

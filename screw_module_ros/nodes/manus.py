@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import EndpointSetpoint, PlanarState
+from screw_module_msgs.msg import PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -22,27 +23,26 @@ from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.settings import Setting
 
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
-from .support import qos, topics
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
-from .support.flat import FORCE
 from .support.module_node import Health
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane
+from .support.topics import offered, requested
 
 
 class ManusSettings(NamedTuple):
     """What the node adds to drives and law."""
 
-    state_every: Annotated[int, Setting("ticks per manus/state message", "", 1, 100)] = 4
+    state_every: Annotated[int, Setting(f"ticks per {graph.MANUS_STATE} message", "", 1, 100)] = 4
 
 
 class ManusNode(DriveNode):
     """One tick: SYNC, both positions, law, both torques."""
 
     def __init__(self):
-        super().__init__("manus", port=43116, rate=500.0)
+        super().__init__("manus", rate=500.0)
         self.parameters.declare(ManusSettings)
         self.parameters.declare(PlaneLimits)
         declare_drives(self.parameters)
@@ -81,13 +81,13 @@ class ManusNode(DriveNode):
 
     def _make_topics(self) -> None:
         inbox = self.new_inbox()
-        self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
+        self._take_setpoint = inbox.subscribe(*requested(graph.SETPOINT))
+        self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
-        self.want_one_sender(topics.SLOW_FORCE)
+        self.want_one_sender(graph.FORCE_DECIMATED)
         self._wanted = Wanted(axes=2)
         self.follow_permission(inbox, "planar_permitted")
-        self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
         """Start the drives, disabled."""

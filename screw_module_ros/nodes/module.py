@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from rcl_interfaces.msg import SetParametersResult
 
+from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -29,7 +30,7 @@ from .support.parameters import ParameterError
 from .support.runtime import run_together
 
 _IDLE_S = 0.05
-_BY_CALLS = ("screw/encoder", "handle/force", "screw/amplifier_state")
+_BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
 class ModuleLoop:

@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording import (
     BagError,
@@ -35,10 +36,10 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
-from .support import qos
 from .support.below import one_name, root_folder
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.topics import offered
 
 _IDLE_S = 0.05
 _MOST_IN_A_SECOND = 100
@@ -93,7 +94,7 @@ class SessionRecorder(ModuleNode):
         self._lock = threading.Lock()  # the loop takes messages, or services change the session
         self.serve(Trigger, "~/start", self._on_start)
         self.serve(Trigger, "~/stop", self._on_stop, always=True)
-        self._status = self.create_publisher(DiagnosticStatus, "~/status", qos.STATE)
+        self._status = self.create_publisher(*offered(graph.RECORDER_STATUS))
         self.periodic.every(self.clock, 1.0, self._each_second)
 
     def connect(self) -> None:

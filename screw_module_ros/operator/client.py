@@ -23,6 +23,7 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
 from screw_module_ros.lockstep.wires import Hop
 from screw_module_ros.loop.ticker import BREATH_S
@@ -44,10 +45,10 @@ _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
 _STATE_S = 5.0
 _STATES = {
-    SafetyState: "safety_state",
-    ImpedanceState: "screw/controller_state",
-    AmplifierState: "screw/amplifier_state",
-    PlanarState: "manus/state",
+    SafetyState: graph.SAFETY_STATE,
+    ImpedanceState: graph.CONTROLLER_STATE,
+    AmplifierState: graph.AMPLIFIER_STATE,
+    PlanarState: graph.MANUS_STATE,
 }
 
 
@@ -85,7 +86,7 @@ class Client:
             kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
             for kind, topic in _STATES.items()
         }
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnose, 50)
+        self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._serve, name=name, daemon=True)

@@ -27,8 +27,10 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import InjectFault, SetArm, SetControlMode, SetFixture, SetImpedance
 from std_srvs.srv import SetBool, Trigger
 
-from ..nodes.support import qos
+from screw_module_ros import graph
+
 from ..nodes.support.realtime import Outlet, fill_stamp
+from ..nodes.support.topics import offered
 from .client import ANSWER_S, Client, RobotError
 
 __all__ = ["Robot", "RobotError", "arm"]
@@ -74,7 +76,7 @@ class Robot(Client):
         self._setpoint = EndpointSetpoint()
         self._setpoint.header.frame_id = "manus_base"
         self._setpoints = Outlet(
-            self.node, self.clock, EndpointSetpoint, "setpoint", qos.COMMAND
+            self.node, self.clock, *offered(graph.SETPOINT)
         )
 
     def close(self) -> None:

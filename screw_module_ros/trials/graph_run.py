@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 
 from screw_module_ros.lockstep.page import sweep
 
+from ..graph import nodes_of
 from ..nodes import bringup
-from ..nodes.support.graph import nodes_of
 from ..nodes.support.isolation import Place, own_place
 from ..nodes.support.stopping import StopFlag
 from ..operator.robot import Robot, RobotError

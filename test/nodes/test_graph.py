@@ -22,9 +22,9 @@ from screw_module_msgs.msg import (
 )
 from std_srvs.srv import SetBool
 
+from screw_module_ros.graph import GRAPH, table
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.graph import GRAPH, table
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.trials.graph_run import GraphRun
 

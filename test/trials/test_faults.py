@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK, IMPEDANCE, MODE_NAMES
+from screw_module_ros.graph import COMPOSED, GRAPH
 from screw_module_ros.nodes.bringup import executable_path
-from screw_module_ros.nodes.support.graph import COMPOSED, GRAPH
 from screw_module_ros.trials.faults.catalogue import PAGE, all_rows, chosen, page
 from screw_module_ros.trials.faults.limits import PERIOD
 from screw_module_ros.trials.faults.listener import Moment

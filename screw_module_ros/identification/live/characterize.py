@@ -19,6 +19,7 @@ from typing import Annotated, Any, NamedTuple
 from screw_module_msgs.action import RunExperiment
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.watch import WatchSettings
@@ -67,7 +68,7 @@ class CharacterizeNode(ModuleNode):
         super().__init__("characterize")
         self.parameters.declare(ResultsSettings)
         self.parameters.declare(WatchSettings, "watch")
-        self.parameters.declare(BusSettings, "can", port=43113)
+        self.parameters.declare(BusSettings, "can", port=graph.FIRST_PORT)
         self.parameters.declare(RigBusSettings)
         self._loop: LiveLoop | None = None
         self._robot: Robot | None = None  # of the experiment's thread

@@ -12,12 +12,13 @@ import threading
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, ImpedanceState
 
+from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
-from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.module_node import ModuleNode
 from screw_module_ros.nodes.support.realtime import Inbox, Outlet
+from screw_module_ros.nodes.support.topics import offered
 
 from .samples import Recording
 from .torque_source import TorqueSource
@@ -47,9 +48,9 @@ class LiveLoop:
         self._node, self._clock = node, node.clock
         self._inbox = inbox = Inbox(node, node.clock)
         self._takes = (
-            inbox.subscribe(EncoderSample, "screw/encoder", EVERY_SAMPLE, wakes=True),
-            inbox.subscribe(ForceSample, "handle/force", EVERY_SAMPLE, wakes=True),
-            inbox.subscribe(ForceCommand, "screw/force_command", EVERY_SAMPLE),
+            inbox.subscribe(EncoderSample, graph.ENCODER, EVERY_SAMPLE, wakes=True),
+            inbox.subscribe(ForceSample, graph.FORCE, EVERY_SAMPLE, wakes=True),
+            inbox.subscribe(ForceCommand, graph.FORCE_COMMAND, EVERY_SAMPLE),
         )
         self._ticker = Ticker(node.clock, _LOOK_NS, BETWEEN_TICKS_NS)
         self._awake = threading.Event()
@@ -157,8 +158,8 @@ class LiveLoop:
         """Be the one who commands the amplifier, for now with zero; return the source to ask."""
         node, clock = self._node, self._clock
         self._outlets = (
-            Outlet(node, clock, ForceCommand, "screw/force_command", qos.COMMAND),
-            Outlet(node, clock, ImpedanceState, "screw/controller_state", qos.STATE),
+            Outlet(node, clock, *offered(graph.FORCE_COMMAND)),
+            Outlet(node, clock, *offered(graph.CONTROLLER_STATE)),
         )
         self._source = source = TorqueSource(watch, period_ns)
         return source

@@ -10,9 +10,10 @@ import statistics
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import SetFixture
 
+from screw_module_ros import graph
 from screw_module_ros.identification.trials import Arm, MotionTrial, NotPossible
-from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.operator.robot import Robot, arm
 
 from .graph import topic_of
@@ -52,7 +53,7 @@ class RigStand:
         self._speed, self._begin = 0.0, 0.0
         self._way: list[tuple[int, float]] = []  # when [ns since the epoch] the stage was where
         self._inbox = Inbox(robot.node, robot.clock)
-        self._take = self._inbox.subscribe(SimTruth, "sim/truth", qos.STATE)
+        self._take = self._inbox.subscribe(*offered(graph.TRUTH))
 
     def close(self) -> None:
         """Hear no more of the rig."""

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
 
+from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
@@ -125,7 +126,7 @@ class Session:
     def check_passive(self) -> None:
         """Raise NotPossible with the way out when torque may pass."""
         robot = self.robot
-        if robot.node.count_publishers("screw/amplifier_state") == 0:
+        if robot.node.count_publishers(graph.AMPLIFIER_STATE) == 0:
             return  # no amplifier node, no heartbeat: the drive is off
         robot.met(lambda: robot.state(AmplifierState) is not None, _SILENT_S)
         amplifier, controller = robot.state(AmplifierState), robot.state(ImpedanceState)

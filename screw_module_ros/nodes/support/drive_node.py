@@ -25,8 +25,8 @@ _CLEARED = "cleared; call ~/enable to enable"
 class DriveNode(DriverNode):
     """A node with drives. Subclasses give `gated`, and what is theirs of the other methods."""
 
-    def __init__(self, name: str, port: int, rate: float = 1000.0):
-        super().__init__(name, port, rate)
+    def __init__(self, name: str, rate: float = 1000.0):
+        super().__init__(name, rate)
         self.parameters.declare(GateSettings, "gate")
         self.drives: tuple[Drive, ...] = ()
         self._alone: tuple[str, ...] = ()

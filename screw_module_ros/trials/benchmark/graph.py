@@ -12,7 +12,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
 from screw_module_ros.control.timing import histogram_of
-from screw_module_ros.nodes.support.graph import COMPOSED as MODULE
+from screw_module_ros.graph import COMPOSED as MODULE
+from screw_module_ros.graph import DIAGNOSTICS
 from screw_module_ros.nodes.support.timing_report import histogram_key
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 
@@ -77,7 +78,7 @@ class _Listener:
     def __init__(self, robot: Robot):
         self._robot = robot
         self._values: dict[str, dict[str, str]] = {}
-        robot.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, 50)
+        robot.node.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, 50)
 
     def _hear(self, array: DiagnosticArray) -> None:
         for status in array.status:

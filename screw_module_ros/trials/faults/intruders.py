@@ -15,9 +15,9 @@ from rclpy.node import Node
 
 from screw_module_ros.can_io.bus import BusSettings, Port, open_port
 from screw_module_ros.clock import WallClock
+from screw_module_ros.graph import BUSES
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.isolation import BUSES, NODE_OF_BUS
 from screw_module_ros.nodes.support.realtime import Inbox
 from screw_module_ros.operator.robot import Robot, RobotError
 
@@ -28,7 +28,7 @@ _SETTLED_S = 0.05  # the other end may know of a match a moment later
 _TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
 """Their messages come between the ticks, where a node has nothing else to do."""
-_BUS_OF = {node: bus for bus, node in NODE_OF_BUS.items()}
+_NUMBER_OF_BUS = {bus.node: number for number, bus in enumerate(BUSES)}
 _WALL = WallClock()  # the middleware finds publishers by it
 
 
@@ -106,7 +106,7 @@ class Intruders:
 
     def port(self, node: str) -> Port:
         """Return a foreign master's access to the CAN bus of a driver node, until `dismiss`."""
-        number = self._graph.place.first_port + BUSES.index(_BUS_OF[node])
+        number = self._graph.place.first_port + _NUMBER_OF_BUS[node]
         port = open_port(BusSettings(port=number, sync_producer=False), self._clock)
         self._ports.append(port)
         return port

@@ -23,9 +23,9 @@ from screw_module_msgs.msg import (
     SimTruth,
 )
 
+from screw_module_ros import graph
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.realtime import Inbox
-from screw_module_ros.nodes.support.topics import SLOW_ENCODER
 from screw_module_ros.operator.robot import Robot
 
 NO_TORQUE = 5e-4
@@ -82,14 +82,14 @@ class Listener:
         self._disabled_at: dict[str, float] = {}  # the first time since `mark`
         self._inbox = Inbox(robot.node, robot.clock)
         self._wires: list[tuple[Callable[[], Any], Callable[[Any], None]]] = []
-        self._listen(SimTruth, "sim/truth", self._truth)
-        self._listen(DiagnosticArray, "/diagnostics", self._diagnosed)
-        self._listen(SafetyState, "safety_state", self._safety)
-        self._listen(AmplifierState, "screw/amplifier_state", self._note_enabled("amplifier"))
-        self._listen(PlanarState, "manus/state", self._note_enabled("manus"))
-        self._listen(EndpointState, "endpoint_state", self._endpoint, qos.NEWEST)
-        self._listen(EncoderSample, SLOW_ENCODER, self._sample, qos.SAMPLE)
-        self._listen(WrenchStamped, "handle/wrench", self._wrench, qos.NEWEST)
+        self._listen(SimTruth, graph.TRUTH, self._truth)
+        self._listen(DiagnosticArray, graph.DIAGNOSTICS, self._diagnosed)
+        self._listen(SafetyState, graph.SAFETY_STATE, self._safety)
+        self._listen(AmplifierState, graph.AMPLIFIER_STATE, self._note_enabled("amplifier"))
+        self._listen(PlanarState, graph.MANUS_STATE, self._note_enabled("manus"))
+        self._listen(EndpointState, graph.ENDPOINT_STATE, self._endpoint, qos.NEWEST)
+        self._listen(EncoderSample, graph.ENCODER_DECIMATED, self._sample, qos.SAMPLE)
+        self._listen(WrenchStamped, graph.WRENCH, self._wrench, qos.NEWEST)
 
     def _listen(self, kind: type, topic: str, note: Callable, profile: QoSProfile = _ALL) -> None:
         self._wires.append((self._inbox.subscribe(kind, topic, profile), note))

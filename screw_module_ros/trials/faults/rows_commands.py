@@ -18,6 +18,8 @@ from screw_module_msgs.msg import (
 )
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
+from screw_module_ros import graph
+
 from .acts import both, game, parameter_refused, published, refused
 from .limits import BY_SERVICE, TOLD
 from .patient import SPRING
@@ -35,19 +37,19 @@ _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
 # Every field and every value are gone through by test/properties/test_watches.py; here is one of
 # each way in. Topic, type, field, value, who notices, alarm:
 _SAMPLES = (
-    ("screw/encoder", EncoderSample, "position", _NAN, "impedance_controller", _ENCODER),
-    ("screw/encoder", EncoderSample, "velocity", _INF, "impedance_controller", _ENCODER),
-    ("handle/force", ForceSample, "fx", _NAN, "impedance_controller", _FORCE),
-    ("handle/force", ForceSample, "fz", 1e300, "impedance_controller", _FORCE),
-    ("handle/force", ForceSample, "tz", _NAN, "impedance_controller", _FORCE),
-    ("screw/force_command", ForceCommand, "force", _NAN, "amplifier", _COMMAND),
-    ("screw/force_command", ForceCommand, "force", 1e300, "amplifier", _COMMAND),
+    (graph.ENCODER, EncoderSample, "position", _NAN, "impedance_controller", _ENCODER),
+    (graph.ENCODER, EncoderSample, "velocity", _INF, "impedance_controller", _ENCODER),
+    (graph.FORCE, ForceSample, "fx", _NAN, "impedance_controller", _FORCE),
+    (graph.FORCE, ForceSample, "fz", 1e300, "impedance_controller", _FORCE),
+    (graph.FORCE, ForceSample, "tz", _NAN, "impedance_controller", _FORCE),
+    (graph.FORCE_COMMAND, ForceCommand, "force", _NAN, "amplifier", _COMMAND),
+    (graph.FORCE_COMMAND, ForceCommand, "force", 1e300, "amplifier", _COMMAND),
 )  # fmt: skip
 _TOLD_AS = {"nan": "NaN", "inf": "infinity", "1e+300": "1e300"}
 _STAMPED = (
-    ("screw/encoder", EncoderSample, "impedance_controller", _ENCODER),
-    ("handle/force", ForceSample, "impedance_controller", _FORCE),
-    ("screw/force_command", ForceCommand, "amplifier", _COMMAND),
+    (graph.ENCODER, EncoderSample, "impedance_controller", _ENCODER),
+    (graph.FORCE, ForceSample, "impedance_controller", _FORCE),
+    (graph.FORCE_COMMAND, ForceCommand, "amplifier", _COMMAND),
 )
 _WITHIN = BY_SERVICE + TOLD
 """Samples: the first comes after 7 of them; a state is heard by the supervisor."""
@@ -138,16 +140,16 @@ def _goes_on(
 
 # topic, type, fields, what it pretends, who notices, alarm; None = nobody is misled
 _STATES = (
-    ("screw/amplifier_state", AmplifierState, {"faulted": True, "reason": "smoke"}, "a fault",
+    (graph.AMPLIFIER_STATE, AmplifierState, {"faulted": True, "reason": "smoke"}, "a fault",
      "supervisor", Alarm("supervisor", "amplifier: smoke", "amplifier: smoke")),
-    ("manus/state", PlanarState, {"enabled": True, "position": [_NAN, _NAN]}, "NaN as position",
+    (graph.MANUS_STATE, PlanarState, {"enabled": True, "position": [_NAN, _NAN]}, "NaN as position",
      "nobody who drives anything hears it", None),
-    ("endpoint_state", EndpointState, {"position__x": _NAN, "position__z": _INF}, "NaN as position",
-     "only games hear it", None),
-    ("safety_state", SafetyState, {"level": 200, "vertical_permitted": True,
+    (graph.ENDPOINT_STATE, EndpointState, {"position__x": _NAN, "position__z": _INF},
+     "NaN as position", "only games hear it", None),
+    (graph.SAFETY_STATE, SafetyState, {"level": 200, "vertical_permitted": True,
                                    "planar_permitted": True}, "a level that does not exist",
      "amplifier, manus: two nodes publish it", Alarm("amplifier", _TWO_SUPERVISORS)),
-    ("safety_state", SafetyState, {"level": SafetyState.STOPPED}, "a stop",
+    (graph.SAFETY_STATE, SafetyState, {"level": SafetyState.STOPPED}, "a stop",
      "amplifier, manus", Alarm("amplifier", _TWO_SUPERVISORS)),
 )  # fmt: skip
 
@@ -158,22 +160,22 @@ def _states() -> Iterator[Row]:
         name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
         text = f"{what} on {topic}, from a foreign sender"
         # Who permits is told of as long as there are two of them.
-        count = 0 if topic == "safety_state" else _MANY
+        count = 0 if topic == graph.SAFETY_STATE else _MANY
         act = published(kind, topic, count, _TICK_S, **fields)
         if alarm is None:
             yield _goes_on(name, text, act, who, nothing)
         else:
             row = _stops(name, text, act, who, alarm)
             counted = row._replace(within=_COUNTED, plane_within=_COUNTED)
-            yield counted if topic == "safety_state" else row
+            yield counted if topic == graph.SAFETY_STATE else row
     smoke = DiagnosticStatus(name="encoder", level=DiagnosticStatus.ERROR, message="smoke")
     yield _stops("diagnostics-error", "an error of the encoder on /diagnostics, from a foreign "
-                 "sender", published(DiagnosticArray, "/diagnostics", _COUNT, _EVERY_S,
+                 "sender", published(DiagnosticArray, graph.DIAGNOSTICS, _COUNT, _EVERY_S,
                                      status=[smoke]), "supervisor",
                  Alarm("supervisor", "encoder: smoke", "encoder: smoke"))  # fmt: skip
     odd = DiagnosticStatus(name="", level=b"\xff", message="x" * 50_000)
     yield _goes_on("diagnostics-absurd", "entries without a name, of 50 kB and an unknown level on "
-                   "/diagnostics", published(DiagnosticArray, "/diagnostics", _COUNT, _EVERY_S,
+                   "/diagnostics", published(DiagnosticArray, graph.DIAGNOSTICS, _COUNT, _EVERY_S,
                                              status=[odd]),
                    "nobody is misled", nothing)  # fmt: skip
 

@@ -16,6 +16,8 @@ from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState
 from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import SetBool, Trigger
 
+from screw_module_ros import graph
+
 from .acts import both, called, published, refused, switched
 from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, LOST, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
@@ -84,7 +86,7 @@ def _guest(node: str) -> Act:
 
 def _second_controller(stand) -> float:
     """Start it; the harm begins with its first command, the second for the same sample."""
-    take = stand.intruders.listen(ForceCommand, "screw/force_command")
+    take = stand.intruders.listen(ForceCommand, graph.FORCE_COMMAND)
     stand.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
     newest = -1
 
@@ -103,7 +105,7 @@ def _second_controller(stand) -> float:
 
 def _permits(stand) -> None:
     published(
-        SafetyState, "safety_state", 0, 0.001, level=SafetyState.OK, motion_permitted=True,
+        SafetyState, graph.SAFETY_STATE, 0, 0.001, level=SafetyState.OK, motion_permitted=True,
         vertical_permitted=True, planar_permitted=True,
     )(stand)  # fmt: skip
 
@@ -120,7 +122,7 @@ def _enable_in_vain(stand) -> None:
 
 def _second_game(stand) -> None:
     published(
-        EndpointSetpoint, "setpoint", 0, 0.001, position__x=-0.1, position__y=-0.1,
+        EndpointSetpoint, graph.SETPOINT, 0, 0.001, position__x=-0.1, position__y=-0.1,
         position__z=0.05,
     )(stand)  # fmt: skip
 
@@ -131,7 +133,7 @@ def _topics() -> Iterator[Row]:
                "stop the sender; amplifier/clear_fault, reset, enable", within=AT_ONCE + 6,
                apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
-               published(ForceCommand, "screw/force_command", 1, 0.01, force=149.0),
+               published(ForceCommand, graph.FORCE_COMMAND, 1, 0.01, force=149.0),
                "amplifier: two nodes publish it; it is followed by 4 N at most", _TWO_COMMAND,
                "stop the sender; amplifier/clear_fault, reset, enable", within=_COUNTED,
                apart=True)  # fmt: skip
@@ -141,7 +143,7 @@ def _topics() -> Iterator[Row]:
                apart=True)  # fmt: skip
     x, y, z, *_ = SPRING
     yield _row("setpoint-plane-only-nan", "set points with NaN in the plane only",
-               published(EndpointSetpoint, "setpoint", 0, 0.005, position__x=math.nan,
+               published(EndpointSetpoint, graph.SETPOINT, 0, 0.005, position__x=math.nan,
                          position__y=math.nan, position__z=z, velocity__x=math.nan),
                "manus leaves its axes alone", None, "none is needed", safe=GOES_ON,
                watch=1.0)  # fmt: skip
@@ -155,7 +157,7 @@ def _fast_commands(stand) -> float:
         number = next(numbers) & 0xFFFFFFFF
         return ForceCommand(force=30.0, monotonic_ns=clock.now_ns(), sequence=number)
 
-    return stand.intruders.publish(ForceCommand, "screw/force_command", make, 0, 0.00025)
+    return stand.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 0, 0.00025)
 
 
 def _future_commands(stand) -> float:
@@ -167,7 +169,7 @@ def _future_commands(stand) -> float:
             sequence=(clock.now_ns() // PERIOD_NS + _FUTURE) & 0xFFFFFFFF,
         )  # fmt: skip
 
-    return stand.intruders.publish(ForceCommand, "screw/force_command", make, 20, 0.005)
+    return stand.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 20, 0.005)
 
 
 def _frames() -> Iterator[Row]:

@@ -13,6 +13,7 @@ from screw_module_msgs.msg import EndpointSetpoint, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
 from std_srvs.srv import SetBool
 
+from screw_module_ros import graph
 from screw_module_ros.control.modes import COMBINED, FORCE_FEEDBACK
 from screw_module_ros.operator.robot import arm
 
@@ -284,7 +285,7 @@ def _stamped(second: int) -> Act:
     """Set points that are right but for their stamp."""
     x, y, z, *_ = SPRING
     return published(
-        EndpointSetpoint, "setpoint", 20, 0.005, header__stamp__sec=second,
+        EndpointSetpoint, graph.SETPOINT, 20, 0.005, header__stamp__sec=second,
         position__x=x, position__y=y, position__z=z,
     )  # fmt: skip
 

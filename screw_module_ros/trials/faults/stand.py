@@ -11,9 +11,10 @@ import signal
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
+from screw_module_ros.graph import nodes_of
 from screw_module_ros.lockstep.page import alive
-from screw_module_ros.nodes.support.graph import nodes_of
 from screw_module_ros.operator.robot import Robot, RobotError
 
 from ..graph_run import GraphRun
@@ -28,10 +29,10 @@ FORCE_GAIN = 2.0
 _ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
 _CREEP_S = 0.0005
 _ONE_SENDER = {
-    "safety_state": "supervisor",
-    "screw/force_command": "impedance_controller",
-    "screw/encoder": "encoder",
-    "handle/force": "force_sensor",
+    graph.SAFETY_STATE: "supervisor",
+    graph.FORCE_COMMAND: "impedance_controller",
+    graph.ENCODER: "encoder",
+    graph.FORCE: "force_sensor",
 }
 """Topics whose hearers enable nothing while there are two senders. The middleware forgets one that
 was killed after 20 s of wall clock."""
