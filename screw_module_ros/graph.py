@@ -43,7 +43,7 @@ class Topic(NamedTuple):
     qos: of its publisher, and of a subscriber that asks for no other: sample, command or state
     publisher: name of the one node that may publish it; empty where any may
     rate: messages a second by default [1/s], 0 where they follow an event
-    hearers: nodes of the table that subscribe to it
+    subscribers: nodes of the table that subscribe to it
     clock: node whose ticks the `sequence` of the messages counts, empty for none
     every: ticks from one message to the next, or the parameter of `clock` that has the number
     """
@@ -53,7 +53,7 @@ class Topic(NamedTuple):
     qos: str
     publisher: str
     rate: float
-    hearers: tuple[str, ...] = ()
+    subscribers: tuple[str, ...] = ()
     clock: str = ""
     every: int | str = 0
 
@@ -179,9 +179,9 @@ def port_of(node: str) -> int:
     return {bus.node: bus.port for bus in BUSES}[node]
 
 
-def heard_by(node: str) -> list[Topic]:
+def subscribed_by(node: str) -> list[Topic]:
     """Return the topics that a node subscribes to."""
-    return [topic for topic in _TOPICS if node in topic.hearers]
+    return [topic for topic in _TOPICS if node in topic.subscribers]
 
 
 def published_by(node: str) -> list[Topic]:

@@ -20,7 +20,7 @@ from screw_module_ros.graph import (
     GRAPH,
     TOPICS,
     chosen,
-    heard_by,
+    subscribed_by,
     nodes_of,
     published_by,
     table,
@@ -103,14 +103,14 @@ def test_the_policy_lets_a_node_publish_and_hear_what_the_table_says(node):
     alone = {resolved(topic.name, node) for topic in published_by(node)}
     assert published - {"diagnostics", "setpoint"} == alone
     if node != KNOWS_ALL:
-        assert heard == {resolved(topic.name, node) for topic in heard_by(node)}
+        assert heard == {resolved(topic.name, node) for topic in subscribed_by(node)}
 
 
-def test_every_hearer_and_publisher_is_a_node():
-    """A misspelt node would be heard by nobody."""
+def test_every_subscriber_and_publisher_is_a_node():
+    """A misspelt node would have no topic."""
     known = {*NODES, *BESIDE}
     for topic in TOPICS.values():
-        assert {*topic.hearers, topic.publisher or "encoder", topic.clock or "encoder"} <= known
+        assert {*topic.subscribers, topic.publisher or "encoder", topic.clock or "encoder"} <= known
     assert {bus.node for bus in BUSES} <= known
 
 
@@ -126,7 +126,7 @@ def test_types_and_qualities_are_there(topic):
 
 def test_the_supervisor_hears_each_node_that_moves_or_measures():
     """Its table is made from this one."""
-    heard = {topic.publisher for topic in heard_by("supervisor") if topic.publisher}
+    heard = {topic.publisher for topic in subscribed_by("supervisor") if topic.publisher}
     assert heard == {*NODES} - {"sim_rig", "supervisor", KNOWS_ALL}
 
 

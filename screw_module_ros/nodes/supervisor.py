@@ -37,7 +37,7 @@ from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
-_HEARD_BY = {t.publisher: t.name for t in graph.heard_by("supervisor") if t.publisher}
+_HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
 """Node -> the topic it is watched by; endpoint_state too, although nothing depends on it."""
 
 
