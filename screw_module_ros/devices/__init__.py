@@ -3,7 +3,7 @@
 
 sdo, node, pdo      CANopen (CiA 301): parameters, network management, cyclic objects
 emcy                names of emergencies
-polled, ledger      one request a tick; which request an answer without a number belongs to
+polled              one request a tick; request_tracker: whose answer it is
 motion, unwrap      wrapping counts to position and velocity of nut and joints, homed on the host
 encoder             CiA 406 encoder of the screw; encoder_setup
 cia402, drive       CiA 402 state machine and drives; drive_setup configures and guards,

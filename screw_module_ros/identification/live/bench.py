@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live graph as a bench: trials done with the running nodes, on the rig or on hardware.
 
-    with LiveBench(robot, loop, stand, watch, say) as bench:
+    with LiveBench(robot, loop, fixture, watch, say) as bench:
         result = experiment.run(Lab(bench, folder), settings)
 
 Whatever ends a trial (its end, a cancellation, an error), the torque goes to zero first and the
@@ -30,10 +30,10 @@ from screw_module_ros.identification.trials import (
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 
+from .fixture import Fixture
 from .loop import LiveLoop
 from .motion import Motion
 from .session import Session
-from .stand import Stand
 from .takeover import Takeover
 from .trials import stage_trial, torque_trial
 
@@ -62,7 +62,7 @@ class LiveBench:
         self,
         robot: Robot,
         loop: LiveLoop,
-        stand: Stand,
+        fixture: Fixture,
         watch: WatchSettings,
         say: Callable[[str], None],
         hurried: Callable[[], bool] = lambda: False,
@@ -74,11 +74,11 @@ class LiveBench:
         self.left: list[str] = []
         self.clock = robot.clock
         with self.clock.working():
-            self._session = Session(robot, loop, stand, watch, say, hurried)
+            self._session = Session(robot, loop, fixture, watch, say, hurried)
         self._takeover = Takeover(robot, loop)
         self._motion = Motion(self._session)
         self.rate = self._session.rate
-        self.name = f"live graph, {'simulated rig' if stand.simulated else 'hardware'}"
+        self.name = f"live graph, {'simulated rig' if fixture.simulated else 'hardware'}"
         loop.wake()
 
     @property
@@ -120,13 +120,13 @@ class LiveBench:
     @_in_time
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return what the transducer shows with nothing at the handle, beyond its tare."""
-        session, stand = self._session, self._session.stand
-        if stand.mounted() in ("free", "locked_rotor"):
+        session, fixture = self._session, self._session.fixture
+        if fixture.mounted() in ("free", "locked_rotor"):
             return session.zero().wrench
-        stand.require(stand.mounted() or "human_arm")
+        fixture.require(fixture.mounted() or "human_arm")
         session.check_passive()
         zero = session.unloaded_zero()
-        stand.reload()
+        fixture.reload()
         return zero.wrench
 
     def _torque_off(self) -> None:
@@ -150,7 +150,7 @@ class LiveBench:
         with self._session.unhurried():
             self.left += self._motion.put_back()
             try:
-                self._session.stand.put_back()
+                self._session.fixture.put_back()
             except RobotError as error:
                 self.left.append(f"handle not put back: {error}")
         self._session.loop.sleep()

@@ -39,10 +39,10 @@ from screw_module_ros.settings import Setting
 from .action import OneGoalServer, Outcome
 from .bench import LiveBench
 from .feedback import Feedback
+from .fixture import fixture_of
 from .loop import LiveLoop
 from .rig_seen import RigBusSettings, sees_rig
 from .samples import SamplesLost
-from .stand import stand_of
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3
 # What an experiment ends with when it cannot go on; the text is for the user as it is.
@@ -206,9 +206,9 @@ class CharacterizeNode(ModuleNode):
             robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
         )
         with closing(
-            stand_of(seen, robot, self._confirmed, feedback.say, lambda: loop.sample)
-        ) as stand:
-            bench = LiveBench(robot, loop, stand, bounds, feedback.say, self.stopping.is_set)
+            fixture_of(seen, robot, self._confirmed, feedback.say, lambda: loop.sample)
+        ) as fixture:
+            bench = LiveBench(robot, loop, fixture, bounds, feedback.say, self.stopping.is_set)
             try:
                 with bench:
                     lab = Lab(bench, folder, feedback.progress, bench.fingerprint())

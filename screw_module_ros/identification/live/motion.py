@@ -57,8 +57,8 @@ class Motion:
 
         The caller switches the torque off.
         """
-        session, stand, robot = self._session, self._session.stand, self._session.robot
-        stand.require("human_arm")
+        session, fixture, robot = self._session, self._session.fixture, self._session.robot
+        fixture.require("human_arm")
         if (trial.way, trial.side_force, trial.tremor) != (0.0, 0.0, 0.0) or math.isfinite(
             trial.released_after
         ):
@@ -73,7 +73,7 @@ class Motion:
         session.say("zero of the transducer, handle unloaded")
         before = session.unloaded_zero()
         session.say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
-        stand.hand_at(trial.arm, trial.centre)
+        fixture.hand_at(trial.arm, trial.centre)
         session.check_height(trial.centre, _SAG)
         self._prepare(trial)
         if trial.mode != OFF:
@@ -86,7 +86,7 @@ class Motion:
         robot.set_mode(OFF)
         session.say("zero of the transducer again")
         after = session.unloaded_zero()
-        stand.reload()
+        fixture.reload()
         track = track._replace(command=self._commands(track.command, linearization, trial.mode))
         return samples_of(track, session.rate, before, after)
 
@@ -100,14 +100,14 @@ class Motion:
 
         session.say(f"the hand moves, {MODE_NAMES[trial.mode]}")
         try:
-            session.stand.hand_moves(trial)
+            session.fixture.hand_moves(trial)
             recording = session.recording(trial.duration)
             deadline = 1.5 * trial.duration + _SPARE_S
             session.wait(recording, lambda: recording.full, deadline, watch)
         finally:
             session.loop.record(None)
             with session.unhurried():
-                session.stand.hand_rests(trial.centre)
+                session.fixture.hand_rests(trial.centre)
         return evenly(recording, session.rate)
 
     def _come_to_rest(self, trial: MotionTrial) -> None:

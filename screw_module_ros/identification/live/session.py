@@ -17,10 +17,10 @@ from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 
+from .fixture import Fixture
 from .graph import parameters, topic_of
 from .loop import LiveLoop
 from .samples import Recording, Zero, zero_of
-from .stand import Stand
 
 _ZERO_S = 0.5
 _SILENT_S = 2.0
@@ -42,12 +42,12 @@ class Session:
         self,
         robot: Robot,
         loop: LiveLoop,
-        stand: Stand,
+        fixture: Fixture,
         watch: WatchSettings,
         say: Callable[[str], None],
         hurried: Callable[[], bool] = lambda: False,
     ):
-        self.robot, self.loop, self.stand = robot, loop, stand
+        self.robot, self.loop, self.fixture = robot, loop, fixture
         self.watch, self.say, self._hurried = watch, say, hurried
         self.notes: list[str] = []
         self.rate = common_rate(robot)
@@ -96,7 +96,7 @@ class Session:
 
     def unloaded_zero(self) -> Zero:
         """Return what the transducer shows with nobody at the handle; it stays unloaded."""
-        self.stand.unload()
+        self.fixture.unload()
         return self.zero()
 
     def check_homed(self) -> None:

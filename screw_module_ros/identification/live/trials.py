@@ -32,16 +32,16 @@ _MOVED = 3e-6  # of the nut [m]
 
 def stage_trial(session: Session, trial: StageTrial, told: Told) -> Samples:
     """Let the stage drive the handle. Raises NotPossible, RobotError, SamplesLost, Cancelled."""
-    stand, loop, seconds = session.stand, session.loop, duration_of(trial)
-    stand.require("stage")
+    fixture, loop, seconds = session.fixture, session.loop, duration_of(trial)
+    fixture.require("stage")
     session.check_homed()
     session.check_passive()
     session.say(f"carrying the handle to {1e3 * trial.start:.1f} mm")
-    stand.stage_at(trial.start, trial.upside_down)
+    fixture.stage_at(trial.start, trial.upside_down)
     session.check_height(trial.start)
     session.say("zero of the transducer, handle unloaded")
     before = session.unloaded_zero()
-    stand.stage_hold()
+    fixture.stage_hold()
     session.say(f"stage at {1e3 * trial.speed:+g} mm/s to {1e3 * trial.end:.1f} mm")
     hear = share_of(told, seconds)
 
@@ -51,18 +51,18 @@ def stage_trial(session: Session, trial: StageTrial, told: Told) -> Samples:
 
     try:
         recording = session.recording(1.5 * seconds + 2.0 * _SPARE_S)
-        stand.stage_go(trial.speed, trial.end)
-        deadline = (1.2 if stand.simulated else 20.0) * seconds + _SPARE_S
-        session.wait(recording, lambda: stand.stage_passed(trial.end), deadline, watch)
+        fixture.stage_go(trial.speed, trial.end)
+        deadline = (1.2 if fixture.simulated else 20.0) * seconds + _SPARE_S
+        session.wait(recording, lambda: fixture.stage_passed(trial.end), deadline, watch)
         session.robot.pause(2.0 * _TAIL_S)
     finally:
         loop.record(None)
         with session.unhurried():
-            stand.stage_halt()
-    began_ns = stand.stage_began_ns()
+            fixture.stage_halt()
+    began_ns = fixture.stage_began_ns()
     session.say("zero of the transducer again")
     after = session.unloaded_zero()
-    stand.stage_hold()
+    fixture.stage_hold()
     track = evenly(recording, session.rate)
     begin = _first_moved(track) if began_ns is None else track.row_at(began_ns, session.rate)
     end = begin + round((seconds + _TAIL_S) * session.rate)
@@ -83,7 +83,7 @@ def torque_trial(session: Session, takeover: Takeover, trial: TorqueTrial, told:
     Raises NotPossible, RobotError, SamplesLost, Cancelled; the caller switches the torque off.
     """
     sine = _sine(session, trial)
-    session.stand.require("locked_rotor")
+    session.fixture.require("locked_rotor")
     session.check_homed()
     session.say("taking the controller's place")
     source = takeover.take(sine.peak, session.watch, session.period_ns)

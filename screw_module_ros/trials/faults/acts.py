@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rows are put together from: acts on a stand, and what they check of the answers."""
+"""What rows are put together from: acts on a testbed, and what they check of the answers."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from .limits import PERIOD_NS
+from .recovery import AGAIN, SECOND_WORD_S
 from .row import Act, Failed
-from .way_back import AGAIN, SECOND_WORD_S
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
     """Make something go wrong in the simulated rig, until `cured`."""
 
-    def act(stand) -> float:
-        begin = stand.just_now()
-        stand.robot.inject(device, name, value)
+    def act(testbed) -> float:
+        begin = testbed.just_now()
+        testbed.robot.inject(device, name, value)
         return begin
 
     return act
@@ -28,28 +28,28 @@ def fault(device: str, name: str, value: float = 0.0) -> Act:
 
 def cured(device: str) -> Act:
     """End every fault of a device of the rig."""
-    return lambda stand: stand.robot.inject(device, "clear")
+    return lambda testbed: testbed.robot.inject(device, "clear")
 
 
-def rehomed(stand) -> None:
+def rehomed(testbed) -> None:
     """Carry the handle to the reference mark and home the encoder there."""
-    stand.patient.place()
+    testbed.patient.place()
 
     def home() -> bool:
-        answer = stand.robot.call(Trigger, "encoder/home")
+        answer = testbed.robot.call(Trigger, "encoder/home")
         if AGAIN in answer.message:
-            stand.robot.pause(SECOND_WORD_S)
-            answer = stand.robot.call(Trigger, "encoder/home")
+            testbed.robot.pause(SECOND_WORD_S)
+            answer = testbed.robot.call(Trigger, "encoder/home")
         return answer.success
 
-    stand.robot.wait_until(home, 8.0, "encoder/home is refused")
+    testbed.robot.wait_until(home, 8.0, "encoder/home is refused")
 
 
 def both(*acts: Act) -> Act:
     """Do one after the other; the harm begins with the first that does any."""
 
-    def act(stand) -> float | None:
-        return next(filter(None, [one(stand) for one in acts]), None)
+    def act(testbed) -> float | None:
+        return next(filter(None, [one(testbed) for one in acts]), None)
 
     return act
 
@@ -57,9 +57,9 @@ def both(*acts: Act) -> Act:
 def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
     """Call a service, whatever it answers."""
 
-    def act(stand) -> float:
-        begin = stand.just_now()
-        stand.robot.call(kind, service, kind.Request(**fields))
+    def act(testbed) -> float:
+        begin = testbed.just_now()
+        testbed.robot.call(kind, service, kind.Request(**fields))
         return begin
 
     return act
@@ -73,8 +73,8 @@ def switched(service: str, on: bool) -> Act:
 def refused(service: str, service_type: type = Trigger, said: str = "", **fields: Any) -> Act:
     """Call a service that must refuse, in a sentence with `said` in it."""
 
-    def act(stand) -> None:
-        answer = stand.robot.call(service_type, service, service_type.Request(**fields))
+    def act(testbed) -> None:
+        answer = testbed.robot.call(service_type, service, service_type.Request(**fields))
         if answer.success or said not in answer.message:
             raise Failed(f"{service} was not refused as it should: {answer.message!r}")
 
@@ -85,9 +85,9 @@ def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
     """Set a parameter that must be refused, in a sentence with `said` in it."""
     given = Parameter(name, value=value).to_parameter_msg()
 
-    def act(stand) -> None:
+    def act(testbed) -> None:
         request = SetParameters.Request(parameters=[given])
-        (result,) = stand.robot.call(SetParameters, f"{node}/set_parameters", request).results
+        (result,) = testbed.robot.call(SetParameters, f"{node}/set_parameters", request).results
         if result.successful:
             raise Failed(f"{node} took {name} = {value!r}")
         if said not in result.reason:
@@ -102,31 +102,31 @@ def published(
     """Publish a message with these fields on a topic each `period` [s], `count` times or for good.
 
     Numbered messages look like the next true one: tick number, acquisition of now, `late` ns added.
-    A field may be a function of the stand, for what is known only then.
+    A field may be a function of the testbed, for what is known only then.
     """
 
-    def make(stand) -> Any:
+    def make(testbed) -> Any:
         message = kind()
         if hasattr(message, "monotonic_ns"):
-            now_ns = stand.robot.clock.now_ns() + late
+            now_ns = testbed.robot.clock.now_ns() + late
             message.monotonic_ns = now_ns
             message.sequence = (now_ns // PERIOD_NS + 1) & 0xFFFFFFFF
         for name, value in fields.items():
             *owners, last = name.split("__")
-            told = value(stand) if callable(value) else value
+            told = value(testbed) if callable(value) else value
             setattr(reduce(getattr, owners, message), last, told)
         return message
 
-    return lambda stand: stand.intruders.publish(
-        kind, topic, lambda: make(stand), count, period
+    return lambda testbed: testbed.intruders.publish(
+        kind, topic, lambda: make(testbed), count, period
     )
 
 
 def game(*setpoint: float) -> Act:
     """Let the game publish x, y, z, vx, vy, vz."""
 
-    def act(stand) -> None:
-        stand.heard.setpoint = setpoint
+    def act(testbed) -> None:
+        testbed.heard.setpoint = setpoint
 
     return act
 

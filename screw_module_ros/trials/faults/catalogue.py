@@ -74,7 +74,7 @@ def _line(row: Row) -> str:
     alarm = row.alarm.text if row.alarm else _NO_ALARM[row.safe]
     cells = (
         f"`{row.name}`", row.fault, row.mode_name, row.noticed_by, within, row.safe, alarm,
-        row.way_back,
+        row.recovery,
     )  # fmt: skip
     return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
 
@@ -103,7 +103,7 @@ Where the robot stops, a row passes when
 - the rig's own motors (`sim/truth`) give no torque any more within the row's time,
 - the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
 - after the cause has gone, and what had ended is active again, nothing comes back by itself,
-- the way back leads to operation without restarting the graph and needs no service that the row
+- the recovery leads to operation without restarting the graph and needs no service that the row
   does not name, and
 - the patient's resting hand feels no step above {step:g} N on the way: no change by more within
   25 ms (a knock of 5 ms in the play between nut and handle is none).
@@ -120,6 +120,6 @@ is not waited for. While the rig itself is away, time stands.
 Safe states:
 {states}"""
 _COLUMNS = (
-    "| row | fault | mode | who notices | within [samples] | safe state | alarm | way back |\n"
+    "| row | fault | mode | who notices | within [samples] | safe state | alarm | recovery |\n"
     "|---|---|---|---|---|---|---|---|"
 )

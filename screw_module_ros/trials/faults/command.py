@@ -19,8 +19,8 @@ from screw_module_ros.operator.robot import RobotError
 from ..console import Console
 from ..graph_run import Interrupted
 from .catalogue import chosen, page
-from .crew import Crew
 from .row import GOES_ON, Row, Verdict
+from .worker_pool import WorkerPool
 
 
 @click.command(context_settings={"show_default": True})
@@ -61,8 +61,8 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     named = {row.name: row for row in rows}
     verdicts: list[Verdict] = []
     try:
-        with Crew(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as crew:
-            for verdict in crew.verdicts():
+        with WorkerPool(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as pool:
+            for verdict in pool.verdicts():
                 verdicts.append(verdict)
                 console.show(_told(named[verdict.name], verdict, len(verdicts), len(rows)))
     finally:

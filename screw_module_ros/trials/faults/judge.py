@@ -2,7 +2,7 @@
 """Carries out one row and says whether the robot kept its promise.
 
 The promise (design section 6): torque zero within the row's time, nothing re-enables by itself, the
-reason can be read, the way back needs no restart of the graph, and the patient feels no step. All
+reason can be read, recovery needs no restart of the graph, and the patient feels no step. All
 times are simulated.
 """
 
@@ -24,7 +24,7 @@ from .measures import (
     vertical,
 )
 from .row import EITHER, GOES_ON, OFF, VERTICAL_OFF, Failed, Row, Verdict
-from .stand import Stand
+from .testbed import Testbed
 
 ROW_S = 60.0
 _ALARM_S = 8.0
@@ -33,25 +33,25 @@ _DRIVES = ("amplifier", "manus")
 _WALL = WallClock()  # for how long a row took
 
 
-def judge(stand: Stand, row: Row) -> Verdict:
-    """Carry out one row on a running stand. Raises Interrupted after Ctrl-C."""
-    return _Trial(stand, row).verdict()
+def judge(testbed: Testbed, row: Row) -> Verdict:
+    """Carry out one row on a running testbed. Raises Interrupted after Ctrl-C."""
+    return _Trial(testbed, row).verdict()
 
 
 class _Trial:
     """One row: in motion, harmed, noticed, taken back, in operation again."""
 
-    def __init__(self, stand: Stand, row: Row):
-        self.stand, self.row, self.heard = stand, row, stand.heard
+    def __init__(self, testbed: Testbed, row: Row):
+        self.testbed, self.row, self.heard = testbed, row, testbed.heard
         self._facts: dict = {}
         self._taken_back = False
 
     def verdict(self) -> Verdict:
         """Carry it out."""
-        stand, begun_ns, begun = self.stand, _WALL.now_ns(), self.heard.time
+        testbed, begun_ns, begun = self.testbed, _WALL.now_ns(), self.heard.time
         problem = self._problem()
         stuck = bool(problem) and not self._recovered()
-        stand.deadline = float("inf")
+        testbed.deadline = float("inf")
         return Verdict(
             self.row.name, problem, stuck,
             seconds=(_WALL.now_ns() - begun_ns) * 1e-9,
@@ -60,12 +60,12 @@ class _Trial:
         )  # fmt: skip
 
     def _problem(self) -> str:
-        stand, row = self.stand, self.row
-        stand.deadline = self.heard.time + ROW_S
+        testbed, row = self.testbed, self.row
+        testbed.deadline = self.heard.time + ROW_S
         try:
-            row.prepare(stand)
-            stand.ready(row.mode)
-            stand.patient.move(row.mode)
+            row.prepare(testbed)
+            testbed.ready(row.mode)
+            testbed.patient.move(row.mode)
             self._strike()
         except (Failed, RobotError) as error:
             return str(error)
@@ -77,11 +77,11 @@ class _Trial:
 
     def _recovered(self) -> bool:
         """Take the fault back after a failure, so that the next row has a fair chance."""
-        self.stand.deadline = self.heard.time + ROW_S
+        self.testbed.deadline = self.heard.time + ROW_S
         try:
             if not self._taken_back:
                 self._take_back()
-            self.stand.ready(self.row.mode)
+            self.testbed.ready(self.row.mode)
         except Interrupted:
             raise
         except Exception:
@@ -91,16 +91,16 @@ class _Trial:
     def _take_back(self) -> None:
         """Take the cause away; what was started again is awaited, it might go on by itself."""
         self._taken_back = True
-        self.row.back(self.stand)
-        self.stand.intruders.dismiss()
-        self.stand.await_restarted()
+        self.row.back(self.testbed)
+        self.testbed.intruders.dismiss()
+        self.testbed.await_restarted()
 
     # The harm --------------------------------------------------------------------------------
 
     def _strike(self) -> None:
-        row, stand = self.row, self.stand
+        row, testbed = self.row, self.testbed
         before = self.heard.mark()
-        begin = row.inject(stand) or max(before, stand.just_now())
+        begin = row.inject(testbed) or max(before, testbed.just_now())
         if row.safe == EITHER:
             self._pass(begin + row.watch)
         if row.safe == GOES_ON or row.safe == EITHER and not self.heard.disabled_at():
@@ -119,14 +119,14 @@ class _Trial:
         self._await_alarm()
         self._take_back()
         self._check_it_stays_off(begin)
-        self._go_the_way_back()
+        self._recover()
         on = set(_DRIVES) - set(self.heard.disabled_at())
         if self.row.safe == OFF and on:
             raise Failed(f"{' and '.join(sorted(on))} was never disabled")
 
     def _pass(self, until: float) -> None:
         """Let simulated time pass."""
-        self.stand.robot.pause(max(0.0, until - self.heard.time))
+        self.testbed.robot.pause(max(0.0, until - self.heard.time))
 
     # Off ---------------------------------------------------------------------------------------
 
@@ -162,16 +162,16 @@ class _Trial:
         if again := heard.ever_enabled() - allowed:
             raise Failed(f"{', '.join(sorted(again))} enabled by itself")
 
-    def _go_the_way_back(self) -> None:
+    def _recover(self) -> None:
         """Do what the row says, no more, and see what the patient feels of it."""
-        self.stand.way_back.steps.clear()
-        self.stand.ready(self.row.mode)
-        self._facts["step"] = largest_step(self.heard.since(self.stand.way_back.enabled_at))
+        self.testbed.recovery.steps.clear()
+        self.testbed.ready(self.row.mode)
+        self._facts["step"] = largest_step(self.heard.since(self.testbed.recovery.enabled_at))
         if self._facts["step"] > LARGEST_STEP:
             raise Failed(f"a step of {self._facts['step']:.1f} N on the patient's hand on recovery")
-        steps = self.stand.way_back.steps
-        if more := [step for step in steps if step.rpartition("/")[2] not in self.row.way_back]:
-            raise Failed(f"the way back needs {', '.join(sorted(more))} as well")
+        steps = self.testbed.recovery.steps
+        if more := [step for step in steps if step.rpartition("/")[2] not in self.row.recovery]:
+            raise Failed(f"recovery needs {', '.join(sorted(more))} as well")
 
     # On ----------------------------------------------------------------------------------------
 
@@ -211,7 +211,7 @@ class _Trial:
         return "; ".join(self.heard.reasons()) or "no reason told"
 
     def _await_reason(self) -> None:
-        if not self.stand.until(self.heard.reasons, _ALARM_S):
+        if not self.testbed.until(self.heard.reasons, _ALARM_S):
             raise Failed("stopped without a reason in safety_state")
         self._facts["reason"] = self.heard.reasons()[0]
 
@@ -220,7 +220,7 @@ class _Trial:
         alarm, heard = self.row.alarm, self.heard
         if alarm is None:
             return
-        if not self.stand.until(lambda: not missing_of(alarm, heard, self._facts), _ALARM_S):
+        if not self.testbed.until(lambda: not missing_of(alarm, heard, self._facts), _ALARM_S):
             missing = missing_of(alarm, heard, self._facts)
             told = "; ".join(f"{n}: {', '.join(m)}" for n, m in heard.alarms().items())
             raise Failed(f"no alarm: {missing}; told: {told}; reasons: {self._reasons()}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One row of the catalogue: a fault, who must notice it, how soon, and the way back."""
+"""One row of the catalogue: a fault, who must notice it, how soon, and the recovery."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from screw_module_ros.control.modes import MODE_NAMES
 
 if TYPE_CHECKING:
-    from .stand import Stand
+    from .testbed import Testbed
 
-Act = Callable[["Stand"], object]
-"""What is done to a stand. Raises Failed when the robot's answer breaks the promise."""
+Act = Callable[["Testbed"], object]
+"""What is done to a testbed. Raises Failed when the robot's answer breaks the promise."""
 
 # Safe states.
 OFF = "both torques zero"
@@ -27,7 +27,7 @@ SAFE_STATES = {
 }
 
 MISSED = "amplifier/clear_fault if it missed commands"
-"""Of the way back: the amplifier latches that before it hears of the supervisor's stop, or not."""
+"""Of the recovery: the amplifier latches that before it hears of the supervisor's stop, or not."""
 
 
 class Failed(Exception):
@@ -54,7 +54,7 @@ class Alarm(NamedTuple):
         return "; ".join((told if self.node else []) + reason)
 
 
-def nothing(stand: Stand) -> None:
+def nothing(testbed: Testbed) -> None:
     """Do nothing: the fault is over by itself."""
 
 
@@ -66,7 +66,7 @@ class Row(NamedTuple):
     watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
     it happen (and tell since when, in simulated time), take its cause away; apart: each node must
     be a process of its own, else `module` is one; limp: the drive works on without torque;
-    way_back: what an operator does then, with each service he calls.
+    recovery: what an operator does then, with each service he calls.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Row(NamedTuple):
     fault: str
     inject: Act
     alarm: Alarm | None
-    way_back: str
+    recovery: str
     noticed_by: str
     within: int = 0
     plane_within: int = 0

@@ -25,7 +25,7 @@ class Device(NamedTuple):
     noticed_by: str
     within: int
     alarm: Alarm
-    way_back: str
+    recovery: str
     kinds: tuple[str, ...]
 
 
@@ -98,7 +98,7 @@ def rows() -> Iterator[Row]:
         name="all-cable_out", group=GROUP, fault="all CAN cables out, later back",
         inject=fault("all", "cable_out"), back=cured("all"),
         alarm=Alarm("amplifier", "drive|command", "encoder|amplifier|manus|force"),
-        way_back=f"mend it; clear_fault, {MISSED}, reset, enable",
+        recovery=f"mend it; clear_fault, {MISSED}, reset, enable",
         noticed_by="everybody; the drives themselves", within=COMMAND + 2 + DYING,
         plane_within=COMMAND + 4 + DYING,
     )  # fmt: skip
@@ -107,7 +107,7 @@ def rows() -> Iterator[Row]:
         inject=fault("all", "power_off"), back=cured("all"),
         alarm=Alarm("amplifier", "drive|command|restarted|boot-up",
                     "encoder|amplifier|manus|force"),
-        way_back="power on; encoder/home, force_sensor/tare, manus/home, clear_fault, reset, "
+        recovery="power on; encoder/home, force_sensor/tare, manus/home, clear_fault, reset, "
         "enable", noticed_by="everybody", within=within, plane_within=within,
     )  # fmt: skip
 
@@ -124,7 +124,7 @@ def _row(device: Device, kind: Kind) -> Row:
         inject=fault(device.name, kind.fault, kind.value),
         back=cured(device.name),
         alarm=_alarm(device, kind) if stops else None,
-        way_back=device.way_back if kind.safe != GOES_ON else "none is needed",
+        recovery=device.recovery if kind.safe != GOES_ON else "none is needed",
         noticed_by=device.noticed_by if kind.safe != GOES_ON else "nobody: not our frames",
         within=0 if kind.safe == GOES_ON else vertical if stops else _BY_CHANCE,
         plane_within=0 if kind.safe == GOES_ON else plane if stops else _BY_CHANCE,

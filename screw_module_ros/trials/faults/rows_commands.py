@@ -80,8 +80,8 @@ def rows() -> Iterator[Row]:
     yield from _parameters()
 
 
-def _height(stand) -> float:
-    return stand.heard.now.height
+def _height(testbed) -> float:
+    return testbed.heard.now.height
 
 
 def _foreign(
@@ -109,7 +109,7 @@ def _stops(
         fault=text,
         inject=act,
         alarm=alarm,
-        way_back="stop the sender; clear_fault or home, reset, enable",
+        recovery="stop the sender; clear_fault or home, reset, enable",
         noticed_by=who,
         within=_WITHIN,
         plane_within=_WITHIN + TOLD,
@@ -129,7 +129,7 @@ def _goes_on(
         inject=act,
         back=back,
         alarm=alarm,
-        way_back="none is needed" if safe == GOES_ON else "reset, enable",
+        recovery="none is needed" if safe == GOES_ON else "reset, enable",
         noticed_by=who,
         within=0 if safe == GOES_ON else _WITHIN,
         plane_within=0 if safe == GOES_ON else _WITHIN,
@@ -201,12 +201,12 @@ def _setpoints() -> Iterator[Row]:
                    watch=0.8)  # fmt: skip
 
 
-def _no_game(stand) -> None:
-    stand.heard.setpoint = None
+def _no_game(testbed) -> None:
+    testbed.heard.setpoint = None
 
 
-def _wait(stand) -> None:
-    stand.robot.pause(0.2)
+def _wait(testbed) -> None:
+    testbed.robot.pause(0.2)
 
 
 def _services() -> Iterator[Row]:

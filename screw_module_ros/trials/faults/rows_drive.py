@@ -70,7 +70,7 @@ def rows() -> Iterator[Row]:
         yield _row("drive", "amplifier", name, text, within, "")._replace(
             alarm=Alarm("impedance_controller", "disagree", "disagree"),
             noticed_by="impedance_controller",
-            way_back="reset, enable",
+            recovery="reset, enable",
         )
     yield _row("shoulder", "manus", "position_jump", "its position jumps", AT_ONCE, "jumped")
     yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
@@ -89,7 +89,7 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         inject=fault(device, name),
         back=cured(device),
         alarm=_alarm(device, node, name, said) if stops else None,
-        way_back=_BACK[node] if stops else "none is needed",
+        recovery=_BACK[node] if stops else "none is needed",
         noticed_by=f"{node}; the drive itself" if stops else "nobody: no torque is too much",
         within=vertical if stops else 0,
         plane_within=plane if stops else 0,
@@ -128,11 +128,11 @@ def _without_limit() -> Row:
     )
 
 
-def _restarted_without_limit(stand) -> float:
-    fault("drive", "refuse_torque_limit")(stand)
-    begin = fault("drive", "reset")(stand)
-    robot = stand.robot
-    if not stand.until(lambda: "amplifier" in stand.heard.disabled_at(), 2.0):
+def _restarted_without_limit(testbed) -> float:
+    fault("drive", "refuse_torque_limit")(testbed)
+    begin = fault("drive", "reset")(testbed)
+    robot = testbed.robot
+    if not testbed.until(lambda: "amplifier" in testbed.heard.disabled_at(), 2.0):
         raise Failed("the amplifier is still enabled")
     robot.pause(0.5)
     answer = robot.call(Trigger, "amplifier/clear_fault", deadline_s=6.0)
@@ -147,9 +147,9 @@ def _restarted_without_limit(stand) -> float:
     return begin
 
 
-def _clear_in_vain(stand) -> None:
+def _clear_in_vain(testbed) -> None:
     """Ask for what cannot be had while the cause persists; it must be refused."""
-    robot = stand.robot
+    robot = testbed.robot
     if robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True)).success:
         raise Failed("amplifier/enable was granted in fault")
     if robot.call(Trigger, "amplifier/clear_fault").success:

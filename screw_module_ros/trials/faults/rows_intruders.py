@@ -48,13 +48,13 @@ def rows() -> Iterator[Row]:
 
 
 def _row(
-    name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str,
+    name: str, text: str, act: Act, who: str, alarm: Alarm | None, recovery: str,
     back: Act = nothing, safe: str = OFF, within: int = AT_ONCE, watch: float = 0.3,
     apart: bool = False,
 ) -> Row:  # fmt: skip
     stops = safe != GOES_ON
     return Row(
-        name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, way_back=way_back,
+        name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, recovery=recovery,
         noticed_by=who, within=within if stops else 0,
         plane_within=within + TOLD if stops else 0, safe=safe, watch=watch,
         apart=apart,
@@ -81,13 +81,13 @@ def _twins() -> Iterator[Row]:
 
 
 def _guest(node: str) -> Act:
-    return lambda stand: stand.start_guest(node, "-r", f"__node:={node}_2")
+    return lambda testbed: testbed.start_guest(node, "-r", f"__node:={node}_2")
 
 
-def _second_controller(stand) -> float:
+def _second_controller(testbed) -> float:
     """Start it; the harm begins with its first command, the second for the same sample."""
-    take = stand.intruders.listen(ForceCommand, graph.FORCE_COMMAND)
-    stand.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
+    take = testbed.intruders.listen(ForceCommand, graph.FORCE_COMMAND)
+    testbed.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
     newest = -1
 
     def doubled() -> bool:
@@ -98,33 +98,33 @@ def _second_controller(stand) -> float:
             newest = command.sequence
         return False
 
-    if not stand.until(doubled, 15.0):
+    if not testbed.until(doubled, 15.0):
         raise Failed("the second controller commands nothing")
-    return stand.just_now()
+    return testbed.just_now()
 
 
-def _permits(stand) -> None:
+def _permits(testbed) -> None:
     published(
         SafetyState, graph.SAFETY_STATE, 0, 0.001, level=SafetyState.OK, motion_permitted=True,
         vertical_permitted=True, planar_permitted=True,
-    )(stand)  # fmt: skip
+    )(testbed)  # fmt: skip
 
 
-def _enable_in_vain(stand) -> None:
+def _enable_in_vain(testbed) -> None:
     """Nobody may enable while two say contradictory things."""
-    stand.robot.pause(0.3)
+    testbed.robot.pause(0.3)
     for node in ("amplifier", "manus"):
         for _ in range(10):
-            answer = stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=True))
+            answer = testbed.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=True))
             if answer.success:
                 raise Failed(f"{node}/enable was granted after an emergency stop")
 
 
-def _second_game(stand) -> None:
+def _second_game(testbed) -> None:
     published(
         EndpointSetpoint, graph.SETPOINT, 0, 0.001, position__x=-0.1, position__y=-0.1,
         position__z=0.05,
-    )(stand)  # fmt: skip
+    )(testbed)  # fmt: skip
 
 
 def _topics() -> Iterator[Row]:
@@ -149,19 +149,19 @@ def _topics() -> Iterator[Row]:
                watch=1.0)  # fmt: skip
 
 
-def _fast_commands(stand) -> float:
-    clock = stand.robot.clock
+def _fast_commands(testbed) -> float:
+    clock = testbed.robot.clock
     numbers = itertools.count(clock.now_ns() // PERIOD_NS + 2)
 
     def make() -> ForceCommand:
         number = next(numbers) & 0xFFFFFFFF
         return ForceCommand(force=30.0, monotonic_ns=clock.now_ns(), sequence=number)
 
-    return stand.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 0, 0.00025)
+    return testbed.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 0, 0.00025)
 
 
-def _future_commands(stand) -> float:
-    clock = stand.robot.clock
+def _future_commands(testbed) -> float:
+    clock = testbed.robot.clock
 
     def make() -> ForceCommand:
         return ForceCommand(
@@ -169,7 +169,7 @@ def _future_commands(stand) -> float:
             sequence=(clock.now_ns() // PERIOD_NS + _FUTURE) & 0xFFFFFFFF,
         )  # fmt: skip
 
-    return stand.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 20, 0.005)
+    return testbed.intruders.publish(ForceCommand, graph.FORCE_COMMAND, make, 20, 0.005)
 
 
 def _frames() -> Iterator[Row]:
@@ -202,27 +202,27 @@ def _frames() -> Iterator[Row]:
 
 
 def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
-    def act(stand) -> None:
-        port = stand.intruders.port(node)
-        stand.intruders.repeat(lambda: port.send(can_id, data), period)
+    def act(testbed) -> None:
+        port = testbed.intruders.port(node)
+        testbed.intruders.repeat(lambda: port.send(can_id, data), period)
 
     return act
 
 
-def _walk_up(stand) -> float:
+def _walk_up(testbed) -> float:
     """Send it to operation enabled with torque, between our commands, a thousand times a second."""
     for node in ("amplifier", "manus"):
-        switched(f"{node}/enable", False)(stand)
-    port = stand.intruders.port("amplifier")
+        switched(f"{node}/enable", False)(testbed)
+    port = testbed.intruders.port("amplifier")
     words = [struct.pack("<Hh", word, _FOREIGN_TORQUE) for word in (0x06, 0x07, 0x0F)]
 
     def walk() -> None:
         for word in words:
             port.send(0x201, word)
 
-    stand.robot.pause(0.1)
-    begin = stand.just_now()
-    stand.intruders.repeat(walk, 0.001)
+    testbed.robot.pause(0.1)
+    begin = testbed.just_now()
+    testbed.intruders.repeat(walk, 0.001)
     return begin
 
 
@@ -258,30 +258,30 @@ def _storms() -> Iterator[Row]:
 
 
 def _storm(calls: list[tuple]) -> Act:
-    def act(stand) -> None:
+    def act(testbed) -> None:
         for service, kind, fields in calls * 3:
-            stand.robot.call(kind, service, kind.Request(**fields))
+            testbed.robot.call(kind, service, kind.Request(**fields))
 
     return act
 
 
-def _parameter_storm(stand) -> None:
+def _parameter_storm(testbed) -> None:
     """Without waiting for answers."""
     service = "impedance_controller/set_parameters"
-    client = stand.robot.client(SetParameters, service)
+    client = testbed.robot.client(SetParameters, service)
     for number in range(200):
         value = 0.0 if number % 2 else 1000.0
         parameter = Parameter("stiffness", value=value).to_parameter_msg()
         client.call_async(SetParameters.Request(parameters=[parameter]))
-        stand.robot.pause(0.002)
-    stand.configure()
+        testbed.robot.pause(0.002)
+    testbed.configure()
 
 
 def _transition(node: str, number: int) -> Act:
-    def act(stand) -> float:
-        begin = stand.just_now()
+    def act(testbed) -> float:
+        begin = testbed.just_now()
         request = ChangeState.Request(transition=Transition(id=number))
-        answer = stand.robot.call(ChangeState, f"{node}/change_state", request)
+        answer = testbed.robot.call(ChangeState, f"{node}/change_state", request)
         if not answer.success:
             raise Failed(f"{node} refused the transition")
         return begin
@@ -293,12 +293,12 @@ _SPECTATOR = "endpoint_state"
 _STUTTERS, _STUTTER_S = 10, 0.017
 
 
-def _stutter(stand) -> None:
-    acts = itertools.cycle((stand.freeze, stand.thaw))
+def _stutter(testbed) -> None:
+    acts = itertools.cycle((testbed.freeze, testbed.thaw))
     for _ in range(_STUTTERS):
         next(acts)(_SPECTATOR)
-        stand.robot.pause(_STUTTER_S)
+        testbed.robot.pause(_STUTTER_S)
 
 
-def _flowing(stand) -> None:
-    stand.thaw(_SPECTATOR)
+def _flowing(testbed) -> None:
+    testbed.thaw(_SPECTATOR)

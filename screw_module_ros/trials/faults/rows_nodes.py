@@ -25,7 +25,7 @@ class Part(NamedTuple):
     noticed_by: str
     within: tuple[int, int]
     alarm: Alarm
-    way_back: str
+    recovery: str
     safe: str = OFF
     apart: bool = False
     mode: int = 1
@@ -82,32 +82,32 @@ def rows() -> Iterator[Row]:
         name="sim_rig-killed", group=GROUP, fault="sim_rig killed (SIGKILL): simulated time "
         "stands, then all devices are switched on anew", inject=_power_cycle,
         alarm=Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
-        way_back="encoder/home, force_sensor/tare, manus/home, clear_fault, reset, enable",
+        recovery="encoder/home, force_sensor/tare, manus/home, clear_fault, reset, enable",
         noticed_by="amplifier, manus, encoder: boot-ups", within=AT_ONCE, plane_within=AT_ONCE,
     )  # fmt: skip
 
 
-def _power_cycle(stand) -> float:
-    begin = stand.just_now()
-    stand.kill("sim_rig")
-    stand.restart("sim_rig")
-    stand.await_restarted()
+def _power_cycle(testbed) -> float:
+    begin = testbed.just_now()
+    testbed.kill("sim_rig")
+    testbed.restart("sim_rig")
+    testbed.await_restarted()
     return begin
 
 
 def _row(part: Part, act: str) -> Row:
     node = part.node
 
-    def inject(stand) -> float:
-        begin = stand.just_now()
-        {KILLED: stand.kill, FROZEN: stand.freeze, STOPPED: stand.terminate}[act](node)
+    def inject(testbed) -> float:
+        begin = testbed.just_now()
+        {KILLED: testbed.kill, FROZEN: testbed.freeze, STOPPED: testbed.terminate}[act](node)
         return begin
 
-    def back(stand) -> None:
+    def back(testbed) -> None:
         if act == FROZEN:
-            stand.thaw(node)
+            testbed.thaw(node)
         else:
-            stand.restart(node)
+            testbed.restart(node)
 
     slack = _ENDING if act == STOPPED else 0
     within, plane_within = (n + slack if n else 0 for n in part.within)
@@ -118,7 +118,7 @@ def _row(part: Part, act: str) -> Row:
         inject=inject,
         back=back,
         alarm=part.alarm,
-        way_back=part.way_back,
+        recovery=part.recovery,
         noticed_by=part.noticed_by,
         within=within,
         plane_within=plane_within,

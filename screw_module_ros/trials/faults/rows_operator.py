@@ -20,8 +20,8 @@ from screw_module_ros.operator.robot import arm
 from .acts import both, called, cured, fault, published, refused, repeated, switched
 from .limits import BY_SERVICE, DYING, STALE, TOLD
 from .patient import HOME, SPRING
+from .recovery import AGAIN
 from .row import EITHER, GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
-from .way_back import AGAIN
 
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
@@ -43,9 +43,9 @@ def rows() -> Iterator[Row]:
     yield from _machine()
 
 
-def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_back: str) -> Row:
+def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, recovery: str) -> Row:
     return Row(
-        name=name, group="operator", fault=text, inject=act, alarm=alarm, way_back=way_back,
+        name=name, group="operator", fault=text, inject=act, alarm=alarm, recovery=recovery,
         noticed_by=who, within=BY_SERVICE, plane_within=BY_SERVICE,
     )  # fmt: skip
 
@@ -53,7 +53,7 @@ def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, way_ba
 def _goes_on(name: str, text: str, act: Act, who: str, back: Act = nothing) -> Row:
     return Row(
         name=name, group="operator", fault=text, inject=act, back=back, alarm=None,
-        way_back="none is needed", noticed_by=who, safe=GOES_ON, watch=0.3,
+        recovery="none is needed", noticed_by=who, safe=GOES_ON, watch=0.3,
     )  # fmt: skip
 
 
@@ -76,7 +76,7 @@ def _operator() -> Iterator[Row]:
         back=cured("encoder"), within=STALE + 2 + DYING,
         plane_within=STALE + 2 + DYING + TOLD)  # fmt: skip
     yield _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
-                 both(estop, lambda stand: stand.kill("supervisor")),
+                 both(estop, lambda testbed: testbed.kill("supervisor")),
                  "supervisor: started again it is still stopped", Alarm("", "", "emergency stop"),
                  "start it; clear_fault of both drives, reset, enable")._replace(
         back=_still_estopped)  # fmt: skip
@@ -97,14 +97,14 @@ def _operator() -> Iterator[Row]:
     yield _goes_on("home-elsewhere", "encoder/home while disabled, away from the mark",
                    _home_elsewhere, "encoder refuses the first time, and who asks again at once",
                    )._replace(safe=OFF, within=BY_SERVICE, plane_within=BY_SERVICE,
-                              way_back="encoder/home at the mark, enable")  # fmt: skip
+                              recovery="encoder/home at the mark, enable")  # fmt: skip
     yield _goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
     yield Row(
         name="lock-vertical", group="operator", fault="supervisor/lock_vertical in motion",
         inject=both(switched("supervisor/lock_vertical", True), _told_locked),
         back=switched("supervisor/lock_vertical", False), alarm=None,
-        way_back="lock_vertical off, amplifier/enable", noticed_by="supervisor",
+        recovery="lock_vertical off, amplifier/enable", noticed_by="supervisor",
         within=BY_SERVICE + 20, plane_within=0, safe=VERTICAL_OFF,
     )  # fmt: skip
     yield _stops("disable", "both drives disabled by their services, in motion",
@@ -112,58 +112,58 @@ def _operator() -> Iterator[Row]:
                  "amplifier, manus", None, "enable")  # fmt: skip
 
 
-def _heard(stand) -> None:
+def _heard(testbed) -> None:
     """Let the drives hear of it: what is asked at the same time meets drives that are enabled."""
-    stand.robot.pause(_HEARD_S)
+    testbed.robot.pause(_HEARD_S)
 
 
-def _still_estopped(stand) -> None:
-    stand.restart("supervisor")
-    stand.await_restarted()
-    if not stand.robot.newest(SafetyState).estopped:
+def _still_estopped(testbed) -> None:
+    testbed.restart("supervisor")
+    testbed.await_restarted()
+    if not testbed.robot.newest(SafetyState).estopped:
         raise Failed("the emergency stop was forgotten")
 
 
-def _told_locked(stand) -> None:
+def _told_locked(testbed) -> None:
     def told() -> bool:
-        state = stand.robot.state(SafetyState)
+        state = testbed.robot.state(SafetyState)
         return state is not None and state.vertical_locked
 
-    if not stand.until(told, 3.0):
+    if not testbed.until(told, 3.0):
         raise Failed("safety_state does not tell of the lock")
 
 
-def _until_latched(stand) -> None:
-    stand.until(lambda: len(stand.heard.disabled_at()) == 2, 3.0)
-    stand.until(lambda: any("encoder" in r for r in stand.heard.reasons()), 3.0)
-    stand.robot.pause(0.6)  # until the encoder counts as lost, not only as late
+def _until_latched(testbed) -> None:
+    testbed.until(lambda: len(testbed.heard.disabled_at()) == 2, 3.0)
+    testbed.until(lambda: any("encoder" in r for r in testbed.heard.reasons()), 3.0)
+    testbed.robot.pause(0.6)  # until the encoder counts as lost, not only as late
 
 
-def _at_rest_elsewhere(stand) -> None:
+def _at_rest_elsewhere(testbed) -> None:
     """Let the hand rest where the spring and its arm let it, some way from the mark."""
-    stand.patient.rest()
-    if not stand.until(lambda: stand.patient.at_rest, 5.0):
+    testbed.patient.rest()
+    if not testbed.until(lambda: testbed.patient.at_rest, 5.0):
         raise Failed("the hand does not come to rest")
 
 
-def _home_elsewhere(stand) -> float:
+def _home_elsewhere(testbed) -> float:
     """Ask for it where the last homing is far off, again and again: the origin must not move."""
-    begin = stand.just_now()
+    begin = testbed.just_now()
     for node in ("amplifier", "manus"):
-        stand.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
+        testbed.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
     there = (math.nan, math.nan, HOME + 0.08)  # friction holds it on the way
     still = (math.nan, math.nan, 0.0)
-    stand.robot.set_arm(arm(there, amplitude=still, omega=still))
-    if not stand.until(lambda: stand.heard.now.height > HOME + 0.02, 5.0):
+    testbed.robot.set_arm(arm(there, amplitude=still, omega=still))
+    if not testbed.until(lambda: testbed.heard.now.height > HOME + 0.02, 5.0):
         raise Failed("the hand does not leave the mark")
-    stand.robot.pause(1.0)
-    before = stand.heard.now.height
+    testbed.robot.pause(1.0)
+    before = testbed.heard.now.height
     for _ in range(10):
-        refused("encoder/home", said=AGAIN)(stand)
-    state = stand.robot.state(ImpedanceState)
+        refused("encoder/home", said=AGAIN)(testbed)
+    state = testbed.robot.state(ImpedanceState)
     if state is None or abs(state.position - before) > 0.005:
         raise Failed("the origin has moved")
-    stand.patient.place()
+    testbed.patient.place()
     return begin
 
 
@@ -172,7 +172,7 @@ def _patient() -> Iterator[Row]:
         name="end-stop-full-speed", group="operator",
         fault="the patient throws the handle against the upper end stop",
         inject=both(_throw(0.5), _hits(lambda height: height > _TOP)),
-        alarm=None, way_back="reset, enable",
+        alarm=None, recovery="reset, enable",
         noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
@@ -180,7 +180,7 @@ def _patient() -> Iterator[Row]:
         name="end-stop-bottom", group="operator",
         fault="the patient throws the handle against the lower end stop",
         inject=both(_throw(-0.3), _hits(lambda height: height < _BOTTOM)),
-        alarm=None, way_back="reset, enable",
+        alarm=None, recovery="reset, enable",
         noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8, mode=3,
     )  # fmt: skip
@@ -189,15 +189,15 @@ def _patient() -> Iterator[Row]:
                    _fixture("human_arm"))._replace(mode=FORCE_FEEDBACK, watch=0.8)  # fmt: skip
     yield Row(
         name="pin-in-while-enabled", group="operator", fault="the lock pin goes in in motion",
-        inject=_pin(True), back=_pin(False), alarm=None, way_back="pin out, reset, enable",
+        inject=_pin(True), back=_pin(False), alarm=None, recovery="pin out, reset, enable",
         noticed_by="nobody, or impedance_controller by the jolt", within=_BY_CHANCE,
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
 
 
 def _throw(height: float) -> Act:
-    def act(stand) -> None:
-        stand.robot.set_arm(
+    def act(testbed) -> None:
+        testbed.robot.set_arm(
             arm((0.0, 0.0, height), 0.1, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
         )
 
@@ -207,11 +207,11 @@ def _throw(height: float) -> Act:
 def _hits(arrived: Callable[[float], bool]) -> Act:
     """Wait until the handle has come to the stop, and fast."""
 
-    def act(stand) -> None:
-        begin = stand.just_now()
-        if not stand.until(lambda: arrived(stand.heard.now.height), 3.0):
+    def act(testbed) -> None:
+        begin = testbed.just_now()
+        if not testbed.until(lambda: arrived(testbed.heard.now.height), 3.0):
             raise Failed("the handle did not come to the end stop")
-        fastest = max(abs(moment.speed) for moment in stand.heard.since(begin))
+        fastest = max(abs(moment.speed) for moment in testbed.heard.since(begin))
         if fastest < _FAST:
             raise Failed(f"the handle came to the end stop with {fastest:.2f} m/s")
 
@@ -219,13 +219,13 @@ def _hits(arrived: Callable[[float], bool]) -> Act:
 
 
 def _fixture(name: str) -> Act:
-    return lambda stand: stand.robot.set_fixture(name)
+    return lambda testbed: testbed.robot.set_fixture(name)
 
 
 def _pin(locked: bool) -> Act:
-    def act(stand) -> None:
+    def act(testbed) -> None:
         request = SetFixture.Request(fixture="", position=float("nan"), locked=locked)
-        stand.robot.ask(SetFixture, "sim_rig/set_fixture", request)
+        testbed.robot.ask(SetFixture, "sim_rig/set_fixture", request)
 
     return act
 
@@ -234,7 +234,7 @@ def _machine() -> Iterator[Row]:
     yield _goes_on("disk-full-while-recording", "the disk is full while recording", _disk_full,
                    "session_recorder", _disk_again)._replace(
         group="machine", alarm=Alarm("session_recorder", "File too large|No space"),
-        way_back="make room, start again",
+        recovery="make room, start again",
         watch=0.5)  # fmt: skip
     yield _goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
                    _delete_bag, "session_recorder, at the latest when it stops",
@@ -246,39 +246,39 @@ def _machine() -> Iterator[Row]:
         name="bring-up-in-reverse", group="machine",
         fault="supervisor, drivers and controllers stopped in motion, started in the wrong order",
         inject=_stop_all, back=_start_in_reverse, alarm=None,
-        way_back="home, tare, clear_fault, reset, enable", noticed_by="all of them",
+        recovery="home, tare, clear_fault, reset, enable", noticed_by="all of them",
         within=_ENDING, plane_within=_ENDING, apart=True,
     )  # fmt: skip
 
 
-def _recording(stand) -> Path:
-    return stand.robot.start_recording()
+def _recording(testbed) -> Path:
+    return testbed.robot.start_recording()
 
 
-def _disk_full(stand) -> None:
-    _recording(stand)
-    stand.robot.pause(0.3)
-    _limit_files(stand, _BAG_LIMIT)
+def _disk_full(testbed) -> None:
+    _recording(testbed)
+    testbed.robot.pause(0.3)
+    _limit_files(testbed, _BAG_LIMIT)
 
 
-def _limit_files(stand, size: int) -> None:
+def _limit_files(testbed, size: int) -> None:
     resource.prlimit(
-        stand.graph.pid("session_recorder"), resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY)
+        testbed.graph.pid("session_recorder"), resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY)
     )
 
 
-def _disk_again(stand) -> None:
+def _disk_again(testbed) -> None:
     """There is room again: stop what was recorded, and a new recording works."""
-    _limit_files(stand, resource.RLIM_INFINITY)
-    called("session_recorder/stop")(stand)
-    folder = _recording(stand)
-    stand.robot.pause(0.3)
-    stand.robot.stop_recording()
+    _limit_files(testbed, resource.RLIM_INFINITY)
+    called("session_recorder/stop")(testbed)
+    folder = _recording(testbed)
+    testbed.robot.pause(0.3)
+    testbed.robot.stop_recording()
     shutil.rmtree(folder)
 
 
-def _delete_bag(stand) -> None:
-    shutil.rmtree(_recording(stand))
+def _delete_bag(testbed) -> None:
+    shutil.rmtree(_recording(testbed))
 
 
 def _stamped(second: int) -> Act:
@@ -290,13 +290,13 @@ def _stamped(second: int) -> Act:
     )  # fmt: skip
 
 
-def _stop_all(stand) -> float:
-    begin = stand.just_now()
+def _stop_all(testbed) -> float:
+    begin = testbed.just_now()
     for node in ("supervisor", *_DRIVERS):
-        stand.terminate(node)
+        testbed.terminate(node)
     return begin
 
 
-def _start_in_reverse(stand) -> None:
+def _start_in_reverse(testbed) -> None:
     for node in (*reversed(_DRIVERS), "supervisor"):
-        stand.restart(node)
+        testbed.restart(node)

@@ -26,7 +26,7 @@ _TARE = f"mend it; let go of the handle, force_sensor/tare, {MISSED}, reset, ena
 _NOT_NEEDED = "none is needed"
 _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 
-# name, value, text, safe, within, alarm, way back
+# name, value, text, safe, within, alarm, recovery
 _ENCODER_FAULTS = (
     ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, _RESET),
     ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
@@ -78,16 +78,16 @@ def rows() -> Iterator[Row]:
         yield _status(bit)
 
 
-def _row(device, mode, name, value, text, safe, within, alarm, way_back) -> Row:
+def _row(device, mode, name, value, text, safe, within, alarm, recovery) -> Row:
     stops = safe != GOES_ON
     return Row(
         name=f"{device}-{name}" + (f"-{value:g}" if value or name == "saturate" else ""),
         group=device.replace("_", " "),
         fault=f"{device}: {text}",
         inject=fault(device, name, float(value)),
-        back=both(cured(device), rehomed) if way_back == _UNHOMED else cured(device),
+        back=both(cured(device), rehomed) if recovery == _UNHOMED else cured(device),
         alarm=alarm,
-        way_back=way_back,
+        recovery=recovery,
         noticed_by=_who(alarm, device) if stops else "nobody: it cannot be told from a patient",
         within=within,
         plane_within=within + TOLD if stops else 0,
@@ -114,15 +114,15 @@ def _status(bit: int) -> Row:
     )
 
 
-def _moved_across(stand) -> None:
+def _moved_across(testbed) -> None:
     """Wait until the handle has been on either side of the wrap, 1.3 mm above the mark."""
-    begin = stand.just_now()
+    begin = testbed.just_now()
 
     def across() -> bool:
-        heights = [moment.height for moment in stand.heard.since(begin)]
+        heights = [moment.height for moment in testbed.heard.since(begin)]
         return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
 
-    if not stand.until(across, 6.0):
+    if not testbed.until(across, 6.0):
         raise Failed("the handle was not moved across the wrap")
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stage and hand of the simulated rig, worked through its services as somebody would at their
-controls (see `stand.Stand`)."""
+controls (see `fixture.Fixture`)."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LONGEST_WAY = 1000  # positions kept to tell when the stage began
 _NAN = math.nan
 
 
-class RigStand:
+class RigFixture:
     """The simulated rig."""
 
     simulated = True

@@ -22,7 +22,7 @@ from .intruders import Intruders
 from .limits import TRUTH_RATE
 from .listener import Listener
 from .patient import Patient
-from .way_back import WayBack
+from .recovery import Recovery
 
 STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
@@ -41,7 +41,7 @@ _WALL = WallClock()  # processes end and start by it
 _FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
 
 
-class Stand:
+class Testbed:
     """The graph in simulated time, an operator, a patient, a game, and means to do harm.
 
     deadline: simulated time by which the row must be over [s].
@@ -54,19 +54,19 @@ class Stand:
         self.robot: Robot = None
         self.heard: Listener = None
         self.patient: Patient = None
-        self.way_back: WayBack = None
+        self.recovery: Recovery = None
         self.intruders: Intruders = None
         self.deadline = math.inf
         self._frozen: set[str] = set()
         self._restarted: set[str] = set()
 
-    def __enter__(self) -> Stand:
+    def __enter__(self) -> Testbed:
         self.graph.__enter__()
         try:
             self.robot = Robot("fault_operator", watch=self._watch, simulated=True)
             self.heard = Listener(self.robot)
             self.patient = Patient(self.robot, self.heard)
-            self.way_back = WayBack(self.robot, self.heard, self.patient)
+            self.recovery = Recovery(self.robot, self.heard, self.patient)
             self.intruders = Intruders(self.robot, self.graph)
             self.graph.wait_until_ready(self.robot, told=lambda waiting: None)
             self._prepare()
@@ -159,13 +159,13 @@ class Stand:
         """Return the simulated time of now [s]."""
         return self.heard.time
 
-    # The way back --------------------------------------------------------------------------
+    # Recovery ------------------------------------------------------------------------------
 
     def ready(self, mode: int) -> None:
         """Bring the robot to operation in `mode`, the hand at rest. Raises RobotError if stuck."""
         self.await_restarted()
         self.patient.rest()
-        self.way_back.go(mode)
+        self.recovery.go(mode)
 
     def await_restarted(self) -> None:
         """Wait until the nodes that were started again are active, and set them up."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody at the bench in place of the rig's services (see `stand.Stand`)."""
+"""Somebody at the bench in place of the rig's services (see `fixture.Fixture`)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NEAR = 2e-4  # [m]
 Say = Callable[[str], None]
 
 
-class OperatorStand:
+class OperatorFixture:
     """Somebody at the bench, who is told what to do and calls `~/confirm` when it is done."""
 
     simulated = False

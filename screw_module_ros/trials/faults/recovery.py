@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documented way back to operation and no other: home, tare, clear_fault, reset, enable."""
+"""The documented recovery and no other: home, tare, clear_fault, reset, enable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ AGAIN = "against the last homing"
 SECOND_WORD_S = 1.5
 
 
-class WayBack:
+class Recovery:
     """Does what an operator would do next until the robot works.
 
     steps: services it needed since this was last cleared. enabled_at: simulated time when it began
@@ -40,7 +40,7 @@ class WayBack:
         self._one_enabled = False
         while missing := self._improve(mode):
             if self._heard.time > end:
-                raise RobotError(f"no way back to operation: {missing}")
+                raise RobotError(f"no recovery to operation: {missing}")
             self._robot.pause(_STEP_S)
 
     def _improve(self, mode: int) -> str:

@@ -17,11 +17,11 @@ from typing import Any, Protocol
 from screw_module_ros.identification.trials import Arm, MotionTrial
 from screw_module_ros.operator.robot import Robot
 
-from .operator_stand import OperatorStand
-from .rig_stand import RigStand
+from .operator_fixture import OperatorFixture
+from .rig_fixture import RigFixture
 
 
-class Stand(Protocol):
+class Fixture(Protocol):
     """What the bench needs of the far side of the handle. All may raise RobotError.
 
     simulated: everything is done by services, nobody is asked.
@@ -75,18 +75,18 @@ class Stand(Protocol):
         """Leave the graph."""
 
 
-def stand_of(
+def fixture_of(
     rig_seen: bool,
     robot: Robot,
     confirmed: threading.Event,
     say: Callable[[str], None],
     newest: Callable[[], Any],
-) -> Stand:
-    """Return the rig's stand where the rig was seen at its work, else the operator's.
+) -> Fixture:
+    """Return the rig's fixture where the rig was seen at work, else the operator's.
 
     rig_seen: see `rig_seen.sees_rig`; newest: returns the newest EncoderSample, None before the
     first.
     """
     if rig_seen:
-        return RigStand(robot)
-    return OperatorStand(robot, confirmed, say, newest)
+        return RigFixture(robot)
+    return OperatorFixture(robot, confirmed, say, newest)

@@ -22,44 +22,44 @@ from ..graph_run import Interrupted
 from .catalogue import all_rows
 from .judge import judge
 from .row import Row, Verdict
-from .stand import Stand
+from .testbed import Testbed
 
 _POLL_S = 0.2
 
 
-class Crew:
+class WorkerPool:
     """Carries out rows on `jobs` graphs at once.
 
-    with Crew(rows, 2) as crew:
-        for verdict in crew.verdicts(): ...
+    with WorkerPool(rows, 2) as pool:
+        for verdict in pool.verdicts(): ...
     """
 
     def __init__(self, rows: Sequence[Row], jobs: int):
         self._waiting = list(rows)
         self._jobs = min(jobs, len(rows))
         self._apart: dict[Connection, bool] = {}  # which graph a member has, or begins with
-        self._members: dict[Connection, BaseProcess] = {}
+        self._workers: dict[Connection, BaseProcess] = {}
         self._stopping = StopFlag()
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         self._stopping.catch()
         context = multiprocessing.get_context("spawn")
         for number in range(self._jobs):
             ours, theirs = context.Pipe()
-            member = context.Process(target=_work, args=(theirs,))
-            member.start()
+            worker = context.Process(target=_work, args=(theirs,))
+            worker.start()
             theirs.close()
-            self._members[ours] = member
+            self._workers[ours] = worker
             self._apart[ours] = bool(number % 2)
         return self
 
     def __exit__(self, kind: type | None, *_: object) -> None:
-        for pipe, member in self._members.items():
-            if kind is not None and member.is_alive():
-                member.terminate()  # a graph that runs is ended in order
+        for pipe, worker in self._workers.items():
+            if kind is not None and worker.is_alive():
+                worker.terminate()  # a graph that runs is ended in order
             pipe.close()
-        for member in self._members.values():
-            member.join()
+        for worker in self._workers.values():
+            worker.join()
         self._stopping.release()
 
     def verdicts(self) -> Iterator[Verdict]:
@@ -67,8 +67,8 @@ class Crew:
 
         Raises Interrupted after Ctrl-C or SIGTERM, RobotError when a graph cannot be started.
         """
-        busy = set(self._members)
-        for pipe in self._members:
+        busy = set(self._workers)
+        for pipe in self._workers:
             self._send_next(pipe)
         while busy:
             for pipe in wait(list(busy), _POLL_S):
@@ -96,8 +96,8 @@ class Crew:
         except (EOFError, OSError):
             if self._stopping:
                 raise Interrupted from None
-            member = self._members[pipe]
-            raise RobotError(f"{member.name} ended by itself, code {member.exitcode}") from None
+            worker = self._workers[pipe]
+            raise RobotError(f"{worker.name} ended by itself, code {worker.exitcode}") from None
         if isinstance(told, Verdict):
             return told
         raise RobotError(told)
@@ -120,22 +120,22 @@ def _work(pipe: Connection) -> None:
 def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
     """Take names and give verdicts; a graph that cannot be brought back is replaced."""
     extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
-    stand: Stand | None = None
+    testbed: Testbed | None = None
     try:
         while (name := _next(pipe)) is not None:
             row = rows[name]
-            if stand is not None and stand.composed == row.apart:
-                stand.__exit__(None, None, None)
-                stand = None
-            stand = stand or Stand(extra, not row.apart).__enter__()
-            verdict = judge(stand, row)
+            if testbed is not None and testbed.composed == row.apart:
+                testbed.__exit__(None, None, None)
+                testbed = None
+            testbed = testbed or Testbed(extra, not row.apart).__enter__()
+            verdict = judge(testbed, row)
             if verdict.stuck:
-                stand.__exit__(None, None, None)
-                stand = None
+                testbed.__exit__(None, None, None)
+                testbed = None
             pipe.send(verdict)
     finally:
-        if stand is not None:
-            stand.__exit__(None, None, None)
+        if testbed is not None:
+            testbed.__exit__(None, None, None)
 
 
 def _next(pipe: Connection) -> str | None:
