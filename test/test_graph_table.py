@@ -20,9 +20,9 @@ from screw_module_ros.graph import (
     GRAPH,
     TOPICS,
     chosen,
-    subscribed_by,
     nodes_of,
     published_by,
+    subscribed_by,
     table,
 )
 from screw_module_ros.nodes.support.flat import Flat
