@@ -124,8 +124,13 @@ class AmplifierNode(DriveNode):
         self._loop.step(Parts(drive=self.part))
 
     def take_command(self, until_ns: int) -> Command | None:
-        """Wait for a command on the topic, until `until_ns` [ns] at most."""
-        self._inbox.wait(until_ns)
+        """Wait for a command on the topic, until `until_ns` [ns] at most.
+
+        One that comes just then belongs to the tick that begins: it is taken after its SYNC, and
+        judged by what the drive answers, whoever of the two processes is quicker.
+        """
+        if not self._inbox.wait(until_ns):
+            return None
         command = self._take_command()
         if command is not None:
             self._rate_check.hear(command.sequence, command.monotonic_ns)
