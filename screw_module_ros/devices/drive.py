@@ -126,10 +126,10 @@ class Drive:
         settings = self.settings
         heard = self._port.heard({self.beat.can_id: bool, self._command_id: bool}, settings.listen)
         if heard is not None:
-            told = f"heartbeat of master {settings.master_id}"
+            text = f"heartbeat of master {settings.master_id}"
             raise Occupied(
                 f"somebody already commands the {self.label} on {self._port.name} "
-                f"({told if heard == self.beat.can_id else self._command_text}): is a second copy "
+                f"({text if heard == self.beat.can_id else self._command_text}): is a second copy "
                 "of this node running?"
             )
         self._setup = found = setup.configure(self.node, settings)

@@ -21,7 +21,7 @@ from ..control.vertical_settings import VerticalSettings
 from ..control.watch import ForceLike, VerticalWatch, WatchSettings
 from ..samples import EncoderReading
 from .guide import Guide
-from .wanted import Wanted
+from .setpoint_input import SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
@@ -55,7 +55,7 @@ class VerticalController:
         self.state: VerticalState = initial_state(settings)
         self.reason = self.held = ""
         self.handle_force = 0.0
-        self.wanted = Wanted(axes=1)
+        self.wanted = SetpointInput(axes=1)
         self.guide = Guide(slot_limits)
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)

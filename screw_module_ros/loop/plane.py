@@ -18,8 +18,8 @@ from ..control.timing import DeadlineMeter
 from ..devices.errors import DeviceError
 from ..settings import Setting
 from .planar_axes import PlanarAxes
+from .setpoint_input import SetpointInput
 from .ticker import Tick, Ticker
-from .wanted import Wanted
 
 _FORCE_AGE_NS = 200_000_000
 _UNKNOWN = (math.nan, math.nan)
@@ -58,7 +58,7 @@ class PlaneLoop:
         self, axes: PlanarAxes, port: Port, period_ns: int, limits: PlaneLimits, wires: PlaneWires
     ):
         self.axes = axes
-        self.wanted = Wanted(axes=2)
+        self.wanted = SetpointInput(axes=2)
         self.meter = DeadlineMeter(period_ns)
         self.skipped = 0
         self._port, self._clock = port, port.clock

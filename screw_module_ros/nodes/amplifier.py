@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
-from screw_module_ros.calibration.chosen import LinearizationSettings, chosen_linearization
-from screw_module_ros.calibration.module import CalibrationSettings
+from screw_module_ros.calibration.module_file import CalibrationSettings
+from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.torque_chain import largest_command, torque_chain
@@ -154,18 +154,18 @@ class AmplifierNode(DriveNode):
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
-        told, part, drive = self._state, self.part, self.drives[0]
+        state, part, drive = self._state, self.part, self.drives[0]
         peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak, self._screw)
         values = {
-            **timing_values(told, part.meter),
+            **timing_values(state, part.meter),
             **latency_values("own", part.own),
             "state": drive.state(self.clock.now_ns()).text,
             "largest force [N]": f"{peak:.0f}",
-            "calibration": told.calibration,
+            "calibration": state.calibration,
             **device_values(drive.snapshot()),
             **self.port_values(part.skipped),
         }
-        return self.drive_health(values, told)
+        return self.drive_health(values, state)
 
 
 def main() -> int:

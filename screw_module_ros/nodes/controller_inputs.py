@@ -6,7 +6,7 @@ from __future__ import annotations
 from screw_module_ros import graph
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.rate_check import RateCheck
-from screw_module_ros.loop.wanted import Wanted
+from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 from .support.freshness import Newest
@@ -25,7 +25,7 @@ class ControllerInputs:
     """
 
     def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
-        self.wanted = Wanted(axes=1)
+        self.wanted = SetpointInput(axes=1)
         self._inbox, self._forces = inbox, forces
         take = inbox.subscribe
         self._take_encoder = take(*requested(graph.ENCODER), wakes=True)

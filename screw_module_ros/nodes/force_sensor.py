@@ -104,11 +104,11 @@ class ForceSensorNode(DriverNode):
         if self.device.fault:
             self.device.clear_fault()
         readings = self._taring.gathered(self.device.settings.tare_samples)
-        return Done(f"tared, removing {_told(self.device.tare(readings))}")
+        return Done(f"tared, removing {_bias_text(self.device.tare(readings))}")
 
     def _untare(self, request: Trigger.Request) -> str:
         self._taring.permitted()
-        return Done(f"back to removing {_told(self.device.untare())}")
+        return Done(f"back to removing {_bias_text(self.device.untare())}")
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""
@@ -122,7 +122,7 @@ class ForceSensorNode(DriverNode):
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),
-            "bias": _told(device.bias),
+            "bias": _bias_text(device.bias),
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }
@@ -133,7 +133,7 @@ class ForceSensorNode(DriverNode):
         return Health(OK, "sampling", values)
 
 
-def _told(bias: tuple) -> str:
+def _bias_text(bias: tuple) -> str:
     force = ", ".join(f"{x:.2f}" for x in bias[:3])
     torque = ", ".join(f"{x:.3f}" for x in bias[3:])
     return f"{force} N and {torque} Nm"

@@ -12,8 +12,8 @@ from screw_module_msgs.msg import ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
-from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
-from screw_module_ros.calibration.module import CalibrationSettings
+from screw_module_ros.calibration.module_file import CalibrationSettings
+from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
@@ -114,7 +114,8 @@ class ImpedanceControllerNode(ModuleNode):
 
     def _name_calibration(self) -> None:
         gravity = self.parameters.read(VerticalSettings).gravity
-        self._state_message.calibration = self._friction.told(gravity) if self._friction else ""
+        calibration = self._friction.described(gravity) if self._friction else ""
+        self._state_message.calibration = calibration
 
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
@@ -212,19 +213,19 @@ class ImpedanceControllerNode(ModuleNode):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        told, controller = self._state_message, self.part
+        state, controller = self._state_message, self.part
         values = {
-            **timing_values(told, controller.meter),
+            **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
-            "calibration": told.calibration,
+            "calibration": state.calibration,
             "slot refused": self._inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
         if controller.output.share < 1.0 and controller.mode != OFF:
             return Health(WARN, guarded(controller.output.share), values)
-        if warning := broken_contract(told):
+        if warning := broken_contract(state):
             return Health(WARN, warning, values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
 

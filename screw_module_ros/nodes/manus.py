@@ -18,8 +18,8 @@ from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
 from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.loop.ticker import Tick
-from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.settings import Setting
 
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
@@ -85,7 +85,7 @@ class ManusNode(DriveNode):
         self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
         self.want_one_sender(graph.FORCE_DECIMATED)
-        self._wanted = Wanted(axes=2)
+        self._wanted = SetpointInput(axes=2)
         self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 

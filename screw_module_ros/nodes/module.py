@@ -86,8 +86,8 @@ def make_nodes() -> list[ModuleNode]:
     nodes = [EncoderNode(), ForceSensorNode(), controller, AmplifierNode()]
     rates = {node.get_name(): node.parameters.read(RateSettings).rate for node in nodes}
     if len(set(rates.values())) > 1:
-        told = ", ".join(f"{name}: {rate:g}" for name, rate in rates.items())
-        raise ParameterError(f"one loop drives all nodes of `module`, their rates differ: {told}")
+        listed = ", ".join(f"{name}: {rate:g}" for name, rate in rates.items())
+        raise ParameterError(f"one loop drives all nodes of `module`, their rates differ: {listed}")
     for node in nodes:
         node.add_on_set_parameters_callback(_keep_rate)
     return nodes

@@ -86,7 +86,7 @@ class SessionRecorder(ModuleNode):
         self.parameters.declare(StorageSettings, "storage")
         self._session: Session | None = None
         self._intake: Intake | None = None
-        self._told: NodeParameters | None = None
+        self._parameters: NodeParameters | None = None
         self._others: OtherRobots | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
@@ -140,13 +140,13 @@ class SessionRecorder(ModuleNode):
         try:
             session, intake = self._opened(settings)
         except (BagError, ValueError) as error:
-            told = str(error)
+            text = str(error)
         except OSError as error:  # files, threads or memory have run out
-            told = f"cannot record: {error.strerror}"
+            text = f"cannot record: {error.strerror}"
         else:
             return self._begin(session, intake)
-        self.get_logger().error(told)
-        return told
+        self.get_logger().error(text)
+        return text
 
     def _opened(self, settings: RecorderSettings) -> tuple[Session, Intake]:
         """Return a session whose bag is on the disk, and what will feed it; nothing, or both.
@@ -189,8 +189,8 @@ class SessionRecorder(ModuleNode):
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
             self._folder, self._intake, self._session = folder, intake, session
-            self._told = NodeParameters(self, self._is_other)
-        self._told.ask()
+            self._parameters = NodeParameters(self, self._is_other)
+        self._parameters.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
 
@@ -207,14 +207,14 @@ class SessionRecorder(ModuleNode):
             session.put(intake.drain())
             self._note(session, intake)  # what was told in the last second
             intake.close()
-            self._told.close()
+            self._parameters.close()
         self._last = session.close()
         self.get_logger().info(self._last.summary())
 
     def _note(self, session: Session, intake: Intake) -> None:
         """Keep in the bag what the nodes were set to."""
         session.add_metadata(CALIBRATION, intake.calibrations())
-        session.add_metadata(PARAMETERS, self._told.values)
+        session.add_metadata(PARAMETERS, self._parameters.values)
         if intake.refused:
             session.add_metadata(REFUSED, intake.refused)
 
@@ -229,15 +229,15 @@ class SessionRecorder(ModuleNode):
         if self._session is None:
             return "not recording"
         self._stop()
-        told = f"{self._folder}: {self._last.summary()}"
-        return told if self._last.error else Done(told)
+        text = f"{self._folder}: {self._last.summary()}"
+        return text if self._last.error else Done(text)
 
     def _each_second(self) -> None:
         session, intake = self._session, self._intake
         if session is not None and intake is not None and not session.status().error:
             try:
                 intake.discover()
-                self._told.ask()
+                self._parameters.ask()
                 self._note(session, intake)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")

@@ -80,8 +80,8 @@ class SupervisorNode(ModuleNode):
             )
             return supervision.estop(SupervisorState())
         if kept := supervision.kept(state):
-            told = ", ".join(name for name, value in kept.items() if value)
-            self.get_logger().warning(f"as before the supervisor was started anew: {told}")
+            text = ", ".join(name for name, value in kept.items() if value)
+            self.get_logger().warning(f"as before the supervisor was started anew: {text}")
         return state
 
     def _keep(self, state: SupervisorState) -> None:

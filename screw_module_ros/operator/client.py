@@ -78,7 +78,7 @@ class Client:
         self._context.init()
         self.node = Node(name, namespace=namespace or None, context=self._context)
         self._clients: dict[str, Any] = {}
-        self._told: dict[str, DiagnosticStatus] = {}
+        self._statuses: dict[str, DiagnosticStatus] = {}
         self._wires: dict[str, tuple[Any, Any]] = {}
         self._closing = threading.Event()
         self._inbox = Inbox(self.node, self.clock)
@@ -167,9 +167,11 @@ class Client:
         self,
         nodes: Iterable[str],
         deadline_s: float = _READY_S,
-        told: Callable[[list[str]], None] = lambda waiting: None,
+        on_waiting: Callable[[list[str]], None] = lambda waiting: None,
     ) -> None:
-        """Wait until the lifecycle state of all `nodes` is active; `told` hears who is not yet.
+        """Wait until the lifecycle state of all `nodes` is active.
+
+        on_waiting: called with the names of those that are not yet.
 
         deadline_s: of wall clock.
         """
@@ -178,7 +180,7 @@ class Client:
 
         def ready() -> bool:
             waiting[:] = [name for name in waiting if not self._is_active(name, asked)]
-            told(waiting)
+            on_waiting(waiting)
             return not waiting
 
         if not self._met_by_wall(ready, deadline_s):
@@ -222,18 +224,18 @@ class Client:
         for status in message.status:
             namespace, _, name = status.name.rpartition("/")
             if namespace == mine:  # /diagnostics is common to all robots of a domain
-                self._told[name] = status
+                self._statuses[name] = status
 
     def said(self, node: str) -> str:
         """Return what the node said last on /diagnostics."""
-        status = self._told.get(node)
+        status = self._statuses.get(node)
         return status.message if status else "nothing heard of it on /diagnostics"
 
     def complaints(self) -> list[str]:
         """Return `node: message` of every node that reports an error."""
         bad = (DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
-        told = sorted(self._told.items())
-        return [f"{name}: {status.message}" for name, status in told if status.level in bad]
+        statuses = sorted(self._statuses.items())
+        return [f"{name}: {status.message}" for name, status in statuses if status.level in bad]
 
     def complaints_text(self) -> str:
         """Return the complaints as the end of a sentence, empty without any."""

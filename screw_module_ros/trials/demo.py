@@ -21,7 +21,7 @@ import click
 from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.session import Part
+from screw_module_ros.identification.recorded_session import Part
 from screw_module_ros.recording.errors import BagError
 
 from ..nodes.support.single import AlreadyRunning

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from screw_module_ros.identification import figures
 from screw_module_ros.identification.force_position import MOTION_THRESHOLD, Offsets, Spring
-from screw_module_ros.identification.session import Evaluation, Part, evaluate, read
+from screw_module_ros.identification.recorded_session import Evaluation, Part, evaluate, read
 from screw_module_ros.recording import Counts
 from screw_module_ros.recording.reader import metadata
 
@@ -24,7 +24,7 @@ FORCE_FEEDBACK = "force feedback"
 IN_TIME = 0.99
 
 
-class Wanted(NamedTuple):
+class Criterion(NamedTuple):
     """What a mode is measured by: the thesis's words, and bounds of the mean offset [N]."""
 
     thesis: str
@@ -40,9 +40,9 @@ class Wanted(NamedTuple):
 
 
 WANTED = {
-    IMPEDANCE: Wanted("about 10 N (fig 6-1)", 7.0, 13.0),
-    FRICTION_COMPENSATION: Wanted("better in motion (fig 6-8)"),
-    FORCE_FEEDBACK: Wanted("about 2 N (fig 6-10)", high=3.0),
+    IMPEDANCE: Criterion("about 10 N (fig 6-1)", 7.0, 13.0),
+    FRICTION_COMPENSATION: Criterion("better in motion (fig 6-8)"),
+    FORCE_FEEDBACK: Criterion("about 2 N (fig 6-10)", high=3.0),
 }
 
 

@@ -135,9 +135,11 @@ class GraphRun:
     def _process(self, name: str) -> bringup.Process:
         return next(process for process in self._processes if process.name == name)
 
-    def wait_until_ready(self, robot: Robot, told: Callable[[list[str]], None]) -> None:
-        """Wait until every node is active; `told` hears of those that are not yet."""
-        robot.wait_until_ready(self.names, told=told)
+    def wait_until_ready(
+        self, robot: Robot, on_waiting: Callable[[list[str]], None] = lambda waiting: None
+    ) -> None:
+        """Wait until every node is active; `on_waiting` gets the names of those that are not."""
+        robot.wait_until_ready(self.names, on_waiting=on_waiting)
         self._was_ready = True
 
     def stop(self) -> dict[str, int]:

@@ -135,10 +135,10 @@ def verdicts(
     skipped = {n: c.lost - max(0, c.missed) for n, c in audit.topics.items()}
     skipped = {name: number for name, number in skipped.items() if number > 0}
     lost = sum(skipped.values())
-    told = f"its own word: {recorder.get('missed', 0)} and {recorder.get('dropped', 0)}"
+    reported = f"its own word: {recorder.get('missed', 0)} and {recorder.get('dropped', 0)}"
     lines.append(
         Line("recorder lost nothing", not missed + dropped,
-             f"of {messages} messages {missed} not received, {dropped} not written ({told})")
+             f"of {messages} messages {missed} not received, {dropped} not written ({reported})")
     )  # fmt: skip
     share = lost / (messages + missed + lost) if lost else 0.0
     where = ", ".join(f"{name} {number}" for name, number in skipped.items())

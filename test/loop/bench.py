@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import can
 
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings

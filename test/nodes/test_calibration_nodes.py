@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.module import ModuleCalibration, write_calibration
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.nodes.support.module_node import Done
 from screw_module_ros.operator.robot import Robot
@@ -149,7 +149,7 @@ def graph(tmp_path_factory, calibration):
 @pytest.fixture(scope="module")
 def robot(graph):
     with Robot("tester", watch=graph.watch, simulated=True) as operator:
-        graph.wait_until_ready(operator, told=lambda waiting: None)
+        graph.wait_until_ready(operator)
         yield operator
 
 

@@ -63,7 +63,7 @@ def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, cloc
     """As under `ros2 launch`: SIGINT for every process in one moment."""
     with GraphRun(wall_clock=clock == "wall") as graph:
         with Robot("tester", watch=graph.watch) as robot:
-            graph.wait_until_ready(robot, told=lambda waiting: None)
+            graph.wait_until_ready(robot)
         capfd.readouterr()
         for name in graph.pids:
             graph.signal(name, signal.SIGINT)

@@ -93,7 +93,7 @@ def run(request, tmp_path_factory):
 def robot(run):
     """Return an operator of the graph whose nodes are all active."""
     with Robot("tester", watch=run.watch, simulated=True) as operator:
-        run.wait_until_ready(operator, told=lambda waiting: None)
+        run.wait_until_ready(operator)
         operator.clear_faults()
         operator.home()
         yield operator

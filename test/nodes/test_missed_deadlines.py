@@ -69,7 +69,7 @@ def robot():
         GraphRun(extra=extra, only=["sim_rig", "amplifier"]) as graph,
         Robot("tester", watch=graph.watch, simulated=True) as client,
     ):
-        graph.wait_until_ready(client, told=lambda waiting: None)
+        graph.wait_until_ready(client)
         yield client
 
 

@@ -19,7 +19,7 @@ def test_both_rates_are_named_and_nothing_is_enabled():
     extra = ["-p", NEEDED, "-p", "encoder:rate:=500.0"]
     with GraphRun(only=CHAIN, extra=extra) as graph:
         with Robot("tester", watch=graph.watch, simulated=True) as robot:
-            graph.wait_until_ready(robot, told=lambda waiting: None)
+            graph.wait_until_ready(robot)
             robot.trigger("encoder/home")
             sentence = "encoder ticks at 500 Hz, this node at 1000 Hz"
             robot.wait_until(

@@ -80,7 +80,7 @@ def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
         ("trials/demo.py", "import rclpy\nfrom ..operator.robot import Robot"),
         ("identification/live/bench.py", "import rclpy\nfrom ...nodes.support import qos"),
         ("plant/settings.py", "import yaml\nfrom pathlib import Path"),
-        ("calibration/module.py", "import os\nimport yaml\nfrom ..control.friction import Branch"),
+        ("calibration/module_file.py", "import yaml\nfrom ..control.friction import Branch"),
         ("identification/calibration.py", "from ..calibration.module import write_calibration"),
         ("rig/rig.py", "from screw_module_ros.plant.world import World\nimport can"),
         ("devices/drive.py", "from ..can_io import bus\nfrom ..samples import DriveReading"),

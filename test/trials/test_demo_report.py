@@ -10,7 +10,7 @@ from rich.console import Console
 from screw_module_msgs.msg import AmplifierState, EncoderSample, EndpointState, ForceSample
 
 from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.session import Part
+from screw_module_ros.identification.recorded_session import Part
 from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
 from screw_module_ros.trials.demo_report import (
     FORCE_FEEDBACK,

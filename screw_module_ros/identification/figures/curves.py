@@ -11,8 +11,8 @@ from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
 from ..curves import CURVES
 from ..force_position import Spring
+from ..recorded_session import Trace
 from ..results import Result
-from ..session import Trace
 from .force_position import force_position
 
 _TITLES = {

@@ -21,19 +21,19 @@ from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import (
     MotionTrial,
     NotPossible,
+    OnProgress,
     Samples,
     StageTrial,
-    Told,
     TorqueTrial,
     Trial,
 )
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 
+from .experiment import Experiment
 from .fixture import Fixture
 from .loop import LiveLoop
 from .motion import Motion
-from .session import Session
 from .takeover import Takeover
 from .trials import stage_trial, torque_trial
 
@@ -74,44 +74,44 @@ class LiveBench:
         self.left: list[str] = []
         self.clock = robot.clock
         with self.clock.working():
-            self._session = Session(robot, loop, fixture, watch, say, hurried)
+            self._experiment = Experiment(robot, loop, fixture, watch, say, hurried)
         self._takeover = Takeover(robot, loop)
-        self._motion = Motion(self._session)
-        self.rate = self._session.rate
+        self._motion = Motion(self._experiment)
+        self.rate = self._experiment.rate
         self.name = f"live graph, {'simulated rig' if fixture.simulated else 'hardware'}"
         loop.wake()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences about the graph that a reader of the result must know."""
-        return tuple(self._session.notes)
+        return tuple(self._experiment.notes)
 
     @_in_time
     def fingerprint(self) -> str:
         """Return what the graph runs with, so that parts measured otherwise are not taken up."""
-        robot = self._session.robot
+        robot = self._experiment.robot
         kinds = (AmplifierState, ImpedanceState)
         robot.met(lambda: all(robot.state(kind) for kind in kinds), _HEARD_S)
         states = [robot.state(kind) for kind in kinds]
         return ", ".join(state.calibration if state else "unknown" for state in states)
 
     @_in_time
-    def record(self, trial: Trial, told: Told) -> Samples:
+    def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, SamplesLost."""
-        told(0.0)
+        on_progress(0.0)
         try:
-            return self._record(trial, told)
+            return self._record(trial, on_progress)
         finally:
             self._torque_off()
 
-    def _record(self, trial: Trial, told: Told) -> Samples:
+    def _record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         if isinstance(trial, TorqueTrial):
-            return torque_trial(self._session, self._takeover, trial, told)
+            return torque_trial(self._experiment, self._takeover, trial, on_progress)
         self._give_back()  # the controller's place, where a torque trial took it
         if isinstance(trial, StageTrial):
-            return stage_trial(self._session, trial, told)
+            return stage_trial(self._experiment, trial, on_progress)
         if isinstance(trial, MotionTrial):
-            return self._motion.trial(trial, told)
+            return self._motion.trial(trial, on_progress)
         raise NotPossible(
             "this trial needs a signal analyser on the servo amplifier, which the graph does not "
             "have: run the experiment in process"
@@ -120,24 +120,24 @@ class LiveBench:
     @_in_time
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return what the transducer shows with nothing at the handle, beyond its tare."""
-        session, fixture = self._session, self._session.fixture
+        experiment, fixture = self._experiment, self._experiment.fixture
         if fixture.mounted() in ("free", "locked_rotor"):
-            return session.zero().wrench
+            return experiment.zero().wrench
         fixture.require(fixture.mounted() or "human_arm")
-        session.check_passive()
-        zero = session.unloaded_zero()
+        experiment.check_passive()
+        zero = experiment.unloaded_zero()
         fixture.reload()
         return zero.wrench
 
     def _torque_off(self) -> None:
-        with self._session.unhurried():
+        with self._experiment.unhurried():
             try:
-                self._session.torque_off()
+                self._experiment.torque_off()
             except RobotError as error:
                 self.left.append(f"amplifier not disabled: {error}")
 
     def _give_back(self) -> None:
-        with self._session.unhurried():
+        with self._experiment.unhurried():
             self.left += self._takeover.give_back()
 
     def __enter__(self) -> LiveBench:
@@ -147,10 +147,10 @@ class LiveBench:
     def __exit__(self, *_: object) -> None:
         self._torque_off()
         self._give_back()
-        with self._session.unhurried():
+        with self._experiment.unhurried():
             self.left += self._motion.put_back()
             try:
-                self._session.fixture.put_back()
+                self._experiment.fixture.put_back()
             except RobotError as error:
                 self.left.append(f"handle not put back: {error}")
-        self._session.loop.sleep()
+        self._experiment.loop.sleep()

@@ -180,8 +180,8 @@ class CharacterizeNode(ModuleNode):
             self.get_logger().info(message)
         else:
             self.get_logger().warning(message)
-        told = RunExperiment.Result(success=done, message=message, result=text, files=files)
-        return Outcome(told, done, cancelled)
+        answer = RunExperiment.Result(success=done, message=message, result=text, files=files)
+        return Outcome(answer, done, cancelled)
 
     def _measured(
         self, goal: Any, experiment: Any, settings: Any, folder: Path

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.linearization import load_linearization
-from screw_module_ros.calibration.module import load_module_calibration
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.linearization_file import load_linearization
+from screw_module_ros.calibration.module_file import load_module_calibration
 from screw_module_ros.control.friction import FrictionModel
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import (
@@ -26,15 +26,15 @@ from screw_module_ros.control.torque_chain import (
 )
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import Screw
-from screw_module_ros.identification.trials import MotionTrial, NotPossible, Samples, Told
+from screw_module_ros.identification.trials import MotionTrial, NotPossible, OnProgress, Samples
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import declared
 
+from .experiment import Experiment, share_of
 from .graph import ACTIVE, UNCONFIGURED, bring, parameters, set_parameters
 from .samples import Track, evenly, samples_of
-from .session import Session, share_of
 from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
 _THESIS_FRICTION = "params/friction_thesis.yaml"
@@ -48,16 +48,17 @@ _SPARE_S = 5.0
 class Motion:
     """The controller's settings, from the first motion trial until `put_back`."""
 
-    def __init__(self, session: Session):
-        self._session = session
+    def __init__(self, experiment: Experiment):
+        self._experiment = experiment
         self._found: dict[str, Any] = {}
 
-    def trial(self, trial: MotionTrial, told: Told) -> Samples:
+    def trial(self, trial: MotionTrial, on_progress: OnProgress) -> Samples:
         """Let the hand move. Raises NotPossible, RobotError, SamplesLost, Cancelled.
 
         The caller switches the torque off.
         """
-        session, fixture, robot = self._session, self._session.fixture, self._session.robot
+        experiment = self._experiment
+        fixture, robot = experiment.fixture, experiment.robot
         fixture.require("human_arm")
         if (trial.way, trial.side_force, trial.tremor) != (0.0, 0.0, 0.0) or math.isfinite(
             trial.released_after
@@ -66,77 +67,77 @@ class Motion:
                 "a hand that holds off the centre, presses sideways, trembles or lets go is only "
                 "there in process: run this experiment with `make reproduce`"
             )
-        session.check_homed()
+        experiment.check_homed()
         check_disabled(robot)
         linearization = self._fitting_linearization(trial)
         self._check_friction(trial)
-        session.say("zero of the transducer, handle unloaded")
-        before = session.unloaded_zero()
-        session.say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
+        experiment.say("zero of the transducer, handle unloaded")
+        before = experiment.unloaded_zero()
+        experiment.say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
         fixture.hand_at(trial.arm, trial.centre)
-        session.check_height(trial.centre, _SAG)
+        experiment.check_height(trial.centre, _SAG)
         self._prepare(trial)
         if trial.mode != OFF:
-            session.say("torque on")
+            experiment.say("torque on")
             check_not_stopped(robot)
-            session.enable()
+            experiment.enable()
         self._come_to_rest(trial)
-        track = self._moved(trial, told)
-        session.torque_off()
+        track = self._moved(trial, on_progress)
+        experiment.torque_off()
         robot.set_mode(OFF)
-        session.say("zero of the transducer again")
-        after = session.unloaded_zero()
+        experiment.say("zero of the transducer again")
+        after = experiment.unloaded_zero()
         fixture.reload()
         track = track._replace(command=self._commands(track.command, linearization, trial.mode))
-        return samples_of(track, session.rate, before, after)
+        return samples_of(track, experiment.rate, before, after)
 
-    def _moved(self, trial: MotionTrial, told: Told) -> Track:
-        session, hear = self._session, share_of(told, trial.duration)
+    def _moved(self, trial: MotionTrial, on_progress: OnProgress) -> Track:
+        experiment, on_elapsed = self._experiment, share_of(on_progress, trial.duration)
 
         def watch(elapsed: float) -> None:
             if trial.mode != OFF:
-                session.check_enabled()
-            hear(elapsed)
+                experiment.check_enabled()
+            on_elapsed(elapsed)
 
-        session.say(f"the hand moves, {MODE_NAMES[trial.mode]}")
+        experiment.say(f"the hand moves, {MODE_NAMES[trial.mode]}")
         try:
-            session.fixture.hand_moves(trial)
-            recording = session.recording(trial.duration)
+            experiment.fixture.hand_moves(trial)
+            recording = experiment.recording(trial.duration)
             deadline = 1.5 * trial.duration + _SPARE_S
-            session.wait(recording, lambda: recording.full, deadline, watch)
+            experiment.wait(recording, lambda: recording.full, deadline, watch)
         finally:
-            session.loop.record(None)
-            with session.unhurried():
-                session.fixture.hand_rests(trial.centre)
-        return evenly(recording, session.rate)
+            experiment.loop.record(None)
+            with experiment.unhurried():
+                experiment.fixture.hand_rests(trial.centre)
+        return evenly(recording, experiment.rate)
 
     def _come_to_rest(self, trial: MotionTrial) -> None:
         """Wait until the spring has faded in and the handle is calm; chatter is not waited out."""
-        session = self._session
-        session.say("waiting until the handle is at rest")
-        session.robot.set_setpoint(z=trial.centre)
-        session.robot.pause(_SETTLE_S)
+        experiment = self._experiment
+        experiment.say("waiting until the handle is at rest")
+        experiment.robot.set_setpoint(z=trial.centre)
+        experiment.robot.pause(_SETTLE_S)
         calm = 0.0
 
         def at_rest() -> bool:
             nonlocal calm
-            session.robot.pause(0.1)
-            calm = calm + 0.1 if abs(session.loop.sample.velocity) < _CALM else 0.0
+            experiment.robot.pause(0.1)
+            calm = calm + 0.1 if abs(experiment.loop.sample.velocity) < _CALM else 0.0
             return calm >= _CALM_S
 
-        session.robot.met(at_rest, _PATIENCE_S)
+        experiment.robot.met(at_rest, _PATIENCE_S)
 
     # The controller ------------------------------------------------------------------------
 
     def _prepare(self, trial: MotionTrial) -> None:
-        robot = self._session.robot
+        robot = self._experiment.robot
         if not self._found:
             self._found = parameters(robot, CONTROLLER, (*VerticalSettings._fields, "mode"))
         self._apply({**trial.settings._asdict(), "mode": trial.mode})
 
     def _apply(self, wanted: dict[str, Any]) -> None:
         """Set what differs; what is fixed while the controller is active, with it cleaned up."""
-        robot = self._session.robot
+        robot = self._experiment.robot
         now = parameters(robot, CONTROLLER, wanted)
         fixed = {n: v for n, v in wanted.items() if n not in {*_LIVE, "mode"} and v != now[n]}
         if fixed:
@@ -152,9 +153,9 @@ class Motion:
         if not self._found:
             return []
         try:
-            bring(self._session.robot, CONTROLLER, ACTIVE)
+            bring(self._experiment.robot, CONTROLLER, ACTIVE)
             self._apply(self._found)
-            now = parameters(self._session.robot, CONTROLLER, self._found)
+            now = parameters(self._experiment.robot, CONTROLLER, self._found)
             wrong = [name for name, value in self._found.items() if now[name] != value]
             self._found = {}
         except RobotError as error:
@@ -164,7 +165,7 @@ class Motion:
     # Calibrations: the graph's own, and a trial that wants another is refused ---------------
 
     def _fitting_linearization(self, trial: MotionTrial) -> Linearization | None:
-        robot = self._session.robot
+        robot = self._experiment.robot
         used, name = linearization_of(robot)
         if trial.linearization not in (None, used):
             raise NotPossible(
@@ -178,7 +179,7 @@ class Motion:
     def _check_friction(self, trial: MotionTrial) -> None:
         if trial.mode not in (FRICTION_COMPENSATION, COMBINED):
             return
-        used, name = friction_of(self._session.robot)
+        used, name = friction_of(self._experiment.robot)
         if trial.friction not in (None, used):
             raise NotPossible(
                 f"the trial wants another friction model than the controller runs with ({name}): "
@@ -188,8 +189,8 @@ class Motion:
             self._note(f"The controller's friction model: {name}.")
 
     def _note(self, text: str) -> None:
-        if text not in self._session.notes:
-            self._session.notes.append(text)
+        if text not in self._experiment.notes:
+            self._experiment.notes.append(text)
 
     def _commands(
         self, force: np.ndarray, linearization: Linearization | None, mode: int
@@ -199,7 +200,7 @@ class Motion:
             return np.zeros(len(force))
         names = CommandLimits._fields + Screw._fields + ("rated_torque",)
         limits = [f"torque.{name}" for name in TorqueLimits._fields]
-        given = parameters(self._session.robot, AMPLIFIER, [*names, *limits])
+        given = parameters(self._experiment.robot, AMPLIFIER, [*names, *limits])
         chain = torque_chain(
             CommandLimits(*(given[name] for name in CommandLimits._fields)),
             TorqueLimits(*(given[name] for name in limits)),
@@ -209,7 +210,7 @@ class Motion:
         )
         heat, commands = COLD, np.empty(len(force))
         for row, newtons in enumerate(force):
-            made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / self._session.rate)
+            made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / self._experiment.rate)
             commands[row] = on_the_wire(chain, made.command)
         return commands
 

@@ -54,10 +54,10 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
         "node_id": device.encoder_node_id,
     }
     try:
-        told = parameters(robot, "encoder", wanted)
+        answer = parameters(robot, "encoder", wanted)
     except RobotError:  # the experiment says what is missing
         return False
-    return told == wanted and _hears(bus, _TPDO1 + device.encoder_node_id)
+    return answer == wanted and _hears(bus, _TPDO1 + device.encoder_node_id)
 
 
 def _hears(settings: BusSettings, identifier: int) -> bool:

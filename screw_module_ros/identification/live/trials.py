@@ -9,17 +9,17 @@ from screw_module_msgs.msg import AmplifierState
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.trials import (
     NotPossible,
+    OnProgress,
     Samples,
     StageTrial,
-    Told,
     TorqueTrial,
     duration_of,
 )
 from screw_module_ros.operator.client import RobotError
 
+from .experiment import Experiment, share_of
 from .graph import parameters
 from .samples import Track, evenly, samples_of
-from .session import Session, share_of
 from .takeover import AMPLIFIER, Takeover
 from .torque_source import Sine
 
@@ -30,45 +30,45 @@ _LEAD_S = 0.1
 _MOVED = 3e-6  # of the nut [m]
 
 
-def stage_trial(session: Session, trial: StageTrial, told: Told) -> Samples:
+def stage_trial(experiment: Experiment, trial: StageTrial, on_progress: OnProgress) -> Samples:
     """Let the stage drive the handle. Raises NotPossible, RobotError, SamplesLost, Cancelled."""
-    fixture, loop, seconds = session.fixture, session.loop, duration_of(trial)
+    fixture, loop, seconds = experiment.fixture, experiment.loop, duration_of(trial)
     fixture.require("stage")
-    session.check_homed()
-    session.check_passive()
-    session.say(f"carrying the handle to {1e3 * trial.start:.1f} mm")
+    experiment.check_homed()
+    experiment.check_passive()
+    experiment.say(f"carrying the handle to {1e3 * trial.start:.1f} mm")
     fixture.stage_at(trial.start, trial.upside_down)
-    session.check_height(trial.start)
-    session.say("zero of the transducer, handle unloaded")
-    before = session.unloaded_zero()
+    experiment.check_height(trial.start)
+    experiment.say("zero of the transducer, handle unloaded")
+    before = experiment.unloaded_zero()
     fixture.stage_hold()
-    session.say(f"stage at {1e3 * trial.speed:+g} mm/s to {1e3 * trial.end:.1f} mm")
-    hear = share_of(told, seconds)
+    experiment.say(f"stage at {1e3 * trial.speed:+g} mm/s to {1e3 * trial.end:.1f} mm")
+    on_elapsed = share_of(on_progress, seconds)
 
     def watch(elapsed: float) -> None:
-        session.check_passive()
-        hear(elapsed)
+        experiment.check_passive()
+        on_elapsed(elapsed)
 
     try:
-        recording = session.recording(1.5 * seconds + 2.0 * _SPARE_S)
+        recording = experiment.recording(1.5 * seconds + 2.0 * _SPARE_S)
         fixture.stage_go(trial.speed, trial.end)
         deadline = (1.2 if fixture.simulated else 20.0) * seconds + _SPARE_S
-        session.wait(recording, lambda: fixture.stage_passed(trial.end), deadline, watch)
-        session.robot.pause(2.0 * _TAIL_S)
+        experiment.wait(recording, lambda: fixture.stage_passed(trial.end), deadline, watch)
+        experiment.robot.pause(2.0 * _TAIL_S)
     finally:
         loop.record(None)
-        with session.unhurried():
+        with experiment.unhurried():
             fixture.stage_halt()
     began_ns = fixture.stage_began_ns()
-    session.say("zero of the transducer again")
-    after = session.unloaded_zero()
+    experiment.say("zero of the transducer again")
+    after = experiment.unloaded_zero()
     fixture.stage_hold()
-    track = evenly(recording, session.rate)
-    begin = _first_moved(track) if began_ns is None else track.row_at(began_ns, session.rate)
-    end = begin + round((seconds + _TAIL_S) * session.rate)
-    track = track.cut(begin, end, session.rate)
+    track = evenly(recording, experiment.rate)
+    begin = _first_moved(track) if began_ns is None else track.row_at(began_ns, experiment.rate)
+    end = begin + round((seconds + _TAIL_S) * experiment.rate)
+    track = track.cut(begin, end, experiment.rate)
     track = track._replace(command=np.zeros(len(track.position)))
-    return samples_of(track, session.rate, before, after)
+    return samples_of(track, experiment.rate, before, after)
 
 
 def _first_moved(track: Track) -> int:
@@ -77,36 +77,38 @@ def _first_moved(track: Track) -> int:
     return max(0, int(np.argmax(moved)) - 1)
 
 
-def torque_trial(session: Session, takeover: Takeover, trial: TorqueTrial, told: Told) -> Samples:
+def torque_trial(
+    experiment: Experiment, takeover: Takeover, trial: TorqueTrial, on_progress: OnProgress
+) -> Samples:
     """Play a sine of torque on the locked rotor.
 
     Raises NotPossible, RobotError, SamplesLost, Cancelled; the caller switches the torque off.
     """
-    sine = _sine(session, trial)
-    session.fixture.require("locked_rotor")
-    session.check_homed()
-    session.say("taking the controller's place")
-    source = takeover.take(sine.peak, session.watch, session.period_ns)
-    given = parameters(session.robot, AMPLIFIER, ("gate.ramp_time", "rated_torque"))
-    session.say("zero of the transducer")
-    before = session.zero()
+    sine = _sine(experiment, trial)
+    experiment.fixture.require("locked_rotor")
+    experiment.check_homed()
+    experiment.say("taking the controller's place")
+    source = takeover.take(sine.peak, experiment.watch, experiment.period_ns)
+    given = parameters(experiment.robot, AMPLIFIER, ("gate.ramp_time", "rated_torque"))
+    experiment.say("zero of the transducer")
+    before = experiment.zero()
     source.clear()
-    session.robot.pause(_LEAD_S)
-    session.say("torque on")
-    session.enable()
-    session.robot.pause(given["gate.ramp_time"] + 2.0 * _LEAD_S)
-    session.say(f"sine of {trial.amplitude:g} Nm, {trial.frequency:.3g} Hz")
-    track = _played(session, source, sine, trial, told)
-    session.torque_off()
-    session.robot.pause(_LEAD_S)
-    session.say("zero of the transducer again")
-    after = session.zero()
-    return samples_of(_as_torque(track, given["rated_torque"]), session.rate, before, after)
+    experiment.robot.pause(_LEAD_S)
+    experiment.say("torque on")
+    experiment.enable()
+    experiment.robot.pause(given["gate.ramp_time"] + 2.0 * _LEAD_S)
+    experiment.say(f"sine of {trial.amplitude:g} Nm, {trial.frequency:.3g} Hz")
+    track = _played(experiment, source, sine, trial, on_progress)
+    experiment.torque_off()
+    experiment.robot.pause(_LEAD_S)
+    experiment.say("zero of the transducer again")
+    after = experiment.zero()
+    return samples_of(_as_torque(track, given["rated_torque"]), experiment.rate, before, after)
 
 
-def _sine(session: Session, trial: TorqueTrial) -> Sine:
+def _sine(experiment: Experiment, trial: TorqueTrial) -> Sine:
     """Return the sine as ticks. Raises NotPossible when the graph cannot play it."""
-    rate = session.rate
+    rate = experiment.rate
     if trial.rate not in (0.0, rate):
         raise NotPossible(
             f"the trial wants {trial.rate:g} samples per second, the graph ticks at {rate:g}: start"
@@ -126,35 +128,37 @@ def _sine(session: Session, trial: TorqueTrial) -> Sine:
     return Sine(trial.amplitude, trial.frequency, ticks, rate, trial.linearization)
 
 
-def _played(session: Session, source, sine: Sine, trial: TorqueTrial, told: Told) -> Track:
+def _played(
+    experiment: Experiment, source, sine: Sine, trial: TorqueTrial, on_progress: OnProgress
+) -> Track:
     """Play the sine; return the ticks of it, command still as force [N]."""
-    hear = share_of(told, trial.duration)
+    on_elapsed = share_of(on_progress, trial.duration)
 
     def watch(elapsed: float) -> None:
         if source.fault:
             raise RobotError(f"torque off: {source.fault}")
-        session.check_enabled()
-        state = session.robot.state(AmplifierState)
+        experiment.check_enabled()
+        state = experiment.robot.state(AmplifierState)
         if state is not None and state.saturated:
             raise RobotError("the amplifier limits the torque: the sine is no longer one")
-        hear(elapsed)
+        on_elapsed(elapsed)
 
-    recording = session.recording(trial.duration + _SPARE_S)
-    session.robot.pause(_LEAD_S)
+    recording = experiment.recording(trial.duration + _SPARE_S)
+    experiment.robot.pause(_LEAD_S)
     source.begin(sine, recording.begins)
-    session.wait(
+    experiment.wait(
         recording,
         lambda: not source.busy and not source.fault,
         1.2 * trial.duration + _SPARE_S,
         watch,
     )
-    session.robot.pause(_LEAD_S)
-    session.loop.record(None)
-    track = evenly(recording, session.rate)
+    experiment.robot.pause(_LEAD_S)
+    experiment.loop.record(None)
+    track = evenly(recording, experiment.rate)
     if recording.mark is None:
         raise RobotError("not one sample was answered")
     begin = track.row_of(recording.mark)
-    return track.cut(begin, begin + sine.ticks, session.rate)
+    return track.cut(begin, begin + sine.ticks, experiment.rate)
 
 
 def _as_torque(track: Track, rated: float) -> Track:

@@ -45,8 +45,8 @@ class DriveNode(DriverNode):
 
     def two_senders(self) -> str:
         """Return that a topic with one sender wanted has more, looked at now; else empty."""
-        told = (too_many_senders(self, topic) for topic in self._alone)
-        return next(filter(None, told), "")
+        found = (too_many_senders(self, topic) for topic in self._alone)
+        return next(filter(None, found), "")
 
     def want_one_sender(self, topic: str) -> None:
         """Refuse to enable, and stop, while more than one node publishes this topic."""

@@ -39,7 +39,7 @@ def measure(case: Case, seconds: float) -> Run:
     composed = case.processes == COMPOSED
     with GraphRun(extra=extra, composed=composed, wall_clock=True) as graph:
         with Robot("bench", watch=graph.watch) as robot:
-            graph.wait_until_ready(robot, told=lambda waiting: None)
+            graph.wait_until_ready(robot)
             listener = _Listener(robot)
             enabled = _enable(robot)
             robot.pause(_SETTLE_S)

@@ -37,7 +37,7 @@ def timing_table(measured: Measured) -> Table:
                 case.processes,
                 f"{case.rate} Hz",
                 name,
-                f"{_told(found[name], unit)} {unit}",
+                f"{_spread_text(found[name], unit)} {unit}",
                 "" if limit is None else f"{limit:g} {unit}",
                 verdict(case, name, found[name].median),
                 end_section=name == PARTS[-1],
@@ -56,10 +56,12 @@ def processor_table(measured: Measured) -> Table:
               for case, runs in measured.items()}
     names = dict.fromkeys(name for found in shares.values() for name in found if name != _SUM)
     for name in (*names, _SUM):
-        cells = (_told(found[name], "cpu") if name in found else "" for found in shares.values())
+        cells = (
+            _spread_text(found[name], "cpu") if name in found else "" for found in shares.values()
+        )
         table.add_row(name, *cells)
     loads = (spreads([{"load": run.load} for run in runs])["load"] for runs in measured.values())
-    table.add_row("load average before", *(_told(load, "%") for load in loads))
+    table.add_row("load average before", *(_spread_text(load, "%") for load in loads))
     enabled = (f"{sum(run.enabled for run in runs)} of {len(runs)}" for runs in measured.values())
     table.add_row("runs enabled throughout", *enabled)
     return table
@@ -112,7 +114,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _told(spread: Spread, unit: str) -> str:
+def _spread_text(spread: Spread, unit: str) -> str:
     digits = 2 if unit == "%" else 0
     middle, low, high = (f"{value:.{digits}f}" for value in spread)
     return f"{middle} ({low}..{high})"

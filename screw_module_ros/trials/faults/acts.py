@@ -113,8 +113,8 @@ def published(
             message.sequence = (now_ns // PERIOD_NS + 1) & 0xFFFFFFFF
         for name, value in fields.items():
             *owners, last = name.split("__")
-            told = value(testbed) if callable(value) else value
-            setattr(reduce(getattr, owners, message), last, told)
+            content = value(testbed) if callable(value) else value
+            setattr(reduce(getattr, owners, message), last, content)
         return message
 
     return lambda testbed: testbed.intruders.publish(

@@ -64,7 +64,7 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
         with WorkerPool(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as pool:
             for verdict in pool.verdicts():
                 verdicts.append(verdict)
-                console.show(_told(named[verdict.name], verdict, len(verdicts), len(rows)))
+                console.show(_verdict_line(named[verdict.name], verdict, len(verdicts), len(rows)))
     finally:
         _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
@@ -76,7 +76,7 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     return 1 if failed else 0
 
 
-def _told(row: Row, verdict: Verdict, number: int, count: int) -> str:
+def _verdict_line(row: Row, verdict: Verdict, number: int, count: int) -> str:
     mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
     if row.safe == GOES_ON:
         figures = "goes on"

@@ -222,5 +222,5 @@ class _Trial:
             return
         if not self.testbed.until(lambda: not missing_of(alarm, heard, self._facts), _ALARM_S):
             missing = missing_of(alarm, heard, self._facts)
-            told = "; ".join(f"{n}: {', '.join(m)}" for n, m in heard.alarms().items())
-            raise Failed(f"no alarm: {missing}; told: {told}; reasons: {self._reasons()}")
+            alarms = "; ".join(f"{n}: {', '.join(m)}" for n, m in heard.alarms().items())
+            raise Failed(f"no alarm: {missing}; alarms: {alarms}; reasons: {self._reasons()}")

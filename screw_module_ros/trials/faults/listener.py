@@ -75,7 +75,7 @@ class Listener:
         self._game_due_ns = 0
         self._moments: deque[Moment] = deque(maxlen=_KEPT)
         self._arrivals: dict[str, int] = {}
-        self._told: dict[tuple[str, bytes, str], None] = {}
+        self._statuses: dict[tuple[str, bytes, str], None] = {}
         self._reasons: dict[str, None] = {}
         self._enabled: dict[str, bool] = {}
         self._ever_enabled: set[str] = set()
@@ -129,7 +129,7 @@ class Listener:
     def _diagnosed(self, array: DiagnosticArray) -> None:
         for status in array.status:
             node = status.name.rpartition("/")[2]
-            self._told[node, status.level, status.message] = None
+            self._statuses[node, status.level, status.message] = None
             self._arrived(f"diagnostics of {node}")
 
     def _safety(self, state: SafetyState) -> None:
@@ -172,7 +172,7 @@ class Listener:
     def mark(self) -> float:
         """Forget what was told so far; return the simulated time of now [s]."""
         self.look()
-        self._told.clear()
+        self._statuses.clear()
         self._reasons.clear()
         self._ever_enabled.clear()
         self._disabled_at.clear()
@@ -214,7 +214,7 @@ class Listener:
         """Return the messages of every diagnostics entry above OK since `mark`, by node."""
         self.look()
         found: dict[str, list[str]] = {}
-        for node, level, message in self._told:
+        for node, level, message in self._statuses:
             if level in _ALARMS:
                 found.setdefault(node, []).append(message)
         return found

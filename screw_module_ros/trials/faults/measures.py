@@ -69,10 +69,10 @@ def _median(three: Sequence[Moment]) -> tuple[float, ...]:
     return tuple(sorted(axis)[1] for axis in zip(*(one.force for one in three), strict=True))
 
 
-def missing_of(alarm: Alarm, heard: Listener, told: dict[str, str]) -> str:
+def missing_of(alarm: Alarm, heard: Listener, facts: dict[str, str]) -> str:
     """Return which part of the alarm has not come, empty when all has.
 
-    told: where the words that were heard go, as `alarm` and `reason`.
+    facts: where the words that were heard go, as `alarm` and `reason`.
     """
     if alarm.node and not alarm.said:
         if heard.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:
@@ -82,10 +82,10 @@ def missing_of(alarm: Alarm, heard: Listener, told: dict[str, str]) -> str:
         found = [message for message in said if re.search(alarm.said, message)]
         if not found:
             return f"diagnostics of {alarm.node}: {alarm.said!r}"
-        told["alarm"] = f"{alarm.node}: {found[0]}"
+        facts["alarm"] = f"{alarm.node}: {found[0]}"
     if alarm.reason:
         found = [reason for reason in heard.reasons() if re.search(alarm.reason, reason)]
         if not found:
             return f"safety_state reason {alarm.reason!r}"
-        told["reason"] = found[0]
+        facts["reason"] = found[0]
     return ""

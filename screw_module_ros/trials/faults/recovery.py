@@ -57,8 +57,8 @@ class Recovery:
             self._patient.place()
             return self._home("encoder/home")
         ill = any(
-            told.startswith("force_sensor:") and "samples/s" not in told
-            for told in robot.complaints()
+            complaint.startswith("force_sensor:") and "samples/s" not in complaint
+            for complaint in robot.complaints()
         )
         if not heard.fresh("force_sensor") or ill:
             return self._tare() or "force_sensor: tared"

@@ -49,9 +49,9 @@ class Alarm(NamedTuple):
     @property
     def text(self) -> str:
         """The alarm for people."""
-        told = [f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"]
+        parts = [f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"]
         reason = [f"safety_state: “{self.reason}”"] if self.reason else []
-        return "; ".join((told if self.node else []) + reason)
+        return "; ".join((parts if self.node else []) + reason)
 
 
 def nothing(testbed: Testbed) -> None:

@@ -45,7 +45,7 @@ _SAMPLES = (
     (graph.FORCE_COMMAND, ForceCommand, "force", _NAN, "amplifier", _COMMAND),
     (graph.FORCE_COMMAND, ForceCommand, "force", 1e300, "amplifier", _COMMAND),
 )  # fmt: skip
-_TOLD_AS = {"nan": "NaN", "inf": "infinity", "1e+300": "1e300"}
+_LABELS = {"nan": "NaN", "inf": "infinity", "1e+300": "1e300"}
 _STAMPED = (
     (graph.ENCODER, EncoderSample, "impedance_controller", _ENCODER),
     (graph.FORCE, ForceSample, "impedance_controller", _FORCE),
@@ -64,9 +64,9 @@ def rows() -> Iterator[Row]:
     for topic, kind, name, value, who, alarm in _SAMPLES:
         true = {"position": _height, "homed": True} if kind is EncoderSample else {}
         fields = true | {name: value}
-        told = _TOLD_AS.get(str(value), str(value))
+        label = _LABELS.get(str(value), str(value))
         yield _foreign(
-            f"{topic}-{name}-{told}", f"{told} as {name} on {topic}, from a foreign sender",
+            f"{topic}-{name}-{label}", f"{label} as {name} on {topic}, from a foreign sender",
             kind, topic, who, alarm, **fields,
         )  # fmt: skip
     for topic, kind, who, alarm in _STAMPED:
@@ -184,12 +184,12 @@ def _setpoints() -> Iterator[Row]:
     x, y, z, *_ = SPRING
     keeps = "controller and manus leave that axis alone"
     limited = "controller and manus: speed, acceleration and force are limited"
-    for told, value in _BAD.items():
-        who = keeps if told == "NaN" else limited
-        name = told.replace(" ", "-").lower()
-        yield _goes_on(f"setpoint-{name}", f"set point {told} in every axis",
+    for label, value in _BAD.items():
+        who = keeps if label == "NaN" else limited
+        name = label.replace(" ", "-").lower()
+        yield _goes_on(f"setpoint-{name}", f"set point {label} in every axis",
                        game(value, value, value, 0.0, 0.0, 0.0), who)  # fmt: skip
-        yield _goes_on(f"setpoint-velocity-{name}", f"velocity of the set point {told}",
+        yield _goes_on(f"setpoint-velocity-{name}", f"velocity of the set point {label}",
                        game(x, y, z, value, value, value), who)  # fmt: skip
     yield _goes_on("setpoint-jump-far", "set point jumps by 10 m", game(10.0, 10.0, 10.0, 0, 0, 0),
                    limited)  # fmt: skip

@@ -125,11 +125,11 @@ def _still_estopped(testbed) -> None:
 
 
 def _told_locked(testbed) -> None:
-    def told() -> bool:
+    def is_reported() -> bool:
         state = testbed.robot.state(SafetyState)
         return state is not None and state.vertical_locked
 
-    if not testbed.until(told, 3.0):
+    if not testbed.until(is_reported, 3.0):
         raise Failed("safety_state does not tell of the lock")
 
 

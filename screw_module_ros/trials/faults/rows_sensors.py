@@ -103,14 +103,14 @@ def _who(alarm: Alarm | None, device: str) -> str:
 
 def _status(bit: int) -> Row:
     """Each bit of the ATI status word, by itself."""
-    told = FORCE_FAULT_BITS.get(bit)
-    text = f"status bit {bit}: {told}" if told else f"status bit {bit}, which is no fault"
-    alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if told else None
-    safe, within = (OFF, AT_ONCE) if told else (GOES_ON, 0)
+    meaning = FORCE_FAULT_BITS.get(bit)
+    text = f"status bit {bit}: {meaning}" if meaning else f"status bit {bit}, which is no fault"
+    alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if meaning else None
+    safe, within = (OFF, AT_ONCE) if meaning else (GOES_ON, 0)
     row = _row("force_sensor", 3, "status", bit, text, safe, within, alarm, _TARE)
     return row._replace(
         name=f"force_sensor-status-{bit}",
-        noticed_by="impedance_controller" if told else "force_sensor counts it",
+        noticed_by="impedance_controller" if meaning else "force_sensor counts it",
     )
 
 

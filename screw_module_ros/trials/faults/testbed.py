@@ -68,7 +68,7 @@ class Testbed:
             self.patient = Patient(self.robot, self.heard)
             self.recovery = Recovery(self.robot, self.heard, self.patient)
             self.intruders = Intruders(self.robot, self.graph)
-            self.graph.wait_until_ready(self.robot, told=lambda waiting: None)
+            self.graph.wait_until_ready(self.robot)
             self._prepare()
         except BaseException:
             self.__exit__(None, None, None)

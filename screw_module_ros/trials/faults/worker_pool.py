@@ -92,15 +92,15 @@ class WorkerPool:
 
     def _received(self, pipe: Connection) -> Verdict:
         try:
-            told = pipe.recv()
+            answer = pipe.recv()
         except (EOFError, OSError):
             if self._stopping:
                 raise Interrupted from None
             worker = self._workers[pipe]
             raise RobotError(f"{worker.name} ended by itself, code {worker.exitcode}") from None
-        if isinstance(told, Verdict):
-            return told
-        raise RobotError(told)
+        if isinstance(answer, Verdict):
+            return answer
+        raise RobotError(answer)
 
 
 def _work(pipe: Connection) -> None:

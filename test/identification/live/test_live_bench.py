@@ -14,7 +14,7 @@ from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
-from screw_module_ros.identification.live import session as live_session
+from screw_module_ros.identification.live import experiment as live_session
 from screw_module_ros.identification.live import trials as live_trials
 from screw_module_ros.identification.live.feedback import Feedback
 from screw_module_ros.identification.live.samples import (

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..plain_yaml import load_plain_yaml
 from ..quoting import quoted
 from ..regular_file import NotRegular, read_regular
-from .section import CalibrationError, Section, kind_of
+from .strict_mapping import CalibrationError, Section, kind_of
 
 VERSION = 1
 _LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
@@ -41,8 +41,8 @@ def read_calibration(
     head = Section(file, "", values, error)
     found = head.text("format")
     if found != kind:
-        told = f"{quoted(found)} found, {kind!r} is needed"
-        head.fail("format", told, "name a file of that kind")
+        problem = f"{quoted(found)} found, {kind!r} is needed"
+        head.fail("format", problem, "name a file of that kind")
     version = head.number("version")
     if version != VERSION:
         head.fail("version", f"{version:g} is not known here", "convert the file to version 1")

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
-from .file import VERSION
-from .friction import friction_values, read_friction_model
-from .linearization import linearization_values, read_linearization
-from .section import Section
+from .friction_file import friction_values, read_friction_model
+from .linearization_file import linearization_values, read_linearization
+from .strict_mapping import Section
+from .yaml_file import VERSION
 
 FORMAT = "screw_module_ros/calibration"
 _LONGEST_TEXT = 64

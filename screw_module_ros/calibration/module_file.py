@@ -32,15 +32,9 @@ import yaml
 
 from ..quoting import quoted
 from ..settings import Setting
-from .content import (
-    FORMAT,
-    ModuleCalibration,
-    content_checksum,
-    content_values,
-    read_content,
-)
-from .file import VERSION, read_calibration
-from .section import CalibrationError, Section
+from .module_fields import FORMAT, ModuleCalibration, content_checksum, content_values, read_content
+from .strict_mapping import CalibrationError, Section
+from .yaml_file import VERSION, read_calibration
 
 __all__ = [
     "CalibrationSettings",
@@ -101,14 +95,14 @@ def load_module_calibration(path: str | Path, serial: str) -> ModuleCalibration:
     another module; also when serial is empty, since then it might.
     """
     top = read_calibration(path, FORMAT, ModuleCalibrationError, _IDENTIFY)
-    told = top.text("checksum")
+    noted = top.text("checksum")
     calibration = read_content(top)
     found = content_checksum(calibration)
-    if told != found:
+    if noted != found:
         top.fail(
             "checksum",
             f"the file was changed after it was written (its values give {found[:12]}, it says "
-            f"{told[:12]!r})",
+            f"{noted[:12]!r})",
             _IDENTIFY,
         )
     _check_serial(str(path), calibration.serial, serial)

@@ -9,10 +9,10 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization, default_linearization
 from ..resources import resource_path
 from ..settings import Setting
-from .file import calibration_identity
-from .friction import load_friction_model
-from .linearization import load_linearization
-from .module import CalibrationSettings, chosen_calibration
+from .friction_file import load_friction_model
+from .linearization_file import load_linearization
+from .module_file import CalibrationSettings, chosen_calibration
+from .yaml_file import calibration_identity
 
 FRICTION_FILE = "params/friction_thesis.yaml"
 
@@ -28,7 +28,7 @@ class ChosenFriction(NamedTuple):
     gravity: float | None = None
     mass: float | None = None
 
-    def told(self, gravity: float) -> str:
+    def described(self, gravity: float) -> str:
         """Return the identity, and that another gravity [N] was set by hand."""
         if self.gravity is None or gravity == self.gravity:
             return self.identity

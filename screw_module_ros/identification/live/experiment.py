@@ -12,7 +12,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
-from screw_module_ros.identification.trials import NotPossible, Told
+from screw_module_ros.identification.trials import NotPossible, OnProgress
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
@@ -31,7 +31,7 @@ _SENSORS = ("encoder", "force_sensor")
 _WALL = WallClock()  # whoever ends the process does not wait by the robot's time
 
 
-class Session:
+class Experiment:
     """One goal's hold on the graph.
 
     rate: of the samples [1/s]; period_ns; watch: bounds of what a sample can be; say: tells people
@@ -67,11 +67,12 @@ class Session:
         recording: Recording,
         done: Callable[[], bool],
         deadline_s: float,
-        told: Callable[[float], None] = lambda elapsed: None,
+        on_progress: Callable[[float], None] = lambda elapsed: None,
     ) -> None:
-        """Wait until `done` while samples come in; `told` hears the seconds that have passed.
+        """Wait until `done` while samples come in; `on_progress` gets the seconds since the start.
 
-        Raises RobotError when samples stay away or the deadline passes, and what `told` raises.
+        Raises RobotError when samples stay away or the deadline passes, and whatever `on_progress`
+        raises.
         """
         clock = self.robot.clock
         begun = heard = clock.now_ns() * 1e-9
@@ -79,7 +80,7 @@ class Session:
         while not done():
             self.robot.pause(_POLL_S)
             now = clock.now_ns() * 1e-9
-            told(now - begun)
+            on_progress(now - begun)
             if recording.encoder.count != count:
                 count, heard = recording.encoder.count, now
             if now - heard > _SILENT_S and not recording.full:
@@ -207,6 +208,6 @@ def common_rate(robot: Robot) -> float:
     return rates[0]
 
 
-def share_of(told: Told, seconds: float) -> Callable[[float], None]:
-    """Return what `wait` tells seconds to, so that `told` hears the share of `seconds`."""
-    return lambda elapsed: told(min(elapsed / seconds, 1.0))
+def share_of(on_progress: OnProgress, seconds: float) -> Callable[[float], None]:
+    """Return the callback for `wait` that passes on seconds as a share of `seconds`."""
+    return lambda elapsed: on_progress(min(elapsed / seconds, 1.0))

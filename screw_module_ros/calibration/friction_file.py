@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..control.friction import FrictionBranch, FrictionModel, friction_force
-from .file import read_calibration
-from .section import CalibrationError, Section
+from .strict_mapping import CalibrationError, Section
+from .yaml_file import read_calibration
 
 FORMAT = "screw_module_ros/friction"
 _LARGEST_PLAUSIBLE = 60.0  # [N], about four times what the thesis measured

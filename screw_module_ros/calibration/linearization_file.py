@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..control.linearization import Linearization, linearization_flaw
-from .file import read_calibration
-from .section import CalibrationError, Section
+from .strict_mapping import CalibrationError, Section
+from .yaml_file import read_calibration
 
 FORMAT = "screw_module_ros/linearization"
 _FILE_KEYS = {

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The identity of a calibration changes with its bytes; for malformed ones see the other tests."""
 
-from screw_module_ros.calibration.file import calibration_identity
+from screw_module_ros.calibration.yaml_file import calibration_identity
 
 
 def test_identity_names_the_file_and_follows_its_content(tmp_path):

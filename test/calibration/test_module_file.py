@@ -13,8 +13,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.module import (
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.module_file import (
     CalibrationSettings,
     ModuleCalibration,
     ModuleCalibrationError,

@@ -9,7 +9,7 @@ MOVING_NS = 200_000_000
 """A set point that moves must be renewed this often; one that stands stays valid."""
 
 
-class Wanted:
+class SetpointInput:
     """The newest set point of some axes; NaN until one was given."""
 
     def __init__(self, axes: int):

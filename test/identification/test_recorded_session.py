@@ -2,9 +2,9 @@
 import numpy as np
 import pytest
 
-from screw_module_ros.identification import session
+from screw_module_ros.identification import recorded_session as session
 from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.session import Part, evaluate
+from screw_module_ros.identification.recorded_session import Part, evaluate
 from screw_module_ros.recording.errors import BagReadError
 
 SPRING = Spring(100.0, 0.18)
