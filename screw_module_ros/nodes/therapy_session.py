@@ -42,7 +42,6 @@ from .support.below import below, root_folder
 from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
-from .support.slot_input import TOPIC as SLOT_TOPIC
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 
@@ -95,7 +94,7 @@ class TherapySessionNode(ModuleNode):
         inbox = self.new_inbox()
         self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
         self._take_wish = inbox.subscribe(*requested(graph.THERAPY_WISH))
-        self._publish_slot = self.outlet(TherapySlot, SLOT_TOPIC, qos.COMMAND)
+        self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
         self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
         self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
