@@ -107,7 +107,9 @@ class AmplifierNode(DriveNode):
         self._rate_check = RateCheck("encoder", self.period_ns)
         self._state.success_rate = self.part.meter.success_rate
         wires = Wires(
-            take_command=self.take_command, permission=self.permission, drive_state=self.tell_state
+            take_command=self.take_command,
+            permission=self.permission,
+            publish_drive_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
         drive.start()
@@ -133,12 +135,12 @@ class AmplifierNode(DriveNode):
             return None
         command = self._take_command()
         if command is not None:
-            self._rate_check.hear(command.sequence, command.monotonic_ns)
+            self._rate_check.note(command.sequence, command.monotonic_ns)
             if self._rate_check.wrong:
                 self.gated.fault = self.gated.fault or self._rate_check.wrong
         return command
 
-    def tell_state(self, now_ns: int) -> None:
+    def publish_state(self, now_ns: int) -> None:
         """Publish the state when it is due."""
         if self._state_due(now_ns):
             self.stamp(self._state.header)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the controller hears by topics: samples, set point, drive and supervisor."""
+"""What the controller subscribes to: samples, set point, drive and supervisor."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ControllerInputs:
         self._inbox.wait(until_ns)
         sample = self._take_encoder()
         if sample is not None:
-            self._encoder_rate.hear(sample.sequence, sample.monotonic_ns)
+            self._encoder_rate.note(sample.sequence, sample.monotonic_ns)
         return sample
 
     def next_force(self, until_ns: int) -> ForceReading | None:
@@ -57,13 +57,13 @@ class ControllerInputs:
             self._forces.wait(until_ns)
         sample = self._take_force()
         if sample is not None:
-            self._force_rate.hear(sample.sequence, sample.monotonic_ns)
+            self._force_rate.note(sample.sequence, sample.monotonic_ns)
         return sample
 
-    def hear(self, controller: VerticalController, now_ns: int) -> None:
+    def read(self, controller: VerticalController, now_ns: int) -> None:
         """Take set point, slot and amplifier state, where they come by a topic."""
         controller.held = self.wrong_rate
-        self.slot.hear(controller.guide, now_ns)
+        self.slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)

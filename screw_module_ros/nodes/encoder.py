@@ -53,7 +53,7 @@ class EncoderNode(DriverNode):
         """Let the samples flow."""
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
-        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(sample=self.publish))
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))
         self.start_polls()
 
     def end(self) -> None:

@@ -71,7 +71,7 @@ class ForceSensorNode(DriverNode):
             self.device.clear_fault()
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
-        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(force=self.publish))
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_force=self.publish))
         self.start_polls()
 
     def end(self) -> None:

@@ -136,16 +136,16 @@ class ImpedanceControllerNode(ModuleNode):
         wires = Wires(
             take_sample=self._inputs.next_sample,
             take_force=self._inputs.next_force,
-            command=self.tell,
-            hear=self.hear,
-            controller_state=self.tell_state,
+            publish_command=self.publish_command,
+            read_inputs=self.read_inputs,
+            publish_controller_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
         """Send one last zero, so that nobody goes on with the last force."""
         if self._inbox is not None and self.part is not None and self.part.answered is not None:
-            self.tell(self.part.answered, NO_FORCE, self.part.mode)
+            self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 
     def disconnect(self) -> None:
         """Remove the topics."""
@@ -172,17 +172,17 @@ class ImpedanceControllerNode(ModuleNode):
         """Wait for an encoder sample and answer it with a command."""
         self._loop.step(Parts(controller=self.part))
 
-    def tell(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
+    def publish_command(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
         """Publish the answer to a sample."""
         self._publish(pack_command(sample, output, mode))
 
-    def hear(self, now_ns: int) -> None:
+    def read_inputs(self, now_ns: int) -> None:
         """Take set point, slot and amplifier state, where they come by a topic."""
-        self._inputs.hear(self.part, now_ns)
+        self._inputs.read(self.part, now_ns)
         if self._senders.warning:
             self.part.distrust(self._senders.warning)
 
-    def tell_state(self, now_ns: int) -> None:
+    def publish_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""
         if self._state_due(now_ns):
             self._inputs.follow_supervisor(self.part, now_ns)

@@ -96,7 +96,7 @@ class ManusNode(DriveNode):
             self.port,
             self.period_ns,
             self.parameters.read(PlaneLimits),
-            PlaneWires(self._hear, self._tell_state),
+            PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._loop.wanted = self._wanted
         for drive in self.drives:
@@ -123,18 +123,18 @@ class ManusNode(DriveNode):
         """One tick."""
         self._loop.step()
 
-    def _hear(self, now_ns: int) -> None:
+    def _read_inputs(self, now_ns: int) -> None:
         self.permission(self._axes.drives, now_ns)
         force = self._take_force()
         if force is not None:
             self._loop.on_force(force.fx, force.fy, now_ns)
-        self._slot.hear(self._axes.guide, now_ns)
+        self._slot.read(self._axes.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity
             self._wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
 
-    def _tell_state(self, tick: Tick) -> None:
+    def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:
             return
         state = self._state

@@ -69,13 +69,13 @@ def wires_of(
     """Return what leads from the one loop to the topics of the four nodes."""
     return Wires(
         take_command=amplifier.take_command,
-        sample=encoder.publish,
-        force=force_sensor.publish,
-        command=controller.tell,
-        hear=controller.hear,
+        publish_sample=encoder.publish,
+        publish_force=force_sensor.publish,
+        publish_command=controller.publish_command,
+        read_inputs=controller.read_inputs,
         permission=amplifier.permission,
-        controller_state=controller.tell_state,
-        drive_state=amplifier.tell_state,
+        publish_controller_state=controller.publish_state,
+        publish_drive_state=amplifier.publish_state,
     )
 
 

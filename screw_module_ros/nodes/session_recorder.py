@@ -86,7 +86,7 @@ class SessionRecorder(ModuleNode):
         self.parameters.declare(StorageSettings, "storage")
         self._session: Session | None = None
         self._intake: Intake | None = None
-        self._parameters: NodeParameters | None = None
+        self._noted_parameters: NodeParameters | None = None
         self._others: OtherRobots | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
@@ -189,8 +189,8 @@ class SessionRecorder(ModuleNode):
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
             self._folder, self._intake, self._session = folder, intake, session
-            self._parameters = NodeParameters(self, self._is_other)
-        self._parameters.ask()
+            self._noted_parameters = NodeParameters(self, self._is_other)
+        self._noted_parameters.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
 
@@ -207,14 +207,14 @@ class SessionRecorder(ModuleNode):
             session.put(intake.drain())
             self._note(session, intake)  # what was told in the last second
             intake.close()
-            self._parameters.close()
+            self._noted_parameters.close()
         self._last = session.close()
         self.get_logger().info(self._last.summary())
 
     def _note(self, session: Session, intake: Intake) -> None:
         """Keep in the bag what the nodes were set to."""
         session.add_metadata(CALIBRATION, intake.calibrations())
-        session.add_metadata(PARAMETERS, self._parameters.values)
+        session.add_metadata(PARAMETERS, self._noted_parameters.values)
         if intake.refused:
             session.add_metadata(REFUSED, intake.refused)
 
@@ -237,7 +237,7 @@ class SessionRecorder(ModuleNode):
         if session is not None and intake is not None and not session.status().error:
             try:
                 intake.discover()
-                self._parameters.ask()
+                self._noted_parameters.ask()
                 self._note(session, intake)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")

@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
 from screw_module_ros.lockstep.wires import Hop
-from screw_module_ros.loop.ticker import BREATH_S
+from screw_module_ros.loop.ticker import BACK_OFF_S
 
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest
@@ -119,7 +119,7 @@ class Client:
             try:
                 self._executor.spin_once(timeout_sec=_SERVE_S)
             except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
-                self._closing.wait(BREATH_S)
+                self._closing.wait(BACK_OFF_S)
 
     # Waiting -------------------------------------------------------------------------------
 

@@ -169,7 +169,8 @@ class Bench:
             self.controller,
             self.axis,
         )
-        self.vertical = VerticalLoop(clock, PERIOD_NS, Wires(sample=self._see, force=self._feel))
+        wires = Wires(publish_sample=self._on_sample, publish_force=self._on_force)
+        self.vertical = VerticalLoop(clock, PERIOD_NS, wires)
         self.plane = PlaneLoop(
             self.axes, ports["planar"], PERIOD_NS, PlaneLimits(), PlaneWires()
         )
@@ -256,10 +257,10 @@ class Bench:
         self.rig.process(self.now_ns)
         self.rows.append(self._row(self._sample))
 
-    def _see(self, sample: EncoderReading) -> None:
+    def _on_sample(self, sample: EncoderReading) -> None:
         self._sample = sample
 
-    def _feel(self, force: ForceReading) -> None:
+    def _on_force(self, force: ForceReading) -> None:
         self._readings.append(force)
         self.plane.on_force(force.fx, force.fy, self.now_ns)
 

@@ -24,7 +24,7 @@ class SlotInbox:
         self._vertical = vertical
         self._take = inbox.subscribe(*requested(graph.THERAPY_SLOT))
 
-    def hear(self, guide: Guide, now_ns: int) -> None:
+    def read(self, guide: Guide, now_ns: int) -> None:
         """Pass on what has come; a slot that cannot be is no slot. now_ns [ns]."""
         message = self._take()
         if message is None:
