@@ -125,11 +125,13 @@ class Client:
 
     def pause(self, seconds: float) -> None:
         """Wait, watching."""
-        clock = self.clock
-        end_ns = clock.now_ns() + round(seconds * 1e9)
-        while (now_ns := clock.now_ns()) < end_ns:
+        self.pause_until(self.clock.now_ns() + round(seconds * 1e9))
+
+    def pause_until(self, due_ns: int) -> None:
+        """Wait until it is `due_ns` by the client's clock [ns], watching."""
+        while (now_ns := self.clock.now_ns()) < due_ns:
             self.watch()
-            self._sleep(min(end_ns, now_ns + _POLL_NS))
+            self._sleep(min(due_ns, now_ns + _POLL_NS))
 
     def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
         """Wait until `until_ns`, or for a message on `hops`.

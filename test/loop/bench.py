@@ -12,6 +12,7 @@ import uuid
 from typing import NamedTuple
 
 import can
+from lean_bus import LeanVirtualBus
 
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.can_io.port import Port
@@ -176,7 +177,7 @@ class Bench:
         )
 
     def _bus(self, channel: str) -> can.BusABC:
-        bus = can.Bus(interface="virtual", channel=channel)
+        bus = LeanVirtualBus(channel)
         self._buses.append(bus)
         return bus
 

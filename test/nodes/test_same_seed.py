@@ -32,7 +32,7 @@ class Script:
     def at(self, seconds: float) -> Robot:
         due_ns = START_NS + round(seconds * S) + BETWEEN_TICKS_NS
         assert self.robot.clock.now_ns() <= due_ns, "the machine was too slow for this script"
-        self.robot.clock.sleep_until(due_ns)
+        self.robot.pause_until(due_ns)
         return self.robot
 
 
