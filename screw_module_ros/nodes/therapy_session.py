@@ -19,16 +19,15 @@ from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
-    AssistanceChange,
     EndpointSetpoint,
     EndpointState,
     TherapySlot,
     TherapyState,
-    TrialResult,
 )
 from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.line import PLANE
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol, protocol_text
@@ -37,20 +36,14 @@ from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
+from .recorder_client import RecorderClient
 from .support import qos
 from .support.below import below, root_folder
 from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
-from .support.recorder_client import RecorderClient
 from .support.runtime import main as run_node
-from .support.slot_input import TOPIC as SLOT_TOPIC
-from .support.therapy_messages import (
-    change_message,
-    fill_slot,
-    fill_state,
-    hand_sample,
-    result_message,
-)
+from .support.topics import offered, requested
+from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
@@ -99,13 +92,13 @@ class TherapySessionNode(ModuleNode):
     def connect(self) -> None:
         """Make the topics."""
         inbox = self.new_inbox()
-        self._take = inbox.subscribe(EndpointState, "endpoint_state", qos.STATE, wakes=True)
-        self._take_wish = inbox.subscribe(EndpointSetpoint, "therapy/wish", qos.COMMAND)
-        self._publish_slot = self.outlet(TherapySlot, SLOT_TOPIC, qos.COMMAND)
-        self._publish_state = self.outlet(TherapyState, "therapy/state", qos.STATE)
-        self._publish_result = self.outlet(TrialResult, "therapy/trial", qos.STATE)
-        self._publish_change = self.outlet(AssistanceChange, "therapy/assistance", qos.STATE)
-        self._publish_setpoint = self.outlet(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
+        self._take_wish = inbox.subscribe(*requested(graph.THERAPY_WISH))
+        self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
+        self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
+        self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
+        self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
+        self._publish_setpoint = self.outlet(*offered(graph.SETPOINT))
 
     def begin(self) -> None:
         """Start without a session."""
@@ -153,7 +146,7 @@ class TherapySessionNode(ModuleNode):
         """Pause a session whose samples have stopped."""
         silent = self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
         if silent and self._session is not None:
-            self._change(self._session.pause, "endpoint_state is silent")
+            self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
         """Let an operator's act change the session; return whether it did."""

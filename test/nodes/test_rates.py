@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from screw_module_msgs.msg import ImpedanceState, SafetyState
 
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError
+from screw_module_ros.operator.robot import Robot, RobotError
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 
@@ -19,7 +19,7 @@ def test_both_rates_are_named_and_nothing_is_enabled():
     extra = ["-p", NEEDED, "-p", "encoder:rate:=500.0"]
     with GraphRun(only=CHAIN, extra=extra) as graph:
         with Robot("tester", watch=graph.watch, simulated=True) as robot:
-            graph.wait_until_ready(robot, told=lambda waiting: None)
+            graph.wait_until_ready(robot)
             robot.trigger("encoder/home")
             sentence = "encoder ticks at 500 Hz, this node at 1000 Hz"
             robot.wait_until(
