@@ -19,15 +19,15 @@ def domain_id() -> int:
     What names something of a graph on this machine, a lock, a file or the page of simulated time,
     names it by this number. Raises ValueError for a value that is no number.
     """
-    told = os.environ.get(VARIABLE, "")
-    if not told:
+    value = os.environ.get(VARIABLE, "")
+    if not value:
         return _DEFAULT
-    found = _NUMBER.fullmatch(told) if len(told) <= _LONGEST else None
+    found = _NUMBER.fullmatch(value) if len(value) <= _LONGEST else None
     digits = found.group(1) if found else "x"
     base = 16 if digits[:2].lower() == "0x" else 8 if digits[0] == "0" else 10
     try:
         return int(digits, base)
     except ValueError:
         raise ValueError(
-            f"{VARIABLE} = {told[:_LONGEST]!r} is no number: 0 to 232 is wanted"
+            f"{VARIABLE} = {value[:_LONGEST]!r} is no number: 0 to 232 is wanted"
         ) from None

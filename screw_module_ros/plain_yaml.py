@@ -63,9 +63,9 @@ def load_plain_yaml(text: str, largest: int = LARGEST) -> Any:
             loader.dispose()
     except yaml.MarkedYAMLError as error:
         parts = [error.context, error.problem]
-        told = " ".join(part for part in parts if part)
+        sentence = " ".join(part for part in parts if part)
         mark = error.problem_mark or error.context_mark
-        raise PlainYamlError(_sentence("", told, mark)) from None
+        raise PlainYamlError(_sentence("", sentence, mark)) from None
     except yaml.YAMLError as error:  # of characters that YAML does not have
         raise PlainYamlError(_sentence("", str(error), None)) from None
     return None if node is None else _value(node, "")
@@ -78,8 +78,8 @@ def _value(node: yaml.Node, where: str) -> Any:
         return [_value(part, f"{where}[{number}]") for number, part in enumerate(node.value)]
     if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
         return _scalar(node, where)
-    told = f"tag {node.tag[:LONGEST]} is not taken"
-    raise PlainYamlError(_sentence(where, told, node.start_mark))
+    sentence = f"tag {node.tag[:LONGEST]} is not taken"
+    raise PlainYamlError(_sentence(where, sentence, node.start_mark))
 
 
 def _mapping(node: yaml.MappingNode, where: str) -> dict[Any, Any]:
@@ -87,13 +87,13 @@ def _mapping(node: yaml.MappingNode, where: str) -> dict[Any, Any]:
     for key_node, value_node in node.value:
         name = quoted(key_node.value)[1:-1] if isinstance(key_node.value, str) else ""
         if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in _SCALARS:
-            told = f"key {name or 'that is no name'} is not taken"
-            raise PlainYamlError(_sentence(where, told, key_node.start_mark))
+            sentence = f"key {name or 'that is no name'} is not taken"
+            raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
         inner = f"{where}.{name}" if where else name
         key = _scalar(key_node, inner)
         if key in found:
-            told = f"key {quoted(key)} is written twice"
-            raise PlainYamlError(_sentence(where, told, key_node.start_mark))
+            sentence = f"key {quoted(key)} is written twice"
+            raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
         found[key] = _value(value_node, inner)
     return found
 
@@ -101,17 +101,17 @@ def _mapping(node: yaml.MappingNode, where: str) -> dict[Any, Any]:
 def _scalar(node: yaml.ScalarNode, where: str) -> Any:
     kind = node.tag.rpartition(":")[2]
     if kind in ("int", "float") and len(node.value) > _DIGITS:
-        told = f"a number of {len(node.value)} characters"
-        raise PlainYamlError(_sentence(where, told, node.start_mark))
+        sentence = f"a number of {len(node.value)} characters"
+        raise PlainYamlError(_sentence(where, sentence, node.start_mark))
     try:
         return yaml.constructor.SafeConstructor().construct_object(node, deep=True)
     except (yaml.YAMLError, ValueError, OverflowError, LookupError) as error:
-        told = f"{quoted(node.value)} is no {kind}: {error}"
-        raise PlainYamlError(_sentence(where, told, node.start_mark)) from None
+        sentence = f"{quoted(node.value)} is no {kind}: {error}"
+        raise PlainYamlError(_sentence(where, sentence, node.start_mark)) from None
 
 
 def _sentence(where: str, problem: str, mark: yaml.Mark | None) -> str:
     """Return one sentence of bounded length."""
-    told = " ".join(problem[: 3 * LONGEST].split())
+    sentence = " ".join(problem[: 3 * LONGEST].split())
     line = f" in line {mark.line + 1}" if mark else ""
-    return f"{where[-LONGEST:]}: {told}{line}" if where else f"{told}{line}"
+    return f"{where[-LONGEST:]}: {sentence}{line}" if where else f"{sentence}{line}"

@@ -80,19 +80,19 @@ def problem(field: Field, value: Any, label: str | None = None) -> str:
     """
     name, setting = label or field.name, field.setting
     unit = f" {setting.unit}" if setting.unit else ""
-    told = f"{name} = {quoted(value)}"
+    text = f"{name} = {quoted(value)}"
     if setting.choices and value not in setting.choices:
-        return f"{told}: one of {', '.join(map(repr, setting.choices))} is wanted"
+        return f"{text}: one of {', '.join(map(repr, setting.choices))} is wanted"
     numbers = value if isinstance(value, (tuple, list)) else (value,)
     for number in numbers:
         if isinstance(number, (bool, str)) or not isinstance(number, (int, float)):
             continue
         if not _is_finite(number):
-            return f"{told}: a finite number is wanted"
+            return f"{text}: a finite number is wanted"
         if setting.low is not None and number < setting.low:
-            return f"{told}{unit}: below the smallest allowed, {setting.low:g}{unit}"
+            return f"{text}{unit}: below the smallest allowed, {setting.low:g}{unit}"
         if setting.high is not None and number > setting.high:
-            return f"{told}{unit}: above the largest allowed, {setting.high:g}{unit}"
+            return f"{text}{unit}: above the largest allowed, {setting.high:g}{unit}"
     return ""
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
+from screw_module_ros import session_command
 from screw_module_ros.nodes import bringup
-from screw_module_ros.recording import cli
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -91,7 +91,7 @@ def test_goals(words):
 def test_executables(words):
     assert EXECUTABLES is None or words[0] in EXECUTABLES
     if words[0] == "session":
-        assert cli._parser().parse_args(words[1:])
+        assert session_command._parser().parse_args(words[1:])
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.nodes.faults.catalogue import all_rows
-from screw_module_ros.nodes.faults.row import Row
+from screw_module_ros.trials.faults.catalogue import all_rows
+from screw_module_ros.trials.faults.row import Row
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")

@@ -5,6 +5,9 @@ Only `nodes/`, `operator/`, `trials/` and `identification/live/` import rclpy an
 nothing but these imports one of them. The plant shares nothing with the controllers and drivers
 that are tried on it, nor the simulated devices with the drivers: a shared formula or byte layout
 would agree with itself when it is wrong. Laws and physics are pure: no files, no clock, no bus.
+
+The rooms stand in one order, `ROOMS`, and import only what stands before them, so that no two
+rooms import each other; inside a room no modules import each other in a circle.
 """
 
 from __future__ import annotations
@@ -19,16 +22,22 @@ PACKAGE = "screw_module_ros"
 ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", "rcl_interfaces")
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
-FORBIDDEN_LAYERS = {
-    "plant": ("calibration", "control", "devices", "loop", "rig"),
-    "rig": ("calibration", "control", "devices", "loop"),
-    "devices": ("calibration", "control", "loop", "plant", "rig"),
-    "control": ("calibration", "devices", "loop", "plant", "rig"),
-    "calibration": ("devices", "loop", "plant", "rig"),
-    "loop": ("calibration", "identification", "plant", "recording", "rig"),
-    "geometry": ("control", "devices", "plant", "rig"),
-    "filters": ("control", "devices", "plant", "rig"),
-    "units": ("control", "devices", "plant", "rig"),
+SHARED = (
+    "quoting", "units", "domain", "resources", "regular_file", "plain_yaml", "settings", "samples",
+    "geometry", "filters", "compiled", "figure_style", "graph",
+)  # fmt: skip
+ROOMS = (
+    *SHARED, "lockstep", "clock", "plant", "can_io", "rig", "control", "calibration", "devices",
+    "loop", "recording", "identification", "therapy", "bridge",
+    "session_command",
+    "nodes", "operator", "identification/live", "trials",
+)  # fmt: skip
+FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...
+    "plant": ("lockstep", "clock"),
+    "control": ("lockstep", "clock", "can_io", "plant", "rig"),
+    "calibration": ("plant", "rig"),
+    "devices": ("control", "calibration", "plant", "rig"),
+    "loop": ("calibration", "plant", "rig"),
 }
 PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples", "settings", "units")
 READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
@@ -64,7 +73,7 @@ def violations(package: Path) -> list[Violation]:
         if parts[0] in PURE_LAYERS:
             reason = f"{parts[0]} does no input or output"
             found += [Violation(file, at, f"{reason}: {name}()") for at, name in opened(tree)]
-    return found
+    return [*found, *circles(package)]
 
 
 def verdict(parts: tuple[str, ...], module: str) -> str:
@@ -72,7 +81,7 @@ def verdict(parts: tuple[str, ...], module: str) -> str:
     layer = parts[0]
     top, *inner = module.split(".")
     if ros_layer(parts):
-        return ""
+        return upward(parts, tuple(inner), module) if top == PACKAGE and inner else ""
     if top in ROS_MODULES or top.endswith(ROS_SUFFIXES):
         return f"only {', '.join(ROS_LAYERS)} import ROS, not {layer}: {module}"
     if layer in PURE_LAYERS and not_pure(parts, top):
@@ -83,7 +92,23 @@ def verdict(parts: tuple[str, ...], module: str) -> str:
         return f"nothing outside {', '.join(ROS_LAYERS)} imports these: {module}"
     if inner[0] in FORBIDDEN_LAYERS.get(layer, ()):
         return f"{layer} does not import {inner[0]}: {module}"
-    return ""
+    return upward(parts, tuple(inner), module)
+
+
+def upward(parts: tuple[str, ...], inner: tuple[str, ...], module: str) -> str:
+    """Return why the file at `parts` must not import from a room that stands after its own."""
+    own, other = room_of(parts), room_of(inner)
+    for room in (own, other):
+        if room not in ROOMS and room != "__init__":
+            return f"{room} has no place in the order of rooms: add it to ROOMS in import_rule.py"
+    if own == other or own == "__init__" or ROOMS.index(other) < ROOMS.index(own):
+        return ""
+    return f"{own} stands before {other} and does not import it: {module}"
+
+
+def room_of(parts: tuple[str, ...]) -> str:
+    """Return the room of what lies at `parts` of the package."""
+    return "/".join(parts[:2]) if "/".join(parts[:2]) in ROOMS else parts[0]
 
 
 def ros_layer(parts: tuple[str, ...]) -> bool:
@@ -107,6 +132,43 @@ def opened(tree: ast.AST) -> Iterator[tuple[int, str]]:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             if node.func.id in OPENERS:
                 yield node.lineno, node.func.id
+
+
+def circles(package: Path) -> Iterator[Violation]:
+    """Yield the modules that import each other in a circle, imports for types apart."""
+    files = {_module(file.relative_to(package)): file for file in package.rglob("*.py")}
+    imports = {
+        name: sorted(_own_imports(file, file.relative_to(package)) & files.keys() - {name})
+        for name, file in files.items()
+    }
+    done: set[str] = set()
+
+    def follow(name: str, way: list[str]) -> Iterator[Violation]:
+        if name in way:
+            circle = " -> ".join([*way[way.index(name) :], name])
+            yield Violation(files[name], 1, f"modules import each other in a circle: {circle}")
+        elif name not in done:
+            for other in imports[name]:
+                yield from follow(other, [*way, name])
+            done.add(name)
+
+    for name in sorted(files):
+        yield from follow(name, [])
+
+
+def _own_imports(file: Path, place: Path) -> set[str]:
+    """Return the names that a file imports from the package when it runs."""
+    tree = ast.parse(file.read_text("utf-8"), str(file))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            node.body = []
+    found = [module for _, module in imported_modules(tree, place.with_suffix("").parts)]
+    return {*found, *(module.rpartition(".")[0] for module in found)}
+
+
+def _module(place: Path) -> str:
+    parts = place.with_suffix("").parts
+    return ".".join((PACKAGE, *(parts[:-1] if parts[-1] == "__init__" else parts)))
 
 
 def imported_modules(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:

@@ -19,7 +19,7 @@ import isolation
 import leftovers
 
 LEAVE_S = 3.0
-WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile"]
+WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile", "--durations", "20"]
 ROOT = Path(__file__).resolve().parent.parent
 
 

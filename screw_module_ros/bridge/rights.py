@@ -10,22 +10,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from .. import graph
+
 PATIENT, THERAPIST = "patient", "therapist"
 ROLES = (PATIENT, THERAPIST)
-WISH, ATTENDANCE = "therapy/wish", "therapy/attendance"
+WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
 
-_OURS = "screw_module_msgs/msg/"
+_READ = (graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL)
 HEARD = {
-    "endpoint_state": _OURS + "EndpointState",
-    "therapy/state": _OURS + "TherapyState",
-    "therapy/trial": _OURS + "TrialResult",
-    "therapy/assistance": _OURS + "AssistanceChange",
-    "safety_state": _OURS + "SafetyState",
+    name: graph.TOPICS[name].type
+    for name in (*_READ, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE)
 }
 """Topics that the bridge hears, with their types."""
-KEPT = ("therapy/trial", "therapy/assistance")
+KEPT = (graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE)
 """Of these each message counts: the last ones are kept, for a page that is opened or reloaded."""
-SENT = {WISH: _OURS + "EndpointSetpoint", ATTENDANCE: "std_msgs/msg/Empty"}
+SENT = {name: graph.TOPICS[name].type for name in (WISH, ATTENDANCE)}
 """Topics that the bridge publishes, with their types."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"
 ASKED = {
@@ -47,7 +46,7 @@ LIMITS = (
 """Parameters of `therapy_session` that a therapist may read and set."""
 
 _HEARS = {
-    PATIENT: ("endpoint_state", "therapy/state", "therapy/trial"),
+    PATIENT: _READ,
     THERAPIST: tuple(HEARD),
 }
 _SENDS = {PATIENT: (), THERAPIST: tuple(SENT)}

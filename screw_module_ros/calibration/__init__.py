@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration files: what a module's hold, the checks on every value, load and save.
+"""Calibration files: what a module's file holds, the checks on every value, load and save.
 
-`section` reads a mapping strictly, `file` a YAML file; `friction` and `linearization` are the two
-parts that may also be files of their own, `content` is all of it, `module` the file the nodes load.
-The laws that use the values are in `control/`, which knows no files.
+module_file          one module's calibration, the file that the nodes load
+module_fields        its keys, ranges and checksum
+friction_file, linearization_file    the two parts that may also be files of their own
+selection            the calibration that a node's parameters name
+yaml_file            YAML of a known format and version, and its identity
+strict_mapping       every key known, taken once and checked
+
+The laws that use the values are in `control/`, which reads no files.
 """

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS-free drivers for what hangs on the CAN bus; units and byte orders end here.
+"""ROS-free drivers for the devices on the CAN bus; units and byte orders end here.
 
-bus, port, echo     one CAN bus, one reader, without its own frames come back
 sdo, node, pdo      CANopen (CiA 301): parameters, network management, cyclic objects
-emcy, bus_load      names of emergencies; what the configured frames cost on the wire
-polled, ledger      one request a tick; which request an answer without a number belongs to
+emcy                names of emergencies
+polled              one request a tick; request_tracker: whose answer it is
 motion, unwrap      wrapping counts to position and velocity of nut and joints, homed on the host
 encoder             CiA 406 encoder of the screw; encoder_setup
 cia402, drive       CiA 402 state machine and drives; drive_setup configures and guards,

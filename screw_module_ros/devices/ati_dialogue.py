@@ -7,9 +7,9 @@ import math
 import threading
 from typing import NamedTuple
 
+from ..can_io.port import Port
 from . import ati
 from .errors import NotAnswering, NotConfigured, WrongDevice
-from .port import Port
 
 
 class SensorIdentity(NamedTuple):

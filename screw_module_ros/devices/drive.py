@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from ..can_io.bus_load import Traffic
+from ..can_io.port import Port
 from ..samples import DriveReading
 from ..settings import validated
 from ..units import from_per_mille, to_per_mille
 from . import cia402, drive_exit
 from . import drive_setup as setup
-from .bus_load import Traffic
 from .cia402 import Goal, State
 from .drive_logic import DriveLogic
 from .drive_reports import DriveCounters, DriveReports
@@ -30,7 +31,6 @@ from .drive_torque import ExcessTorque
 from .errors import BusError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
-from .port import Port
 
 _HEARTBEATS_MISSED = 3
 
@@ -126,10 +126,10 @@ class Drive:
         settings = self.settings
         heard = self._port.heard({self.beat.can_id: bool, self._command_id: bool}, settings.listen)
         if heard is not None:
-            told = f"heartbeat of master {settings.master_id}"
+            text = f"heartbeat of master {settings.master_id}"
             raise Occupied(
                 f"somebody already commands the {self.label} on {self._port.name} "
-                f"({told if heard == self.beat.can_id else self._command_text}): is a second copy "
+                f"({text if heard == self.beat.can_id else self._command_text}): is a second copy "
                 "of this node running?"
             )
         self._setup = found = setup.configure(self.node, settings)

@@ -13,11 +13,11 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
+from ..can_io.port import Port
 from ..clock import TimeStandsStill
 from . import cia402, drive_setup
 from .cia402 import State
 from .errors import BusError, DeviceError
-from .port import Port
 
 if TYPE_CHECKING:
     from .drive import Drive

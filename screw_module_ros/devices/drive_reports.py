@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..can_io.port import SYNC_ID, Port
 from ..samples import DriveReading
 from . import cia402
 from .cia402 import Goal, State
 from .drive_logic import DriveLogic, describe
 from .drive_settings import SLOW_STATUS, STATUS, DriveSettings
 from .emcy import Emergency
-from .port import SYNC_ID, Port
 from .unwrap import FULL_RANGE, Unwrapper
 
 

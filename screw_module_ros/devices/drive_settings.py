@@ -7,11 +7,11 @@ import math
 import struct
 from typing import Annotated, NamedTuple
 
+from ..can_io.bus_load import Traffic
 from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from ..units import LARGEST_PER_MILLE, PER_MILLE
 from . import pdo
-from .bus_load import Traffic
 
 #: RPDO1: controlword, target torque [per mille of the rated torque].
 COMMAND = struct.Struct("<Hh")

@@ -10,11 +10,12 @@ from __future__ import annotations
 import struct
 from dataclasses import replace
 
+from ..can_io.bus_load import Traffic
+from ..can_io.port import SYNC_ID, Port
 from ..geometry import SCREW, Screw, counts_to_height
 from ..samples import SEQUENCE_MASK, EncoderReading
 from ..settings import validated
 from . import encoder_setup as setup
-from .bus_load import Traffic
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
 from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
@@ -22,7 +23,6 @@ from .homing import Rehoming
 from .motion import Motion
 from .node import CanopenNode
 from .polled import Polled
-from .port import SYNC_ID, Port
 from .unwrap import Unwrapper
 
 _POSITION = struct.Struct("<I")

@@ -6,10 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+from ..can_io.bus_load import Traffic
 from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from . import pdo
-from .bus_load import Traffic
 from .errors import NotConfigured, Refused
 from .node import CanopenNode
 from .unwrap import FULL_RANGE

@@ -2,8 +2,8 @@
 """What can go wrong with a device, as exceptions whose text can be shown to the user as it is::
 
     DeviceError
-     +-- BusError        the bus cannot be opened, or failed while in use (cable, bus off)
-     +-- BusOverload     the configured frames do not fit on the bus
+     +-- BusError        the bus cannot be opened, or failed while in use (`can_io/errors.py`)
+     +-- BusOverload     the configured frames do not fit on the bus (`can_io/errors.py`)
      +-- Occupied        somebody else already drives this device or this bus
      +-- NotAnswering    a device stays silent
      +-- Refused         a device answered with an SDO abort
@@ -18,17 +18,9 @@ Values that are out of range raise ValueError at construction instead.
 
 from __future__ import annotations
 
-
-class DeviceError(Exception):
-    """Anything the drivers raise on purpose."""
-
-
-class BusError(DeviceError):
-    """The bus cannot be opened or has failed. Example: a cable out, a wrong channel, bus off."""
-
-
-class BusOverload(DeviceError):
-    """The frames to be sent per second do not fit on the bus at its bit rate."""
+from ..can_io.errors import BusError as BusError
+from ..can_io.errors import BusOverload as BusOverload
+from ..can_io.errors import DeviceError as DeviceError
 
 
 class Occupied(DeviceError):

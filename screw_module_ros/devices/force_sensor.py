@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ..can_io.bus_load import Traffic
+from ..can_io.port import Port
 from ..samples import ForceReading
 from ..settings import validated
 from . import ati
 from .ati_dialogue import Dialogue, SensorIdentity
-from .bus_load import Traffic
 from .errors import BusError, NotAnswering, NotConfigured, NotTared, Occupied, WrongDevice
 from .force_sensor_settings import (
     ANY_CALIBRATION,
@@ -24,7 +25,6 @@ from .force_sensor_settings import (
     unchanged_samples,
 )
 from .polled import Polled
-from .port import Port
 from .tare import mean_wrench
 
 Wrench = tuple[float, float, float, float, float, float]

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+from ..can_io.bus_load import Traffic
 from ..settings import Setting
 from . import ati
-from .bus_load import Traffic
 
 ANY_CALIBRATION = -1
 

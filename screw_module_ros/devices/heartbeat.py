@@ -6,8 +6,8 @@ Never from a thread of its own: a hung loop must fall silent, so that the drive 
 
 from __future__ import annotations
 
+from ..can_io.port import Port
 from .node import OPERATIONAL
-from .port import Port
 
 _BASE = 0x700
 _FRAME = bytes([OPERATIONAL])

@@ -9,9 +9,9 @@ from typing import NamedTuple
 from canopen.nmt import NMT_STATES as NMT_STATES  # for drive_logic
 from canopen.nmt import NmtMaster
 
+from ..can_io.port import Port
 from . import emcy
 from .errors import NotConfigured, Refused, WrongDevice
-from .port import Port
 from .sdo import Sdo
 
 BOOT_UP = 0x00

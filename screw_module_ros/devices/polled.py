@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Generic, Protocol, TypeVar
 
-from .ledger import FRESH, LATE, Ledger
-from .port import Port
+from ..can_io.port import Port
+from .request_tracker import FRESH, LATE, RequestTracker
 
 Sample = TypeVar("Sample")
 
@@ -30,19 +30,19 @@ class Polled(Generic[Sample]):
     the newest tick.
     """
 
-    __slots__ = ("_counters", "_fresh", "_ledger", "_port", "_waiting", "asked")
+    __slots__ = ("_counters", "_fresh", "_port", "_tracker", "_waiting", "asked")
 
     def __init__(self, port: Port, counters: PollCounters, parts: int = 1):
         self._port = port
         self._counters = counters
-        self._ledger = Ledger(parts)
+        self._tracker = RequestTracker(parts)
         self.asked = (0, 0, 0)
         self._waiting = False
         self._fresh: Sample | None = None
 
     def restart(self) -> None:
         """Forget what was asked for: for a start, when nothing can be under way."""
-        self._ledger.reset()
+        self._tracker.reset()
         self._waiting = False
         self._fresh = None
 
@@ -54,7 +54,7 @@ class Polled(Generic[Sample]):
         when the bus cannot be read; the tick counts all the same.
         """
         self._tick(sequence, monotonic_ns, stamp_ns)
-        self._ledger.end_tick()
+        self._tracker.end_tick()
         self._port.pump()
         return self._ask()
 
@@ -64,8 +64,8 @@ class Polled(Generic[Sample]):
         self._ask()
 
     def note(self, part: int = 0) -> int:
-        """Note one frame of an answer; return the ledger's verdict on it."""
-        return self._ledger.answer(part)
+        """Note one frame of an answer; return the verdict on it."""
+        return self._tracker.answer(part)
 
     def is_fresh(self, verdict: int) -> bool:
         """Return whether a frame with this verdict is to be used; count it when it is not."""
@@ -100,7 +100,7 @@ class Polled(Generic[Sample]):
         self._waiting = True
 
     def _ask(self) -> bool:
-        asked = self._ledger.ask()
+        asked = self._tracker.ask()
         if not asked:
             self._counters.silent += 1
         return asked

@@ -14,8 +14,8 @@ import threading
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
 
+from ..can_io.port import Port
 from .errors import NotAnswering, NotConfigured, Refused
-from .port import Port
 
 _FRAME_BYTES = 8
 _ABORT = struct.Struct("<BHBL")

@@ -7,7 +7,7 @@ from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, NamedTuple
 
-from ..calibration.module import ModuleCalibration, write_calibration
+from ..calibration.module_file import ModuleCalibration, write_calibration
 from ..settings import Setting
 from . import friction_fit, gravity, inertia, static_torque
 from .lab import Lab

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction import load_friction_model
+from ..calibration.friction_file import load_friction_model
 from ..control.friction import FrictionBranch, FrictionModel
 from ..geometry import SCREW
 from ..resources import resource_path
@@ -166,8 +166,8 @@ def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> l
 def _ramped(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
     """Return the residual of what the controller computes, ramp at low speed included [N]."""
     velocity = dict(_WAYS)[way] * data["speeds"] / 1e3
-    told = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
-    return data[f"force_{way}"] - model.gravity - told
+    friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
+    return data[f"force_{way}"] - model.gravity - friction
 
 
 def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction import load_friction_model
+from ..calibration.friction_file import load_friction_model
 from ..compiled import compiled, packed
 from ..control import modes
 from ..control.friction import FrictionModel
@@ -48,9 +48,9 @@ from .trials import (
     AnalyzerTrial,
     MotionTrial,
     NotPossible,
+    OnProgress,
     Samples,
     StageTrial,
-    Told,
     TorqueTrial,
     Trial,
 )
@@ -98,8 +98,8 @@ class InProcessBench:
         self._thesis = load_friction_model(resource_path(THESIS_FRICTION))
         self._run = compiled(run_ticks)
 
-    def record(self, trial: Trial, told: Told) -> Samples:
-        """Do a trial. Raises what `told` raises, NotPossible for a rate that does not fit."""
+    def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
+        """Do a trial. Raises NotPossible for a rate that does not fit, or as `on_progress` does."""
         if isinstance(trial, AnalyzerTrial):
             return _analyzed(self.world, trial)
         params = self._params(trial)
@@ -111,20 +111,20 @@ class InProcessBench:
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
             params = params._replace(path=_sine(trial))
-        rows, state = self._moved(trial, params, state, told)
+        rows, state = self._moved(trial, params, state, on_progress)
         force, torque, _ = self._zero(params, state)
         return _samples(rows, params, force, torque)
 
     def _moved(
-        self, trial: Trial, params: LoopParams, state: LoopState, told: Told
+        self, trial: Trial, params: LoopParams, state: LoopState, on_progress: OnProgress
     ) -> tuple[np.ndarray, LoopState]:
         """Return the samples of the trial; a hand that lets go does so between two of them."""
         length = _length(trial)
         held = min(length, getattr(trial, "released_after", math.inf))
-        rows, state = self._ticks(params, state, held, told)
+        rows, state = self._ticks(params, state, held, on_progress)
         if held == length:
             return rows, state
-        loose, state = self._ticks(params._replace(fixture=FREE), state, length - held, told)
+        loose, state = self._ticks(params._replace(fixture=FREE), state, length - held, on_progress)
         return np.concatenate((rows, loose)), state
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
@@ -227,12 +227,16 @@ class InProcessBench:
         )
 
     def _ticks(
-        self, params: LoopParams, state: LoopState, seconds: float, told: Told = lambda share: None
+        self,
+        params: LoopParams,
+        state: LoopState,
+        seconds: float,
+        on_progress: OnProgress = lambda share: None,
     ) -> tuple[np.ndarray, LoopState]:
         rows = np.empty((round(seconds / params.period), COLUMNS))
         ready = packed(params)
         for begin in range(0, len(rows), _CHUNK):
-            told(begin / len(rows))
+            on_progress(begin / len(rows))
             state = self._run(ready, state, rows[begin : begin + _CHUNK])
         return rows, state
 

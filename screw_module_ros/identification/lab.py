@@ -103,10 +103,10 @@ class Lab:
         for job in jobs:
             length = duration_of(job.trial)
 
-            def told(share: float, before: float = done, length: float = length) -> None:
+            def on_progress(share: float, before: float = done, length: float = length) -> None:
                 self.progress(experiment, before + share * length, total)
 
-            yield job, job.reduce(job.trial, self.bench.record(job.trial, told))
+            yield job, job.reduce(job.trial, self.bench.record(job.trial, on_progress))
             done += length
             self.progress(experiment, done, total)
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from ..control.friction import FrictionModel
 from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
-from ..control.vertical import VerticalInput as LawInput
-from ..control.vertical import VerticalState as LawState
+from ..control.vertical import VerticalInput, VerticalState
 from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
 from ..filters import LowpassCoefficients, VelocityState, velocity_step
@@ -24,7 +23,7 @@ from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.amplifier import Amplifier, bridge_current
 from ..plant.arm import HandPath, hand_point
 from ..plant.current_sensor import CurrentSensorState, current_sensor_step
-from ..plant.module import LOCKED_ROTOR, VerticalInput, VerticalParams, VerticalState
+from ..plant.module import LOCKED_ROTOR, ModuleInput, ModuleState, VerticalParams
 from ..plant.noise import normal_pair
 from ..plant.transducer import RotorStep
 from ..plant.vertical import vertical_step
@@ -94,8 +93,8 @@ class LoopState(NamedTuple):
 
     ticks: int
     on_time: float
-    module: VerticalState
-    law: LawState
+    module: ModuleState
+    law: VerticalState
     motion: VelocityState
     heat: float
     under_way: np.ndarray
@@ -166,10 +165,10 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
 
 def _answer(
     p: LoopParams, s: LoopState, position: float, velocity: float, force: float
-) -> tuple[float, LawState, float]:
+) -> tuple[float, VerticalState, float]:
     """Return the torque command [Nm] in answer to a sample, the law's next state and the heat."""
     if p.kind == LAW:
-        inp = LawInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
+        inp = VerticalInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
         output, law = law_step(p.law, p.friction, s.law, inp, p.period)
         made, heat = commanded(p.chain, s.heat, output.force, 1.0, p.period)
         return made.command, law, heat
@@ -180,7 +179,7 @@ def _answer(
 
 def _period(
     p: LoopParams, s: LoopState, before: float, after: float
-) -> tuple[VerticalState, CurrentSensorState, float]:
+) -> tuple[ModuleState, CurrentSensorState, float]:
     """Return the module and the current sensor [V] one period on.
 
     before, after: currents of the bridge [A] until and from the moment when a command arrives.
@@ -195,7 +194,7 @@ def _period(
         module = vertical_step(
             p.plant,
             module,
-            VerticalInput(
+            ModuleInput(
                 bridge, True, False, p.fixture, False, p.upright, hand, hand_velocity,
                 p.stage_speed, p.stage_target, side_force,
             ),

@@ -69,7 +69,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             costs = limits(mechanism, environment, sampling, law)
             data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
             worst = max(costs, key=costs.get)
-            notes.append(f"{law_name}, {text}: limited by {worst}; {_told(costs)}.")
+            notes.append(f"{law_name}, {text}: limited by {worst}; {_costs_text(costs)}.")
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
             predicted = quantities[-2].value
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
@@ -162,7 +162,7 @@ def _observer(law: VerticalSettings) -> Observer:
     )  # fmt: skip
 
 
-def _told(costs: dict[str, float]) -> str:
+def _costs_text(costs: dict[str, float]) -> str:
     return ", ".join(f"{name} x{factor:.2g}" for name, factor in costs.items())
 
 

@@ -21,7 +21,7 @@ from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
 from ..control.vertical_settings import VerticalSettings
 
-Told = Callable[[float], None]
+OnProgress = Callable[[float], None]
 """Called with the share of a trial that is done, 0 to 1; may raise `Cancelled`."""
 
 
@@ -145,7 +145,7 @@ class Bench(Protocol):
     rate: float
     name: str
 
-    def record(self, trial: Trial, told: Told) -> Samples:
+    def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""
 
     def zero(self) -> tuple[float, float, float, float, float, float]:

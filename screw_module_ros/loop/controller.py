@@ -21,7 +21,7 @@ from ..control.vertical_settings import VerticalSettings
 from ..control.watch import ForceLike, VerticalWatch, WatchSettings
 from ..samples import EncoderReading
 from .guide import Guide
-from .wanted import Wanted
+from .setpoint_input import SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
@@ -55,7 +55,7 @@ class VerticalController:
         self.state: VerticalState = initial_state(settings)
         self.reason = self.held = ""
         self.handle_force = 0.0
-        self.wanted = Wanted(axes=1)
+        self.wanted = SetpointInput(axes=1)
         self.guide = Guide(slot_limits)
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)
@@ -108,7 +108,7 @@ class VerticalController:
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
         """Take what the drive says: torque on or off, nut travel [m]."""
         self._drive_ns = now_ns
-        self._hear_drive(enabled, position, now_ns)
+        self._note_drive(enabled, position, now_ns)
 
     def distrust(self, reason: str) -> None:
         """Hold the force at zero for a reason that the samples themselves do not show."""
@@ -118,7 +118,7 @@ class VerticalController:
     def end_tick(self, now_ns: int) -> None:
         """Notice a drive that has said nothing for a while."""
         if self._drive_ns is None or now_ns - self._drive_ns > _DRIVE_AGE_NS:
-            self._hear_drive(None, math.nan, now_ns)
+            self._note_drive(None, math.nan, now_ns)
 
     def count(self, now_ns: int) -> None:
         """Count the newest sample as answered at now_ns [ns]."""
@@ -141,7 +141,7 @@ class VerticalController:
         self._watch.reset(now_ns)
         self._check(now_ns)
 
-    def _hear_drive(self, enabled: bool | None, position: float, now_ns: int) -> None:
+    def _note_drive(self, enabled: bool | None, position: float, now_ns: int) -> None:
         if not enabled and self.faulted and not self._must_reset:
             self.reset(now_ns)
         last = self.answered

@@ -12,13 +12,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
+from ..can_io.port import Port
 from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
 from ..control.timing import DeadlineMeter, empty_histogram, note_latency
 from ..control.torque_chain import COLD, TorqueChain, commanded, followed
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
-from ..devices.port import Port
 from .gated_drives import GatedDrives
 from .ticker import Tick
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from ..can_io.port import Port
 from ..clock import Clock
 from ..control.freeze import FreezeSettings, clear_of_stops, hand_torques
 from ..control.gate import GateSettings
@@ -27,7 +28,6 @@ from ..devices import drive_exit
 from ..devices.drive import Drive
 from ..devices.errors import BusError
 from ..devices.homing import Rehoming
-from ..devices.port import Port
 from ..geometry import MANUS, forward, inverse, jacobian
 from .gated_drives import GatedDrives
 from .guide import Guidance, Guide

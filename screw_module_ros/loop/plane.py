@@ -13,13 +13,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Annotated, NamedTuple
 
+from ..can_io.port import Port
 from ..control.timing import DeadlineMeter
 from ..devices.errors import DeviceError
-from ..devices.port import Port
 from ..settings import Setting
 from .planar_axes import PlanarAxes
+from .setpoint_input import SetpointInput
 from .ticker import Tick, Ticker
-from .wanted import Wanted
 
 _FORCE_AGE_NS = 200_000_000
 _UNKNOWN = (math.nan, math.nan)
@@ -37,14 +37,14 @@ class PlaneLimits(NamedTuple):
 
 
 class PlaneWires(NamedTuple):
-    """The ways to other processes.
+    """The connections to other processes.
 
-    hear: takes set point, force on the handle and permission at a time [ns], while the drives
-    answer. state: may tell the state of a tick.
+    read_inputs: reads set point, force on the handle and permission at a time [ns], while the
+    drives answer. publish_state: called with each tick; it publishes when it is due.
     """
 
-    hear: Callable[[int], None] = lambda now_ns: None
-    state: Callable[[Tick], None] = lambda tick: None
+    read_inputs: Callable[[int], None] = lambda now_ns: None
+    publish_state: Callable[[Tick], None] = lambda tick: None
 
 
 class PlaneLoop:
@@ -58,7 +58,7 @@ class PlaneLoop:
         self, axes: PlanarAxes, port: Port, period_ns: int, limits: PlaneLimits, wires: PlaneWires
     ):
         self.axes = axes
-        self.wanted = Wanted(axes=2)
+        self.wanted = SetpointInput(axes=2)
         self.meter = DeadlineMeter(period_ns)
         self.skipped = 0
         self._port, self._clock = port, port.clock
@@ -81,7 +81,7 @@ class PlaneLoop:
         now_ns = tick.monotonic_ns
         with suppress(DeviceError):
             self.axes.request(now_ns)
-        self._wires.hear(now_ns)
+        self._wires.read_inputs(now_ns)
         hand = self._look_around(now_ns)
         answered = False
         with suppress(DeviceError):
@@ -92,7 +92,7 @@ class PlaneLoop:
                 self.meter.tick(tick.sequence, now_ns, self._clock.now_ns())
             else:
                 self.axes.idle(now_ns)
-        self._wires.state(tick)
+        self._wires.publish_state(tick)
 
     def _await_drives(self, since_ns: int) -> bool:
         due_ns = self._ticker.due_ns()

@@ -29,7 +29,7 @@ class RateCheck:
         self._last = 0
         self._pairs = self._ticks = 0
 
-    def hear(self, sequence: int, monotonic_ns: int) -> None:
+    def note(self, sequence: int, monotonic_ns: int) -> None:
         """Take tick number and acquisition [ns] of a sample."""
         ticks = sequence_gap(self._last, sequence) + 1
         self._last = sequence

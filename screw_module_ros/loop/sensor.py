@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from typing import Generic, Protocol, TypeVar
 
+from ..can_io.port import Port
 from ..clock import Clock
 from ..control.timing import empty_histogram, note_latency
 from ..devices.errors import DeviceError
-from ..devices.port import Port
 from .ticker import Tick
 
 Reading = TypeVar("Reading")

@@ -9,7 +9,7 @@ from ..clock import Clock
 
 BETWEEN_TICKS_NS = 500_000
 """How long after the tick the slow loops look: by then those that tick fast have said all [ns]."""
-BREATH_S = 100e-6
+BACK_OFF_S = 100e-6
 """A hot loop that was woken for nothing sleeps so long before it waits again: a wait set that is
 always ready would else make it spin, at a priority at which nobody else on its core runs."""
 

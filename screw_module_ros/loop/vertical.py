@@ -3,7 +3,7 @@
 
 ::
 
-    tick -> SYNC and poll -> readings -> controller -> torque to the drive -> tell others
+    tick -> SYNC and poll -> readings -> controller -> torque to the drive -> publish
 
 The separate nodes, `module` and the tests drive this one loop. Where a part is in another process,
 a wire takes the place of a call.
@@ -21,7 +21,7 @@ from .controller import VerticalController
 from .drive import Permission, VerticalDrive
 from .pace import Pace
 from .sensor import PolledSensor
-from .ticker import BREATH_S, Tick, Ticker
+from .ticker import BACK_OFF_S, Tick, Ticker
 
 _LOOK_NS = 10_000  # for what lies in the socket already
 _LISTENS = 2  # periods
@@ -36,30 +36,31 @@ class Parts(NamedTuple):
     drive: VerticalDrive | None = None
 
 
-def _nobody(*_: Any) -> None:
-    """Stand for a wire that leads nowhere."""
+def _unconnected(*_: Any) -> None:
+    """Do nothing: the wire leads nowhere."""
 
 
 class Wires(NamedTuple):
-    """The ways to other processes.
+    """The connections to other processes.
 
     take_sample, take_force, take_command: return the newest that came from there, waiting for it
     until a time [ns], None without one; a command is sequence, acquisition [ns] and force [N].
-    sample, force, command: are told what was read or answered. hear: takes what else there is for
-    the controller at a time [ns]: set point, drive, resets. permission: see `drive`.
-    controller_state, drive_state: may tell a state at a time [ns].
+    publish_sample, publish_force, publish_command: called with each reading and each answer.
+    read_inputs: hands the controller its other inputs at a time [ns]: set point, drive, resets.
+    permission: see `drive`. publish_controller_state, publish_drive_state: called at a time [ns];
+    they publish when it is due.
     """
 
-    take_sample: Callable[[int], EncoderReading | None] = _nobody
-    take_force: Callable[[int], ForceReading | None] = _nobody
-    take_command: Callable[[int], tuple[int, int, float] | None] = _nobody
-    sample: Callable[[EncoderReading], None] = _nobody
-    force: Callable[[ForceReading], None] = _nobody
-    command: Callable[[EncoderReading, VerticalOutput, int], None] = _nobody
-    hear: Callable[[int], None] = _nobody
-    permission: Permission = _nobody
-    controller_state: Callable[[int], None] = _nobody
-    drive_state: Callable[[int], None] = _nobody
+    take_sample: Callable[[int], EncoderReading | None] = _unconnected
+    take_force: Callable[[int], ForceReading | None] = _unconnected
+    take_command: Callable[[int], tuple[int, int, float] | None] = _unconnected
+    publish_sample: Callable[[EncoderReading], None] = _unconnected
+    publish_force: Callable[[ForceReading], None] = _unconnected
+    publish_command: Callable[[EncoderReading, VerticalOutput, int], None] = _unconnected
+    read_inputs: Callable[[int], None] = _unconnected
+    permission: Permission = _unconnected
+    publish_controller_state: Callable[[int], None] = _unconnected
+    publish_drive_state: Callable[[int], None] = _unconnected
 
 
 class VerticalLoop:
@@ -81,7 +82,7 @@ class VerticalLoop:
 
     def _one_tick(self, parts: Parts) -> None:
         if parts.drive is not None and parts.controller is None:
-            self._listen(parts.drive)
+            self._follow_commands(parts.drive)
         tick = self._ticker.sleep()
         due_ns = self._ticker.due_ns()
         self._ask(parts, tick)
@@ -89,7 +90,7 @@ class VerticalLoop:
         now_ns = self._clock.now_ns()
         output = self._act(parts, sample, force, now_ns)
         # The torque is out; what follows only tells of it and looks after the drive.
-        self._tell(parts, sample, force, output)
+        self._publish(parts, sample, force, output)
         self._look_after(parts, tick, now_ns)
         if force is None and parts.force_sensor is not None:
             self._take_late_force(parts, due_ns)
@@ -99,7 +100,7 @@ class VerticalLoop:
         now_ns = self._clock.now_ns()
         self._act(parts, sample, force, now_ns)
         if sample is None and force is None:
-            self._clock.sleep(BREATH_S)
+            self._clock.sleep(BACK_OFF_S)
         self._follow(parts, now_ns)
 
     # Encoder and force sensor --------------------------------------------------------------
@@ -159,7 +160,7 @@ class VerticalLoop:
             return
         if parts.controller is not None:
             parts.controller.on_force(force, self._clock.now_ns())
-        self._wires.force(force)
+        self._wires.publish_force(force)
 
     # Law and torque ------------------------------------------------------------------------
 
@@ -191,9 +192,9 @@ class VerticalLoop:
         if parts.drive is not None:
             parts.drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns)
         else:
-            self._wires.command(behind, output, parts.controller.mode)
+            self._wires.publish_command(behind, output, parts.controller.mode)
 
-    def _listen(self, drive: VerticalDrive) -> None:
+    def _follow_commands(self, drive: VerticalDrive) -> None:
         """Until the tick, let another process command the drive."""
         clock, due_ns = self._clock, self._ticker.due_ns()
         while clock.now_ns() < due_ns:
@@ -201,11 +202,11 @@ class VerticalLoop:
             if command is not None:
                 drive.act(*command, now_ns)
             elif now_ns < due_ns:
-                clock.sleep_until(min(due_ns, now_ns + round(BREATH_S * 1e9)))
+                clock.sleep_until(min(due_ns, now_ns + round(BACK_OFF_S * 1e9)))
 
     # After the torque ----------------------------------------------------------------------
 
-    def _tell(
+    def _publish(
         self,
         parts: Parts,
         sample: EncoderReading | None,
@@ -214,17 +215,17 @@ class VerticalLoop:
     ) -> None:
         wires, controller = self._wires, parts.controller
         if sample is not None:
-            wires.sample(sample)
+            wires.publish_sample(sample)
         if force is not None:
-            wires.force(force)
+            wires.publish_force(force)
         if output is not None and parts.drive is not None:
-            wires.command(controller.answered, output, controller.mode)
+            wires.publish_command(controller.answered, output, controller.mode)
 
     def _look_after(self, parts: Parts, tick: Tick, now_ns: int) -> None:
         drive = parts.drive
         if drive is not None:
             drive.end_tick(tick, self._wires.permission)
-            self._wires.drive_state(tick.monotonic_ns)
+            self._wires.publish_drive_state(tick.monotonic_ns)
         if parts.controller is not None:
             self._follow(parts, now_ns)
 
@@ -233,6 +234,6 @@ class VerticalLoop:
         controller, drive = parts.controller, parts.drive
         if drive is not None:
             controller.on_drive(drive.drives.enabled, drive.position, now_ns)
-        self._wires.hear(now_ns)
+        self._wires.read_inputs(now_ns)
         controller.end_tick(now_ns)
-        self._wires.controller_state(now_ns)
+        self._wires.publish_controller_state(now_ns)

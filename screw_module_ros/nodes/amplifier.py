@@ -7,8 +7,9 @@ from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState
 
-from screw_module_ros.calibration.chosen import LinearizationSettings, chosen_linearization
-from screw_module_ros.calibration.module import CalibrationSettings
+from screw_module_ros import graph
+from screw_module_ros.calibration.module_file import CalibrationSettings
+from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.torque_chain import largest_command, torque_chain
@@ -30,8 +31,7 @@ from .support.module_node import Health
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
-
-_COMMANDS = "screw/force_command"
+from .support.topics import offered
 
 
 class AmplifierSettings(NamedTuple):
@@ -41,7 +41,7 @@ class AmplifierSettings(NamedTuple):
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
     ] = 20
     state_rate: Annotated[
-        float, Setting("screw/amplifier_state messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.AMPLIFIER_STATE} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -49,7 +49,7 @@ class AmplifierNode(DriveNode):
     """SYNC and heartbeat on the tick, torque on the command."""
 
     def __init__(self):
-        super().__init__("amplifier", port=43114)
+        super().__init__("amplifier")
         self.parameters.declare(AmplifierSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(LinearizationSettings)
@@ -85,11 +85,11 @@ class AmplifierNode(DriveNode):
         self.get_logger().info(f"linearization: {self._state.calibration}")
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            COMMAND, _COMMANDS, qos.COMMAND, wakes=True
+            COMMAND, graph.FORCE_COMMAND, qos.COMMAND, wakes=True
         )
-        self.want_one_sender(_COMMANDS)
+        self.want_one_sender(graph.FORCE_COMMAND)
         self.follow_permission(inbox, "vertical_permitted")
-        self._publish = self.outlet(AmplifierState, "screw/amplifier_state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.AMPLIFIER_STATE))
 
     def begin(self) -> None:
         """Start the drive, disabled."""
@@ -107,7 +107,9 @@ class AmplifierNode(DriveNode):
         self._rate_check = RateCheck("encoder", self.period_ns)
         self._state.success_rate = self.part.meter.success_rate
         wires = Wires(
-            take_command=self.take_command, permission=self.permission, drive_state=self.tell_state
+            take_command=self.take_command,
+            permission=self.permission,
+            publish_drive_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
         drive.start()
@@ -124,16 +126,21 @@ class AmplifierNode(DriveNode):
         self._loop.step(Parts(drive=self.part))
 
     def take_command(self, until_ns: int) -> Command | None:
-        """Wait for a command on the topic, until `until_ns` [ns] at most."""
-        self._inbox.wait(until_ns)
+        """Wait for a command on the topic, until `until_ns` [ns] at most.
+
+        One that comes just then belongs to the tick that begins: it is taken after its SYNC, and
+        judged by what the drive answers, whoever of the two processes is quicker.
+        """
+        if not self._inbox.wait(until_ns):
+            return None
         command = self._take_command()
         if command is not None:
-            self._rate_check.hear(command.sequence, command.monotonic_ns)
+            self._rate_check.note(command.sequence, command.monotonic_ns)
             if self._rate_check.wrong:
                 self.gated.fault = self.gated.fault or self._rate_check.wrong
         return command
 
-    def tell_state(self, now_ns: int) -> None:
+    def publish_state(self, now_ns: int) -> None:
         """Publish the state when it is due."""
         if self._state_due(now_ns):
             self.stamp(self._state.header)
@@ -149,18 +156,18 @@ class AmplifierNode(DriveNode):
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""
-        told, part, drive = self._state, self.part, self.drives[0]
+        state, part, drive = self._state, self.part, self.drives[0]
         peak = torque_to_force(self.parameters.read(TorqueLimits, "torque").peak, self._screw)
         values = {
-            **timing_values(told, part.meter),
+            **timing_values(state, part.meter),
             **latency_values("own", part.own),
             "state": drive.state(self.clock.now_ns()).text,
             "largest force [N]": f"{peak:.0f}",
-            "calibration": told.calibration,
+            "calibration": state.calibration,
             **device_values(drive.snapshot()),
             **self.port_values(part.skipped),
         }
-        return self.drive_health(values, told)
+        return self.drive_health(values, state)
 
 
 def main() -> int:

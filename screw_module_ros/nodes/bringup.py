@@ -158,12 +158,12 @@ def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> No
 
 
 def _watch(processes: list[Process], stopping: threading.Event) -> dict[str, int]:
-    told: set[str] = set()
+    reported: set[str] = set()
     try:
-        while not stopping.wait(0.2) and len(told) < len(processes):
+        while not stopping.wait(0.2) and len(reported) < len(processes):
             for process in processes:
-                if process.exit_code() is not None and process.name not in told:
-                    told.add(process.name)
+                if process.exit_code() is not None and process.name not in reported:
+                    reported.add(process.name)
                     click.echo(
                         f"bringup: {process.name} ended with code {process.exit_code()}; it is "
                         "not restarted by itself",

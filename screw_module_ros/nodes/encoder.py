@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from screw_module_msgs.msg import EncoderSample
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError, NotHomed
@@ -14,13 +14,13 @@ from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import EncoderReading
 
-from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_encoder
 from .support.module_node import ERROR, OK, WARN, Done, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.timing_report import latency_values
+from .support.topics import offered
 from .support.torque_off import TorqueOff
 
 
@@ -28,7 +28,7 @@ class EncoderNode(DriverNode):
     """One sample a tick, published as soon as it is there."""
 
     def __init__(self):
-        super().__init__("encoder", port=43113)
+        super().__init__("encoder")
         self.parameters.declare(EncoderSettings, without=("rate",))
         self.parameters.declare(Screw)
         self._rate = RateMeter()
@@ -44,16 +44,16 @@ class EncoderNode(DriverNode):
         self.device.configure()
         self.hardware_id = self.device.identity
         self.check_bus_load(self.device.traffic)
-        self._publish = self.outlet(EncoderSample, "screw/encoder", qos.SAMPLE, raw=True)
-        self._publish_slow = self.outlet(EncoderSample, topics.SLOW_ENCODER, qos.SAMPLE, raw=True)
-        self._slow_every = max(1, round(rate / topics.SLOW_RATE))
+        self._publish = self.outlet(*offered(graph.ENCODER), raw=True)
+        self._publish_slow = self.outlet(*offered(graph.ENCODER_DECIMATED), raw=True)
+        self._slow_every = max(1, round(rate / graph.DECIMATED_RATE))
         self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Let the samples flow."""
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
-        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(sample=self.publish))
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))
         self.start_polls()
 
     def end(self) -> None:

@@ -19,18 +19,18 @@ from screw_module_msgs.msg import (
 )
 from sensor_msgs.msg import JointState
 
+from screw_module_ros import graph
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
-from .support import qos, topics
-from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
 from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
+from .support.topics import offered, requested
 
 _NAN = math.nan
 _JOINTS_EVERY = 2
@@ -63,13 +63,13 @@ class EndpointStateNode(ModuleNode):
         self._period_ns = round(1e9 / settings.rate)
         age_ns = int(settings.max_age * 1e9)
         take = self.new_inbox().subscribe
-        self._encoder = Newest(take(ENCODER, topics.SLOW_ENCODER, qos.SAMPLE), age_ns)
-        self._force = Newest(take(FORCE, topics.SLOW_FORCE, qos.SAMPLE), age_ns)
-        self._plane = Newest(take(PlanarState, "manus/state", qos.NEWEST), age_ns)
-        self._amplifier = Newest(take(AmplifierState, "screw/amplifier_state", qos.NEWEST), age_ns)
-        self._safety = Newest(take(SafetyState, "safety_state", qos.COMMAND), age_ns)
-        self._publish = self.outlet(EndpointState, "endpoint_state", qos.STATE)
-        self._publish_joint_state = self.outlet(JointState, "joint_states", qos.STATE)
+        self._encoder = Newest(take(*requested(graph.ENCODER_DECIMATED)), age_ns)
+        self._force = Newest(take(*requested(graph.FORCE_DECIMATED)), age_ns)
+        self._plane = Newest(take(*requested(graph.MANUS_STATE)), age_ns)
+        self._amplifier = Newest(take(*requested(graph.AMPLIFIER_STATE)), age_ns)
+        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), age_ns)
+        self._publish = self.outlet(*offered(graph.ENDPOINT_STATE))
+        self._publish_joint_state = self.outlet(*offered(graph.JOINT_STATES))
 
     def begin(self) -> None:
         """Start the clock."""
@@ -116,11 +116,11 @@ class EndpointStateNode(ModuleNode):
         """Say which inputs are stale."""
         now = self.clock.now_ns()
         inputs = {
-            "screw/encoder": self._encoder,
-            "handle/force": self._force,
-            "manus/state": self._plane,
-            "screw/amplifier_state": self._amplifier,
-            "safety_state": self._safety,
+            graph.ENCODER: self._encoder,
+            graph.FORCE: self._force,
+            graph.MANUS_STATE: self._plane,
+            graph.AMPLIFIER_STATE: self._amplifier,
+            graph.SAFETY_STATE: self._safety,
         }
         ages = {f"age {name} [s]": newest.age_text(now) for name, newest in inputs.items()}
         stale = [name for name, newest in inputs.items() if newest.stale(now)]

@@ -6,31 +6,31 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from geometry_msgs.msg import WrenchStamped
-from screw_module_msgs.msg import ForceSample
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
-from .support import qos, topics
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
 from .support.module_node import ERROR, OK, Done, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.states import fill_wrench
-from .support.taring import Taring
 from .support.timing_report import latency_values
+from .support.topics import offered
+from .taring import Taring
 
 
 class WrenchSettings(NamedTuple):
     """The slow copy of the force for tools."""
 
     wrench_rate: Annotated[
-        float, Setting("handle/wrench messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.WRENCH} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -38,7 +38,7 @@ class ForceSensorNode(DriverNode):
     """One wrench a tick, of the patient on the robot."""
 
     def __init__(self):
-        super().__init__("force_sensor", port=43115)
+        super().__init__("force_sensor")
         self.parameters.declare(ForceSensorSettings, without=("rate",))
         self.parameters.declare(WrenchSettings)
         self._wrench = WrenchStamped()
@@ -59,10 +59,10 @@ class ForceSensorNode(DriverNode):
         self.check_bus_load(self.device.traffic)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
-        self._publish = self.outlet(ForceSample, "handle/force", qos.SAMPLE, raw=True)
-        self._publish_slow = self.outlet(ForceSample, topics.SLOW_FORCE, qos.SAMPLE, raw=True)
-        self._slow_every = max(1, round(rate / topics.SLOW_RATE))
-        self._send_wrench = self.outlet(WrenchStamped, "handle/wrench", qos.STATE)
+        self._publish = self.outlet(*offered(graph.FORCE), raw=True)
+        self._publish_slow = self.outlet(*offered(graph.FORCE_DECIMATED), raw=True)
+        self._slow_every = max(1, round(rate / graph.DECIMATED_RATE))
+        self._send_wrench = self.outlet(*offered(graph.WRENCH))
         self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
@@ -71,7 +71,7 @@ class ForceSensorNode(DriverNode):
             self.device.clear_fault()
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
-        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(force=self.publish))
+        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_force=self.publish))
         self.start_polls()
 
     def end(self) -> None:
@@ -104,11 +104,11 @@ class ForceSensorNode(DriverNode):
         if self.device.fault:
             self.device.clear_fault()
         readings = self._taring.gathered(self.device.settings.tare_samples)
-        return Done(f"tared, removing {_told(self.device.tare(readings))}")
+        return Done(f"tared, removing {_bias_text(self.device.tare(readings))}")
 
     def _untare(self, request: Trigger.Request) -> str:
         self._taring.permitted()
-        return Done(f"back to removing {_told(self.device.untare())}")
+        return Done(f"back to removing {_bias_text(self.device.untare())}")
 
     def poll_slow(self) -> None:
         """Read the supply and temperature voltages."""
@@ -122,7 +122,7 @@ class ForceSensorNode(DriverNode):
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),
-            "bias": _told(device.bias),
+            "bias": _bias_text(device.bias),
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }
@@ -133,7 +133,7 @@ class ForceSensorNode(DriverNode):
         return Health(OK, "sampling", values)
 
 
-def _told(bias: tuple) -> str:
+def _bias_text(bias: tuple) -> str:
     force = ", ".join(f"{x:.2f}" for x in bias[:3])
     torque = ", ".join(f"{x:.3f}" for x in bias[3:])
     return f"{force} N and {torque} Nm"

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import ForceCommand, ImpedanceState
+from screw_module_msgs.msg import ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
-from screw_module_ros.calibration.chosen import ChosenFriction, chosen_friction
-from screw_module_ros.calibration.module import CalibrationSettings
+from screw_module_ros import graph
+from screw_module_ros.calibration.module_file import CalibrationSettings
+from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
@@ -26,8 +27,7 @@ from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
-from .support import qos
-from .support.controller_inputs import ControllerInputs
+from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
@@ -37,8 +37,9 @@ from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller
 from .support.timing_report import broken_contract, timing_values
+from .support.topics import offered
 
-_SAMPLES = ("screw/encoder", "handle/force")
+_SAMPLES = (graph.ENCODER, graph.FORCE)
 
 
 class ControllerSettings(NamedTuple):
@@ -54,7 +55,7 @@ class ControllerSettings(NamedTuple):
                      "calibration_file is set")
     ] = ""
     state_rate: Annotated[
-        float, Setting("screw/controller_state messages per second", "Hz", 1.0, 500.0)
+        float, Setting(f"{graph.CONTROLLER_STATE} messages per second", "Hz", 1.0, 500.0)
     ] = 100.0
 
 
@@ -89,8 +90,8 @@ class ImpedanceControllerNode(ModuleNode):
         forces = Inbox(self, self.clock, self.direct)
         self._inputs = ControllerInputs(self.new_inbox(), forces, self._period_ns)
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
-        self._publish = self.outlet(ForceCommand, "screw/force_command", qos.COMMAND, raw=True)
-        self._publish_state = self.outlet(ImpedanceState, "screw/controller_state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
+        self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
     def _refuse_bad_start(self, mode: int) -> None:
         refused = self.parameters.read(VerticalSettings).validated().refusal(mode)
@@ -113,7 +114,8 @@ class ImpedanceControllerNode(ModuleNode):
 
     def _name_calibration(self) -> None:
         gravity = self.parameters.read(VerticalSettings).gravity
-        self._state_message.calibration = self._friction.told(gravity) if self._friction else ""
+        calibration = self._friction.described(gravity) if self._friction else ""
+        self._state_message.calibration = calibration
 
     def begin(self) -> None:
         """Start from nothing: zero force, set point at the measured position."""
@@ -134,16 +136,16 @@ class ImpedanceControllerNode(ModuleNode):
         wires = Wires(
             take_sample=self._inputs.next_sample,
             take_force=self._inputs.next_force,
-            command=self.tell,
-            hear=self.hear,
-            controller_state=self.tell_state,
+            publish_command=self.publish_command,
+            read_inputs=self.read_inputs,
+            publish_controller_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
         """Send one last zero, so that nobody goes on with the last force."""
         if self._inbox is not None and self.part is not None and self.part.answered is not None:
-            self.tell(self.part.answered, NO_FORCE, self.part.mode)
+            self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 
     def disconnect(self) -> None:
         """Remove the topics."""
@@ -170,17 +172,17 @@ class ImpedanceControllerNode(ModuleNode):
         """Wait for an encoder sample and answer it with a command."""
         self._loop.step(Parts(controller=self.part))
 
-    def tell(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
+    def publish_command(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
         """Publish the answer to a sample."""
         self._publish(pack_command(sample, output, mode))
 
-    def hear(self, now_ns: int) -> None:
+    def read_inputs(self, now_ns: int) -> None:
         """Take set point, slot and amplifier state, where they come by a topic."""
-        self._inputs.hear(self.part, now_ns)
+        self._inputs.read(self.part, now_ns)
         if self._senders.warning:
             self.part.distrust(self._senders.warning)
 
-    def tell_state(self, now_ns: int) -> None:
+    def publish_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""
         if self._state_due(now_ns):
             self._inputs.follow_supervisor(self.part, now_ns)
@@ -211,19 +213,19 @@ class ImpedanceControllerNode(ModuleNode):
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
-        told, controller = self._state_message, self.part
+        state, controller = self._state_message, self.part
         values = {
-            **timing_values(told, controller.meter),
+            **timing_values(state, controller.meter),
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
-            "calibration": told.calibration,
+            "calibration": state.calibration,
             "slot refused": self._inputs.slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)
         if controller.output.share < 1.0 and controller.mode != OFF:
             return Health(WARN, guarded(controller.output.share), values)
-        if warning := broken_contract(told):
+        if warning := broken_contract(state):
             return Health(WARN, warning, values)
         return Health(OK, f"running in {MODE_NAMES[controller.mode]}", values)
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_msgs.msg import EndpointSetpoint, PlanarState
+from screw_module_msgs.msg import PlanarState
 from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.control.freeze import FreezeSettings
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -17,32 +18,31 @@ from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
 from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.loop.ticker import Tick
-from screw_module_ros.loop.wanted import Wanted
 from screw_module_ros.settings import Setting
 
-from .support import qos, topics
+from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
-from .support.flat import FORCE
 from .support.module_node import Health
-from .support.planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane
+from .support.topics import offered, requested
 
 
 class ManusSettings(NamedTuple):
     """What the node adds to drives and law."""
 
-    state_every: Annotated[int, Setting("ticks per manus/state message", "", 1, 100)] = 4
+    state_every: Annotated[int, Setting(f"ticks per {graph.MANUS_STATE} message", "", 1, 100)] = 4
 
 
 class ManusNode(DriveNode):
     """One tick: SYNC, both positions, law, both torques."""
 
     def __init__(self):
-        super().__init__("manus", port=43116, rate=500.0)
+        super().__init__("manus", rate=500.0)
         self.parameters.declare(ManusSettings)
         self.parameters.declare(PlaneLimits)
         declare_drives(self.parameters)
@@ -81,13 +81,13 @@ class ManusNode(DriveNode):
 
     def _make_topics(self) -> None:
         inbox = self.new_inbox()
-        self._take_setpoint = inbox.subscribe(EndpointSetpoint, "setpoint", qos.COMMAND)
-        self._take_force = inbox.subscribe(FORCE, topics.SLOW_FORCE, qos.SAMPLE)
+        self._take_setpoint = inbox.subscribe(*requested(graph.SETPOINT))
+        self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
-        self.want_one_sender(topics.SLOW_FORCE)
-        self._wanted = Wanted(axes=2)
+        self.want_one_sender(graph.FORCE_DECIMATED)
+        self._wanted = SetpointInput(axes=2)
         self.follow_permission(inbox, "planar_permitted")
-        self._publish = self.outlet(PlanarState, "manus/state", qos.STATE)
+        self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
         """Start the drives, disabled."""
@@ -96,7 +96,7 @@ class ManusNode(DriveNode):
             self.port,
             self.period_ns,
             self.parameters.read(PlaneLimits),
-            PlaneWires(self._hear, self._tell_state),
+            PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._loop.wanted = self._wanted
         for drive in self.drives:
@@ -123,18 +123,18 @@ class ManusNode(DriveNode):
         """One tick."""
         self._loop.step()
 
-    def _hear(self, now_ns: int) -> None:
+    def _read_inputs(self, now_ns: int) -> None:
         self.permission(self._axes.drives, now_ns)
         force = self._take_force()
         if force is not None:
             self._loop.on_force(force.fx, force.fy, now_ns)
-        self._slot.hear(self._axes.guide, now_ns)
+        self._slot.read(self._axes.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity
             self._wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
 
-    def _tell_state(self, tick: Tick) -> None:
+    def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:
             return
         state = self._state

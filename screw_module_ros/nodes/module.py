@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from rcl_interfaces.msg import SetParametersResult
 
+from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -29,7 +30,7 @@ from .support.parameters import ParameterError
 from .support.runtime import run_together
 
 _IDLE_S = 0.05
-_BY_CALLS = ("screw/encoder", "handle/force", "screw/amplifier_state")
+_BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
 class ModuleLoop:
@@ -68,13 +69,13 @@ def wires_of(
     """Return what leads from the one loop to the topics of the four nodes."""
     return Wires(
         take_command=amplifier.take_command,
-        sample=encoder.publish,
-        force=force_sensor.publish,
-        command=controller.tell,
-        hear=controller.hear,
+        publish_sample=encoder.publish,
+        publish_force=force_sensor.publish,
+        publish_command=controller.publish_command,
+        read_inputs=controller.read_inputs,
         permission=amplifier.permission,
-        controller_state=controller.tell_state,
-        drive_state=amplifier.tell_state,
+        publish_controller_state=controller.publish_state,
+        publish_drive_state=amplifier.publish_state,
     )
 
 
@@ -85,8 +86,8 @@ def make_nodes() -> list[ModuleNode]:
     nodes = [EncoderNode(), ForceSensorNode(), controller, AmplifierNode()]
     rates = {node.get_name(): node.parameters.read(RateSettings).rate for node in nodes}
     if len(set(rates.values())) > 1:
-        told = ", ".join(f"{name}: {rate:g}" for name, rate in rates.items())
-        raise ParameterError(f"one loop drives all nodes of `module`, their rates differ: {told}")
+        listed = ", ".join(f"{name}: {rate:g}" for name, rate in rates.items())
+        raise ParameterError(f"one loop drives all nodes of `module`, their rates differ: {listed}")
     for node in nodes:
         node.add_on_set_parameters_callback(_keep_rate)
     return nodes

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`robot_description`: print the robot's URDF, for tools that want a file.
+"""`robot_description`: the robot as URDF; its shape from `urdf/`, its dimensions from the laws.
 
     ros2 run screw_module_ros robot_description > therapy_robot.urdf
 """
@@ -7,8 +7,45 @@
 from __future__ import annotations
 
 import click
+import xacro
 
-from .support.description import robot_description
+from screw_module_ros.control.limits import CommandLimits
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.geometry import MANUS, PlanarArm
+from screw_module_ros.resources import resource_path
+
+SHAPE = "urdf/therapy_robot.urdf.xacro"
+JOINT_SPEED = 6.0
+"""For the joints' limit, which URDF demands [rad/s]: the speed limit of the laws is the hand's."""
+
+
+def robot_description(
+    arm: PlanarArm = MANUS,
+    plane: PlanarSettings | None = None,
+    vertical: VerticalSettings | None = None,
+) -> str:
+    """Return the URDF of the robot with these dimensions and limits, by default the nodes' own.
+
+    Frames and joints: see the file. Raises ResourceError where it is not installed.
+    """
+    plane, vertical = plane or PlanarSettings(), vertical or VerticalSettings()
+    given = {
+        **arm._asdict(),
+        "shoulder_low": plane.shoulder_low,
+        "shoulder_high": plane.shoulder_high,
+        "between_low": plane.between_low,
+        "between_high": plane.between_high,
+        "joint_torque": max(plane.shoulder_torque, plane.elbow_torque),
+        "joint_speed": JOINT_SPEED,
+        "travel_low": vertical.travel_low,
+        "travel_high": vertical.travel_high,
+        "vertical_force": CommandLimits().command_up,
+        "vertical_speed": WatchSettings().speed,
+    }
+    mappings = {name: repr(float(value)) for name, value in given.items()}
+    return xacro.process_file(str(resource_path(SHAPE)), mappings=mappings).toprettyxml("  ")
 
 
 @click.command()

@@ -69,10 +69,10 @@ class NodeParameters:
         names = sorted(answer.result().result.names)
         client = self._client(GetParameters, f"{name}{_SERVICE}")
         client.call_async(GetParameters.Request(names=names)).add_done_callback(
-            partial(self._told, name, names)
+            partial(self._on_values, name, names)
         )
 
-    def _told(self, name: str, names: list[str], answer: Future) -> None:
+    def _on_values(self, name: str, names: list[str], answer: Future) -> None:
         values = map(parameter_value_to_python, answer.result().values)
         self._keep(name, dict(zip(names, values, strict=True)))
 

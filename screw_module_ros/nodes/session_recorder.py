@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.recording import (
     BagError,
@@ -35,10 +36,10 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
-from .support import qos
 from .support.below import one_name, root_folder
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.topics import offered
 
 _IDLE_S = 0.05
 _MOST_IN_A_SECOND = 100
@@ -85,7 +86,7 @@ class SessionRecorder(ModuleNode):
         self.parameters.declare(StorageSettings, "storage")
         self._session: Session | None = None
         self._intake: Intake | None = None
-        self._told: NodeParameters | None = None
+        self._noted_parameters: NodeParameters | None = None
         self._others: OtherRobots | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
@@ -93,7 +94,7 @@ class SessionRecorder(ModuleNode):
         self._lock = threading.Lock()  # the loop takes messages, or services change the session
         self.serve(Trigger, "~/start", self._on_start)
         self.serve(Trigger, "~/stop", self._on_stop, always=True)
-        self._status = self.create_publisher(DiagnosticStatus, "~/status", qos.STATE)
+        self._status = self.create_publisher(*offered(graph.RECORDER_STATUS))
         self.periodic.every(self.clock, 1.0, self._each_second)
 
     def connect(self) -> None:
@@ -139,13 +140,13 @@ class SessionRecorder(ModuleNode):
         try:
             session, intake = self._opened(settings)
         except (BagError, ValueError) as error:
-            told = str(error)
+            text = str(error)
         except OSError as error:  # files, threads or memory have run out
-            told = f"cannot record: {error.strerror}"
+            text = f"cannot record: {error.strerror}"
         else:
             return self._begin(session, intake)
-        self.get_logger().error(told)
-        return told
+        self.get_logger().error(text)
+        return text
 
     def _opened(self, settings: RecorderSettings) -> tuple[Session, Intake]:
         """Return a session whose bag is on the disk, and what will feed it; nothing, or both.
@@ -188,8 +189,8 @@ class SessionRecorder(ModuleNode):
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
             self._folder, self._intake, self._session = folder, intake, session
-            self._told = NodeParameters(self, self._is_other)
-        self._told.ask()
+            self._noted_parameters = NodeParameters(self, self._is_other)
+        self._noted_parameters.ask()
         self.get_logger().info(f"recording to {folder}")
         return ""
 
@@ -206,14 +207,14 @@ class SessionRecorder(ModuleNode):
             session.put(intake.drain())
             self._note(session, intake)  # what was told in the last second
             intake.close()
-            self._told.close()
+            self._noted_parameters.close()
         self._last = session.close()
         self.get_logger().info(self._last.summary())
 
     def _note(self, session: Session, intake: Intake) -> None:
         """Keep in the bag what the nodes were set to."""
         session.add_metadata(CALIBRATION, intake.calibrations())
-        session.add_metadata(PARAMETERS, self._told.values)
+        session.add_metadata(PARAMETERS, self._noted_parameters.values)
         if intake.refused:
             session.add_metadata(REFUSED, intake.refused)
 
@@ -228,15 +229,15 @@ class SessionRecorder(ModuleNode):
         if self._session is None:
             return "not recording"
         self._stop()
-        told = f"{self._folder}: {self._last.summary()}"
-        return told if self._last.error else Done(told)
+        text = f"{self._folder}: {self._last.summary()}"
+        return text if self._last.error else Done(text)
 
     def _each_second(self) -> None:
         session, intake = self._session, self._intake
         if session is not None and intake is not None and not session.status().error:
             try:
                 intake.discover()
-                self._told.ask()
+                self._noted_parameters.ask()
                 self._note(session, intake)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")

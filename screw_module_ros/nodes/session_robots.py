@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from rclpy.node import Node
 
-from .support.graph import GRAPH
+from screw_module_ros.graph import GRAPH
 
 _OURS = frozenset(entry.executable for entry in GRAPH) - {"session_recorder"}
 COMMON = (

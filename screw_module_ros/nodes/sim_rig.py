@@ -15,16 +15,17 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
-from screw_module_ros.devices.bus import BusSettings, open_bus
+from screw_module_ros import graph
+from screw_module_ros.can_io.bus import BusSettings, open_bus
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.plant.world import ArmSettings, World, load_world
-from screw_module_ros.rig.rig import ALL, BUSES, Rig, RigSettings
+from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
-from .support import qos
-from .support.departure import Departure
+from .rig_departure import Departure
 from .support.module_node import OK, WARN, Done, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.topics import offered
 
 _ANSWER_S = 1.0
 _CLOCK_NS = 10_000_000
@@ -46,7 +47,9 @@ class SimulationSettings(NamedTuple):
         float, Setting("simulated seconds per second at most, 0 = as fast as it goes", "", 0.0, 1e3,
                        live=True)
     ] = 1.0
-    truth_rate: Annotated[float, Setting("sim/truth messages per second", "Hz", 1.0, 500.0)] = 100.0
+    truth_rate: Annotated[
+        float, Setting(f"{graph.TRUTH} messages per second", "Hz", 1.0, 500.0)
+    ] = 100.0
 
 
 class SimRigNode(ModuleNode):
@@ -59,8 +62,8 @@ class SimRigNode(ModuleNode):
         super().__init__("sim_rig")
         self.parameters.declare(SimulationSettings)
         self.parameters.declare(RigSettings, "devices")
-        for index, bus in enumerate(BUSES):
-            self.parameters.declare(BusSettings, f"{bus}.can", port=43113 + index)
+        for bus in graph.BUSES:
+            self.parameters.declare(BusSettings, f"{bus.name}.can", port=bus.port)
         self._rig: Rig | None = None
         self._buses: dict[BusSettings, can.BusABC] = {}
         self._slipped = 0
@@ -78,8 +81,8 @@ class SimRigNode(ModuleNode):
         settings = self.parameters.read(SimulationSettings)
         perturb = settings.perturb_seed if settings.perturb_seed >= 0 else None
         self._world = World(load_world(settings.plant_file or None, perturb), settings.seed)
-        by_name = {name: self._open(self.parameters.read(BusSettings, f"{name}.can"))
-                   for name in BUSES}
+        by_name = {bus.name: self._open(self.parameters.read(BusSettings, f"{bus.name}.can"))
+                   for bus in graph.BUSES}
         self._rig = Rig(
             by_name,
             self._world,
@@ -87,11 +90,11 @@ class SimRigNode(ModuleNode):
             round(settings.period * 1e9),
             self.parameters.read(RigSettings, "devices"),
         )
-        self._publish = self.outlet(SimTruth, "sim/truth", qos.STATE)
+        self._publish = self.outlet(*offered(graph.TRUTH))
         self._truth_period_ns = round(1e9 / settings.truth_rate)
         self._truth_due_ns = self._clock_due_ns = 0
         if self.clock.simulated:
-            self._publish_clock = self.outlet(ClockMessage, "clock", qos.NEWEST)
+            self._publish_clock = self.outlet(*offered(graph.CLOCK))
             self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
 
     def _open(self, settings: BusSettings) -> can.BusABC:

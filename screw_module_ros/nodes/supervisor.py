@@ -13,14 +13,11 @@ from typing import Annotated, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from screw_module_msgs.msg import (
-    AmplifierState,
-    EndpointState,
-    ImpedanceState,
-    PlanarState,
     SafetyState,
 )
 from std_srvs.srv import SetBool, Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.control import supervision
 from screw_module_ros.control.supervision import (
     NodeReport,
@@ -31,25 +28,17 @@ from screw_module_ros.control.supervision import (
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.settings import Setting
 
-from .support import qos, topics
-from .support.flat import ENCODER, FORCE
 from .support.freshness import Newest
 from .support.kept import Kept
 from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
+from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
-# Node -> what it is heard by. Watched besides: endpoint_state, which nothing depends on.
-_HEARD_BY = {
-    "encoder": (ENCODER, topics.SLOW_ENCODER, qos.SAMPLE),
-    "force_sensor": (FORCE, topics.SLOW_FORCE, qos.SAMPLE),
-    "impedance_controller": (ImpedanceState, "screw/controller_state", qos.NEWEST),
-    "amplifier": (AmplifierState, "screw/amplifier_state", qos.NEWEST),
-    "manus": (PlanarState, "manus/state", qos.NEWEST),
-    "endpoint_state": (EndpointState, "endpoint_state", qos.NEWEST),
-}
+_HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
+"""Node -> the topic it is watched by; endpoint_state too, although nothing depends on it."""
 
 
 class SupervisorSettings(NamedTuple):
@@ -74,7 +63,7 @@ class SupervisorNode(ModuleNode):
         self._rate = RateMeter()
         self._decisions = 0
         self._alarms: dict[str, tuple[int, str]] = {}
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._note_diagnostics, 50)
+        self.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._note_diagnostics, 50)
         self.serve(Trigger, "~/estop", self._estop, _STOPPED, always=True)
         self.serve(Trigger, "~/reset", self._reset, "reset; the drives stay off until enabled")
         self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
@@ -91,8 +80,8 @@ class SupervisorNode(ModuleNode):
             )
             return supervision.estop(SupervisorState())
         if kept := supervision.kept(state):
-            told = ", ".join(name for name, value in kept.items() if value)
-            self.get_logger().warning(f"as before the supervisor was started anew: {told}")
+            text = ", ".join(name for name, value in kept.items() if value)
+            self.get_logger().warning(f"as before the supervisor was started anew: {text}")
         return state
 
     def _keep(self, state: SupervisorState) -> None:
@@ -117,10 +106,10 @@ class SupervisorNode(ModuleNode):
         inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
         self._heard = {
-            node: Newest(inbox.subscribe(*heard), age_ns)
-            for node, heard in _HEARD_BY.items()
+            node: Newest(inbox.subscribe(*requested(topic)), age_ns)
+            for node, topic in _HEARD_BY.items()
         }
-        self._send = self.outlet(SafetyState, "safety_state", qos.COMMAND)
+        self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
         """Start the clock."""

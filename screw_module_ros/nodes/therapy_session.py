@@ -23,17 +23,15 @@ from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
-    AssistanceChange,
     EndpointSetpoint,
     EndpointState,
     TherapySlot,
     TherapyState,
-    TrialResult,
 )
 from screw_module_msgs.srv import StartTherapy
-from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol
@@ -44,20 +42,14 @@ from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
+from .recorder_client import RecorderClient
 from .support import qos
 from .support.below import below, root_folder
 from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
-from .support.recorder_client import RecorderClient
 from .support.runtime import main as run_node
-from .support.slot_input import TOPIC as SLOT_TOPIC
-from .support.therapy_messages import (
-    change_message,
-    fill_slot,
-    fill_state,
-    hand_sample,
-    result_message,
-)
+from .support.topics import offered, requested
+from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
@@ -109,14 +101,14 @@ class TherapySessionNode(ModuleNode):
     def connect(self) -> None:
         """Make the topics."""
         inbox = self.new_inbox()
-        self._take = inbox.subscribe(EndpointState, "endpoint_state", qos.STATE, wakes=True)
-        self._take_wish = inbox.subscribe(EndpointSetpoint, "therapy/wish", qos.COMMAND)
-        self._take_attendance = inbox.subscribe(Empty, "therapy/attendance", qos.COMMAND)
-        self._publish_slot = self.outlet(TherapySlot, SLOT_TOPIC, qos.COMMAND)
-        self._publish_state = self.outlet(TherapyState, "therapy/state", qos.STATE)
-        self._publish_result = self.outlet(TrialResult, "therapy/trial", qos.STATE)
-        self._publish_change = self.outlet(AssistanceChange, "therapy/assistance", qos.STATE)
-        self._publish_setpoint = self.outlet(EndpointSetpoint, "setpoint", qos.COMMAND)
+        self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
+        self._take_wish = inbox.subscribe(*requested(graph.THERAPY_WISH))
+        self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
+        self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
+        self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
+        self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
+        self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
+        self._publish_setpoint = self.outlet(*offered(graph.SETPOINT))
 
     def begin(self) -> None:
         """Start without a session."""
@@ -174,7 +166,7 @@ class TherapySessionNode(ModuleNode):
         if self._session is None:
             return
         if self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS:
-            self._change(self._session.pause, "endpoint_state is silent")
+            self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
         if reason := self._attendance.missed(now_ns):
             self._change(self._session.pause, reason)
 

@@ -25,8 +25,8 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.screens import protocols_for_screens
 
+from .bridge_gateway import BridgeGateway
 from .support.below import root_folder
-from .support.bridge_gateway import BridgeGateway
 from .support.kept import state_folder
 from .support.module_node import OK, Health, ModuleNode
 from .support.runtime import main as run_node

@@ -65,7 +65,7 @@ class VerticalParams(NamedTuple):
     force_lag: float = 0.0
 
 
-class VerticalInput(NamedTuple):
+class ModuleInput(NamedTuple):
     """What acts on the module during a substep.
 
     current: from `bridge_current` [A]; powered: else the motor coasts; braked: unpowered and
@@ -87,7 +87,7 @@ class VerticalInput(NamedTuple):
     side_force: float
 
 
-class VerticalState(NamedTuple):
+class ModuleState(NamedTuple):
     """State of the module.
 
     nut, handle [m] and velocities [m/s]; bristle: force it carries [N]; load: lagged moment on the
@@ -148,14 +148,14 @@ def vertical_params(
     )
 
 
-def resting_state(module: Vertical, position: float, upright: float) -> VerticalState:
+def resting_state(module: Vertical, position: float, upright: float) -> ModuleState:
     """Return the module at rest with the nut at `position` [m], the handle hanging in the play.
 
     Friction in its elastic range carries the weight, if it can. upright: +1, upside down -1.
     """
     weight = upright * module.moving_mass * module.gravity
     sag = 0.5 * module.play * upright + weight / module.contact_stiffness
-    zeros = VerticalState(*(0.0,) * len(VerticalState._fields))
+    zeros = ModuleState(*(0.0,) * len(ModuleState._fields))
     return zeros._replace(
         nut=position,
         handle=position - sag,

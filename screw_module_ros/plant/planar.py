@@ -52,7 +52,7 @@ class PlanarParams(NamedTuple):
     dt: float
 
 
-class PlanarInput(NamedTuple):
+class ManusInput(NamedTuple):
     """What acts during a substep: torque commands [Nm], power and brakes, the hand.
 
     attached: a hand holds the handle; hand_*: virtual hand from the workspace centre [m], [m/s].
@@ -71,7 +71,7 @@ class PlanarInput(NamedTuple):
     hand_velocity_y: float
 
 
-class PlanarState(NamedTuple):
+class ManusState(NamedTuple):
     """Angles [rad], velocities [rad/s], friction bristles and motor torques [Nm], hand force [N].
 
     force_x, force_y: patient on robot.
@@ -94,7 +94,7 @@ def planar_params(robot: Planar, arm: ArmForce, dt: float) -> PlanarParams:
     return PlanarParams(robot, arm, math.exp(-2.0 * math.pi * robot.bandwidth * dt), dt)
 
 
-def resting_plane(robot: Planar, x: float, y: float) -> PlanarState:
+def resting_plane(robot: Planar, x: float, y: float) -> ManusState:
     """Return the arm at rest with the handle at x, y [m], elbow to the right.
 
     Raises ValueError when the point is out of reach.
@@ -106,7 +106,7 @@ def resting_plane(robot: Planar, x: float, y: float) -> PlanarState:
         raise ValueError(f"x = {x:g}, y = {y:g} m is out of reach of the planar arm")
     between = math.acos(cosine)
     shoulder = math.atan2(dy, dx) - math.atan2(l2 * math.sin(between), l1 + l2 * cosine)
-    zeros = PlanarState(*(0.0,) * len(PlanarState._fields))
+    zeros = ManusState(*(0.0,) * len(ManusState._fields))
     return zeros._replace(shoulder=shoulder, elbow=shoulder + between)
 
 
@@ -146,7 +146,7 @@ class _Joints(NamedTuple):
     between_steady: float
 
 
-def planar_step(p: PlanarParams, s: PlanarState, u: PlanarInput) -> PlanarState:
+def planar_step(p: PlanarParams, s: ManusState, u: ManusInput) -> ManusState:
     """Advance the planar arm by one substep of p.dt."""
     r = p.robot
     dt = p.dt
@@ -186,7 +186,7 @@ def planar_step(p: PlanarParams, s: PlanarState, u: PlanarInput) -> PlanarState:
     acceleration_y = j21 * d1 + j22 * d2 + j11 * w1 * w1 + j12 * w2 * w2
     bent_1 = joints.keep_1 * s.shoulder_bristle + joints.slope_1 * v1
     bent_2 = joints.keep_2 * s.elbow_bristle + joints.slope_2 * v2
-    return PlanarState(
+    return ManusState(
         s.shoulder + dt * v1,
         s.elbow + dt * v2,
         v1,
@@ -209,7 +209,7 @@ def _motor(p: PlanarParams, torque: float, command: float, powered: bool) -> flo
 
 
 def _hand_terms(
-    p: PlanarParams, u: PlanarInput, reach_x: float, reach_y: float, vx: float, vy: float
+    p: PlanarParams, u: ManusInput, reach_x: float, reach_y: float, vx: float, vy: float
 ) -> _Hand:
     """Return what the hand does to the tip at reach_x, reach_y from the base [m], velocity v."""
     if not u.attached:
@@ -227,7 +227,7 @@ def _hand_terms(
     )
 
 
-def _joint_terms(p: PlanarParams, s: PlanarState, u: PlanarInput) -> _Joints:
+def _joint_terms(p: PlanarParams, s: ManusState, u: ManusInput) -> _Joints:
     """Return friction, brakes and stops of both joints."""
     r = p.robot
     keep_1, slope_1, micro_1 = bristle_terms(

@@ -101,8 +101,8 @@ def _value(kind: type, name: str, hint: type, value: Any, where: str) -> Any:
         value = _numbers(value, label, POLYNOMIALS[name])
     elif hint is float:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            told = f"{label} = {quoted(value)}"
-            raise ValueError(f"{told}: a number is wanted (write 1.0e-4, not 1e-4)")
+            text = f"{label} = {quoted(value)}"
+            raise ValueError(f"{text}: a number is wanted (write 1.0e-4, not 1e-4)")
         value = _double(value, label)
     elif type(value) is not hint:
         raise ValueError(f"{label} = {quoted(value)}: {hint.__name__} is wanted")

@@ -6,8 +6,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from .arm import HandPath, hand_point
-from .module import VerticalInput, VerticalParams, VerticalState
-from .planar import PlanarInput, PlanarParams, PlanarState, planar_step
+from .module import ModuleInput, ModuleState, VerticalParams
+from .planar import ManusInput, ManusState, PlanarParams, planar_step
 from .vertical import vertical_step
 
 HAND_EVERY = 20  # substeps between exact points of the hand's path, straight lines between
@@ -27,8 +27,8 @@ class SimulationState(NamedTuple):
     """ticks: substeps since the start; the mechanisms; the virtual hand [m] and its velocity."""
 
     ticks: int
-    vertical: VerticalState
-    planar: PlanarState
+    vertical: ModuleState
+    planar: ManusState
     x: float
     y: float
     z: float
@@ -40,8 +40,8 @@ class SimulationState(NamedTuple):
 def advance(
     p: SimulationParams,
     s: SimulationState,
-    vertical_input: VerticalInput,
-    planar_input: PlanarInput,
+    vertical_input: ModuleInput,
+    planar_input: ManusInput,
     steps: int,
 ) -> SimulationState:
     """Return the state after `steps` substeps with the same inputs.
@@ -59,11 +59,11 @@ def advance(
             y, vy = hand_point(p.path_y, time)
             z, vz = hand_point(p.path_z, time)
         side = (planar.force_x * planar.force_x + planar.force_y * planar.force_y) ** 0.5
-        on_module = VerticalInput(
+        on_module = ModuleInput(
             u.current, u.powered, u.braked, u.fixture, u.locked, u.upright,
             z, vz, u.stage_speed, u.stage_target, side,
         )  # fmt: skip
-        on_plane = PlanarInput(
+        on_plane = ManusInput(
             w.shoulder_torque, w.elbow_torque, w.shoulder_powered, w.elbow_powered,
             w.shoulder_braked, w.elbow_braked, w.attached, x, y, vx, vy,
         )  # fmt: skip
@@ -79,8 +79,8 @@ def advance(
 def advance_packed(
     parameters: Any,
     s: SimulationState,
-    vertical_input: VerticalInput,
-    planar_input: PlanarInput,
+    vertical_input: ModuleInput,
+    planar_input: ManusInput,
     steps: int,
 ) -> SimulationState:
     """Do what `advance` does with parameters from `compiled.packed`: quicker to call."""

@@ -22,15 +22,15 @@ from .module import (
     HUMAN_ARM,
     LOCKED_ROTOR,
     STAGE,
+    ModuleInput,
+    ModuleState,
     Vertical,
-    VerticalInput,
     VerticalParams,
-    VerticalState,
 )
 from .transducer import rotor_step
 
 
-def vertical_step(p: VerticalParams, s: VerticalState, u: VerticalInput) -> VerticalState:
+def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleState:
     """Advance the module by one substep of p.dt."""
     if u.powered:
         current, mean = amplifier_step(
@@ -43,7 +43,7 @@ def vertical_step(p: VerticalParams, s: VerticalState, u: VerticalInput) -> Vert
     drive = p.torque_constant * mean
     if u.fixture == LOCKED_ROTOR:
         angle, speed = rotor_step(p.rotor, s.rotor_angle, s.rotor_velocity, drive)
-        return VerticalState(
+        return ModuleState(
             s.nut, 0.0, s.handle, 0.0, s.bristle, 0.0, s.friction, 0.0, s.contact_force,
             current, history_1, history_2, history_3, drive, angle, speed,
             s.way, s.rail_bristle, s.mount, 0.0, 0.0,
@@ -56,14 +56,14 @@ def vertical_step(p: VerticalParams, s: VerticalState, u: VerticalInput) -> Vert
     load = s.load + (moment - s.load) * p.dt / (p.friction.load_time + p.dt)
     mount, mount_velocity = _mount(p, s, contact)
     filtered = s.filtered_force + (patient - s.filtered_force) * p.dt / (p.force_lag + p.dt)
-    return VerticalState(
+    return ModuleState(
         nut, nut_velocity, handle, handle_velocity, bristle, load, friction, patient, contact,
         current, history_1, history_2, history_3, drive - brake, 0.0, 0.0,
         s.way + abs(nut_velocity) * p.dt, rail, mount, mount_velocity, filtered,
     )  # fmt: skip
 
 
-def _mount(p: VerticalParams, s: VerticalState, contact: float) -> tuple[float, float]:
+def _mount(p: VerticalParams, s: ModuleState, contact: float) -> tuple[float, float]:
     """Return deflection [m] and velocity of the screw in its mount (thesis appendix A, case 3).
 
     The handle's force goes through the nut into screw and mount; the encoder turns with the screw
@@ -77,7 +77,7 @@ def _mount(p: VerticalParams, s: VerticalState, contact: float) -> tuple[float, 
     return s.mount + p.dt * velocity, velocity
 
 
-def _friction_level(p: VerticalParams, s: VerticalState, upright: float) -> float:
+def _friction_level(p: VerticalParams, s: ModuleState, upright: float) -> float:
     """Return |friction| the bristle tends to at the present speed [N]."""
     f = p.friction
     against = s.nut_velocity * upright > 0.0
@@ -106,7 +106,7 @@ def _stop_terms(m: Vertical, position: float, velocity: float, dt: float) -> tup
 
 
 def _move(
-    p: VerticalParams, s: VerticalState, u: VerticalInput, drive: float
+    p: VerticalParams, s: ModuleState, u: ModuleInput, drive: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Solve one substep of both masses; drive: mean motor torque [Nm].
 
@@ -183,7 +183,7 @@ def _move(
 
 def _solve(
     m: Vertical,
-    s: VerticalState,
+    s: ModuleState,
     dt: float,
     nut_gain: float,
     nut_push: float,

@@ -15,10 +15,10 @@ from ..quoting import quoted
 from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
-from .module import HUMAN_ARM, LOCKED_ROTOR, VerticalInput, resting_state, vertical_params
+from .module import HUMAN_ARM, LOCKED_ROTOR, ModuleInput, resting_state, vertical_params
 from .noise import advanced, seeded
 from .patient import ArmSettings, changed_patient, moved_patient, resting_patient
-from .planar import PlanarInput, planar_params, resting_plane, tip
+from .planar import ManusInput, planar_params, resting_plane, tip
 from .sensor import DRAWS, Wrench, measured_wrench, sensor_params, true_wrench
 from .settings import PlantFileError, WorldSettings, checked, load_world
 from .simulation import SimulationParams, SimulationState, advance, advance_packed
@@ -125,26 +125,26 @@ class World:
             if placed(self._fixture, v.handle, v.handle_velocity):
                 self._fixture = running(self._fixture, self.settings.vertical.travel, v.handle)
 
-    def _vertical_input(self) -> VerticalInput:
+    def _vertical_input(self) -> ModuleInput:
         command = float(self.vertical_command)
         if not math.isfinite(command):
             raise ValueError(f"vertical_command = {command!r} A: a finite number is wanted")
         powered = bool(self.vertical_powered)
         f = self._fixture
-        return VerticalInput(
+        return ModuleInput(
             bridge_current(self.settings.amplifier, command),
             powered,
             bool(self.vertical_braked) and not powered,
             f.acting, f.locked, f.upright, 0.0, 0.0, f.pace, f.target, 0.0,
         )  # fmt: skip
 
-    def _planar_input(self) -> PlanarInput:
+    def _planar_input(self) -> ManusInput:
         shoulder, elbow = (float(torque) for torque in self.planar_command)
         if not math.isfinite(shoulder + elbow):
             raise ValueError(f"planar_command = {self.planar_command!r} Nm: finite numbers wanted")
         on_1, on_2 = (bool(on) for on in self.planar_powered)
         brake_1, brake_2 = (bool(on) for on in self.planar_braked)
-        return PlanarInput(
+        return ManusInput(
             shoulder, elbow, on_1, on_2, brake_1 and not on_1, brake_2 and not on_2,
             self._fixture.kind == HUMAN_ARM, 0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip

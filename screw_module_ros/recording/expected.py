@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag should hold, told by the design and by the parameters noted in it, not by its data.
+"""What a bag should hold by the table of the graph and the parameters noted in it, not by its data.
 
 A stride learned from the data hides a loss that is regular: with every second sample gone the rest
 looks like a topic of half the rate. So the topics that follow a node's ticks (design section 5) are
@@ -9,11 +9,11 @@ held against what is known of them.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
+from ..graph import TOPICS
 from .metadata import decoded
 
-_PACKAGE = "screw_module_msgs/msg/"
 _LEAST_S = 1.0  # a shorter recording tells no rate
 _FASTEST_HZ = 1e9  # a rate beyond it is none
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
@@ -21,24 +21,8 @@ _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are
 Parameters = Mapping[str, str]  # per node, its parameters as JSON
 
 
-class Ticked(NamedTuple):
-    """A type whose messages follow ticks.
-
-    publisher: node that publishes it. clock: node whose ticks its sequence counts.
-    every: ticks from one message to the next, or the parameter of `clock` that tells them.
-    """
-
-    publisher: str
-    clock: str
-    every: int | str
-
-
-TICKED = {
-    _PACKAGE + "EncoderSample": Ticked("encoder", "encoder", 1),
-    _PACKAGE + "ForceSample": Ticked("force_sensor", "force_sensor", 1),
-    _PACKAGE + "ForceCommand": Ticked("impedance_controller", "encoder", 1),
-    _PACKAGE + "PlanarState": Ticked("manus", "manus", "state_every"),
-}
+TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
+"""Topics whose messages follow ticks, by type: types outlive the remapping of a name."""
 
 
 def stride_of(type_name: str, parameters: Parameters | None = None) -> int:

@@ -205,12 +205,12 @@ def _lines(parts: list[_Part], noted: Noted) -> list[TopicLine]:
     lines = {line.name: line._replace(messages=0) for line in noted.topics}
     for part in parts:
         for number, (channel, schema) in sorted(part.channels.items()):
-            told = channel.metadata
+            metadata = channel.metadata
             line = lines.get(channel.topic) or TopicLine(
                 channel.topic,
                 schema.name,
-                told.get("topic_type_hash", ""),
-                told.get("offered_qos_profiles", "[]"),
+                metadata.get("topic_type_hash", ""),
+                metadata.get("offered_qos_profiles", "[]"),
                 0,
             )
             count = line.messages + part.survey.counts.get(number, 0)
@@ -220,9 +220,9 @@ def _lines(parts: list[_Part], noted: Noted) -> list[TopicLine]:
 
 def _fits(noted: Noted, lines: list[TopicLine], surveys: list[Survey]) -> bool:
     """Whether metadata.yaml tells what the files hold."""
-    told = {line.name: line.messages for line in noted.topics}
+    counts = {line.name: line.messages for line in noted.topics}
     names = tuple(found.path.name for found in surveys)
-    return noted.files == names and told == {line.name: line.messages for line in lines}
+    return noted.files == names and counts == {line.name: line.messages for line in lines}
 
 
 def _kept(parts: list[_Part]) -> Iterator[Path]:

@@ -238,9 +238,9 @@ def chunk_at(source: Source, position: int) -> ScannedChunk | None:
     _, length, _, _, _, crc, _ = _CHUNK.unpack_from(head)
     for compression in ("zstd", ""):
         start = _CHUNK.size + len(compression)
-        (told,) = _LENGTH.unpack_from(head, start)
+        (stated,) = _LENGTH.unpack_from(head, start)
         start += position + _LENGTH.size
-        for size in dict.fromkeys((told, length - 40 - len(compression))):
+        for size in dict.fromkeys((stated, length - 40 - len(compression))):
             if not 0 < size <= min(_MOST, source.size - start):
                 continue
             data = source.read(start, size)

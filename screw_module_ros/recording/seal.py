@@ -31,13 +31,13 @@ def sealed(sections: Sections) -> dict[str, str]:
     }
 
 
-def broken(told: Sections, inside: Sections | None) -> Iterator[str]:
-    """Say what in the noted values `told` does not fit its hash, or what stands `inside`.
+def broken(noted: Sections, inside: Sections | None) -> Iterator[str]:
+    """Say what in the noted values does not fit its hash, or what stands `inside`.
 
-    told: from metadata.yaml. inside: from the last file, None when it is cut off.
+    noted: from metadata.yaml. inside: from the last file, None when it is cut off.
     """
-    hashes = told.get(HASHES, {})
-    found = sealed(told)
+    hashes = noted.get(HASHES, {})
+    found = sealed(noted)
     for name in sorted({*hashes, *found}):
         if name not in hashes:
             yield f"{name}: has no hash: it was added, or recorded by an older version"
@@ -46,20 +46,20 @@ def broken(told: Sections, inside: Sections | None) -> Iterator[str]:
         elif found[name] != hashes[name]:
             yield f"{name}: was altered: it does not fit the hash it was recorded with"
     if inside is not None:
-        for name in sorted({*told, *inside}):
-            if dict(told.get(name, {})) != dict(inside.get(name, {})):
+        for name in sorted({*noted, *inside}):
+            if dict(noted.get(name, {})) != dict(inside.get(name, {})):
                 yield f"{name}: metadata.yaml and the last file of the bag differ"
-    for node, values in told.get(PARAMETERS, {}).items():
+    for node, values in noted.get(PARAMETERS, {}).items():
         if values == NO_ANSWER:
             yield f"{PARAMETERS}: {node}: it did not tell its parameters"
 
 
-def disowned(told: Sections, newest: Mapping[str, bytes]) -> Iterator[str]:
+def disowned(noted: Sections, newest: Mapping[str, bytes]) -> Iterator[str]:
     """Say which topics name another calibration in their last message than noted.
 
     newest: the last message (CDR) of each topic.
     """
-    for topic, identity in told.get(CALIBRATION, {}).items():
+    for topic, identity in noted.get(CALIBRATION, {}).items():
         if topic in newest and not _holds(newest[topic], identity):
             yield f"{CALIBRATION}: {topic}: its messages name another one than {identity!r}"
 

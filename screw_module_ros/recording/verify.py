@@ -59,8 +59,8 @@ class Report(NamedTuple):
     def verdict(self) -> str:
         """The verdict with what it covers, in one sentence."""
         kinds = Counter(_counted_by(count) for count in self.topics.values())
-        told = ", ".join(f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind])
-        covered = f"{len(self.topics)} topics: {told}" if told else "no topics"
+        parts = ", ".join(f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind])
+        covered = f"{len(self.topics)} topics: {parts}" if parts else "no topics"
         return f"{'complete' if self.complete else 'NOT complete'}; {covered}"
 
 
@@ -198,9 +198,9 @@ def _with_noted(counts: dict[str, Counts], noted: Noted) -> dict[str, Counts]:
     """Add what only the recorder knew: messages it could not write, topics with two publishers."""
     found = {}
     for name, count in counts.items():
-        told = noted.audit(name)
-        missed = -1 if told.missed < 0 else count.missed
-        found[name] = count._replace(dropped=told.dropped, missed=missed)
+        counted = noted.audit(name)
+        missed = -1 if counted.missed < 0 else count.missed
+        found[name] = count._replace(dropped=counted.dropped, missed=missed)
     return found
 
 
@@ -266,8 +266,8 @@ def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:
     for line in noted.topics:
         found = counts[line.name].messages
         if line.messages != found:
-            told = f"{METADATA_FILE} tells {line.messages} messages"
-            yield f"{line.name}: {told}, the files hold {found}"
+            claim = f"{METADATA_FILE} tells {line.messages} messages"
+            yield f"{line.name}: {claim}, the files hold {found}"
 
 
 def _missing(name: str, count: Counts) -> str:

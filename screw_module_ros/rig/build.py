@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from screw_module_ros.rig.axis import Axis, PlanarAxis, VerticalAxis
-from screw_module_ros.rig.drive import Drive, DriveSettings
-from screw_module_ros.rig.encoder import Encoder
-from screw_module_ros.rig.force_sensor import ForceSensor
+from screw_module_ros.rig.drive import DriveRating, SimulatedDrive
+from screw_module_ros.rig.encoder import SimulatedEncoder
+from screw_module_ros.rig.force_sensor import SimulatedForceSensor
 from screw_module_ros.rig.physics import Physics
-from screw_module_ros.rig.port import Port
+from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import Setting
 
 BUSES = ("encoder", "drive", "force_sensor", "planar")
@@ -20,7 +20,7 @@ _VERTICAL_COUNTS_PER_TURN = 20_000
 _PLANAR_COUNTS_PER_TURN = 65_536
 """9.587e-5 rad a count."""
 
-Device = Encoder | Drive | ForceSensor
+Device = SimulatedEncoder | SimulatedDrive | SimulatedForceSensor
 
 
 class RigSettings(NamedTuple):
@@ -53,16 +53,16 @@ class RigSettings(NamedTuple):
 
 
 def build_devices(
-    settings: RigSettings, ports: dict[str, Port], physics: Physics
+    settings: RigSettings, ports: dict[str, RigPort], physics: Physics
 ) -> Iterator[Device]:
     """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in."""
     if "encoder" in ports:
-        yield Encoder(ports["encoder"].plug(), settings.encoder_node, physics.world)
+        yield SimulatedEncoder(ports["encoder"].plug(), settings.encoder_node, physics.world)
     if "drive" in ports:
         axis = VerticalAxis(physics, settings.torque_constant)
         yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
     if "force_sensor" in ports:
-        yield ForceSensor(ports["force_sensor"].plug(), settings.sensor_base, physics)
+        yield SimulatedForceSensor(ports["force_sensor"].plug(), settings.sensor_base, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
@@ -70,9 +70,9 @@ def build_devices(
             yield _drive(name, ports["planar"], rating, axis, physics)
 
 
-def vertical_rating(settings: RigSettings) -> DriveSettings:
+def vertical_rating(settings: RigSettings) -> DriveRating:
     """Return what the vertical drive says of itself."""
-    return DriveSettings(
+    return DriveRating(
         node_id=settings.drive_node,
         rated_torque=settings.rated_torque,
         rated_current=settings.rated_torque / settings.torque_constant,
@@ -81,9 +81,9 @@ def vertical_rating(settings: RigSettings) -> DriveSettings:
     )
 
 
-def planar_rating(settings: RigSettings, node_id: int) -> DriveSettings:
+def planar_rating(settings: RigSettings, node_id: int) -> DriveRating:
     """Return what a planar drive says of itself."""
-    return DriveSettings(
+    return DriveRating(
         node_id=node_id,
         rated_torque=settings.planar_rated_torque,
         rated_current=settings.planar_rated_current,
@@ -92,5 +92,7 @@ def planar_rating(settings: RigSettings, node_id: int) -> DriveSettings:
     )
 
 
-def _drive(name: str, port: Port, rating: DriveSettings, axis: Axis, physics: Physics) -> Drive:
-    return Drive(name, port.plug(), rating, axis, physics)
+def _drive(
+    name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics
+) -> SimulatedDrive:
+    return SimulatedDrive(name, port.plug(), rating, axis, physics)

@@ -36,7 +36,7 @@ _STANDSTILL_POLLS = 10
 _LONGEST_STOP_NS = _S
 
 
-class DriveSettings(NamedTuple):
+class DriveRating(NamedTuple):
     """What tells one drive from another.
 
     node_id: CANopen node id. rated_torque: object 6076 [Nm]; rated_current: object 6075 [A].
@@ -50,14 +50,14 @@ class DriveSettings(NamedTuple):
     counts_per_turn: int
 
 
-class Drive(CanopenDevice):
+class SimulatedDrive(CanopenDevice):
     """One drive with its motor.
 
     name: how faults call it; link: its cable; axis: its motor; physics: the world's time.
     """
 
     def __init__(
-        self, name: str, link: Link, settings: DriveSettings, axis: Axis, physics: Physics
+        self, name: str, link: Link, settings: DriveRating, axis: Axis, physics: Physics
     ):
         super().__init__(name, link, settings.node_id, "drive.eds")
         self.settings = settings

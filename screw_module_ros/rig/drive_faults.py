@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from screw_module_ros.rig.faults import Fault
 
 if TYPE_CHECKING:
-    from screw_module_ros.rig.drive import Drive
+    from screw_module_ros.rig.drive import SimulatedDrive
 
 _CAUSES = (
     ("over_current", 0x2310, "current inside the device too high"),
@@ -27,7 +27,7 @@ _MICRO = 1000
 _MOST_COUNTS = 1e9
 
 
-def add_drive_faults(drive: Drive) -> None:
+def add_drive_faults(drive: SimulatedDrive) -> None:
     """Add the faults of a drive to its book."""
     add = drive.faults.add
     for name, code, text in _CAUSES:
@@ -53,7 +53,7 @@ def add_drive_faults(drive: Drive) -> None:
     add("micro_rating", _object(drive, 0x6076, micro, "6076 is in micro-Nm, as on some drives"))
 
 
-def _cause(drive: Drive, name: str, text: str, code: int) -> Fault:
+def _cause(drive: SimulatedDrive, name: str, text: str, code: int) -> Fault:
     def start(_value: float) -> None:
         drive.causes[name] = code
         drive.fail(code)
@@ -61,7 +61,7 @@ def _cause(drive: Drive, name: str, text: str, code: int) -> Fault:
     return Fault(f"{text}; cannot be reset while it lasts", start, lambda: _gone(drive, name))
 
 
-def _any_fault(drive: Drive) -> Fault:
+def _any_fault(drive: SimulatedDrive) -> Fault:
     def start(value: float) -> None:
         drive.causes["fault"] = int(value)
         drive.fail(int(value))
@@ -74,11 +74,11 @@ def _any_fault(drive: Drive) -> Fault:
     return Fault(text, start, stop, unit, _GENERIC_FAULT, 1, _LARGEST_CODE)
 
 
-def _gone(drive: Drive, name: str) -> None:
+def _gone(drive: SimulatedDrive, name: str) -> None:
     drive.causes.pop(name, None)
 
 
-def _disable(drive: Drive):
+def _disable(drive: SimulatedDrive):
     def start(_value: float) -> None:
         drive.machine.disable_voltage()
         drive.refresh_output()
@@ -86,7 +86,7 @@ def _disable(drive: Drive):
     return start
 
 
-def _output_switch(drive: Drive, attribute: str, text: str) -> Fault:
+def _output_switch(drive: SimulatedDrive, attribute: str, text: str) -> Fault:
     def put(value: bool) -> None:
         setattr(drive, attribute, value)
         drive.refresh_output()
@@ -94,7 +94,7 @@ def _output_switch(drive: Drive, attribute: str, text: str) -> Fault:
     return Fault(text, lambda _value: put(True), lambda: put(False))
 
 
-def _stuck(drive: Drive) -> Fault:
+def _stuck(drive: SimulatedDrive) -> Fault:
     def put(value: float | None) -> None:
         rated = drive.settings.rated_torque
         drive.stuck_torque = None if value is None else value * 1e-3 * rated
@@ -104,14 +104,14 @@ def _stuck(drive: Drive) -> Fault:
     return Fault(text, put, lambda: put(None), "per mille of rated", 500.0, -4000.0, 4000.0)
 
 
-def _freeze(drive: Drive) -> Fault:
+def _freeze(drive: SimulatedDrive) -> Fault:
     def put(value: int | None) -> None:
         drive.frozen_position = value
 
     return Fault("6064 stops changing", lambda _value: put(drive.position()), lambda: put(None))
 
 
-def _jump(drive: Drive) -> Fault:
+def _jump(drive: SimulatedDrive) -> Fault:
     def start(value: float) -> None:
         drive.position_shift += round(value)
 
@@ -119,7 +119,7 @@ def _jump(drive: Drive) -> Fault:
     return Fault(text, start, None, "counts", 5000.0, -_MOST_COUNTS, _MOST_COUNTS)
 
 
-def _inputs(drive: Drive) -> Fault:
+def _inputs(drive: SimulatedDrive) -> Fault:
     def put(value: float) -> None:
         drive.digital_inputs = int(value)
 
@@ -127,7 +127,7 @@ def _inputs(drive: Drive) -> Fault:
     return Fault(text, put, lambda: put(0), "bits (decimal)", 3, 1, 0xFFFFFFFF)
 
 
-def _object(drive: Drive, index: int, value: int, text: str) -> Fault:
+def _object(drive: SimulatedDrive, index: int, value: int, text: str) -> Fault:
     sources = drive.node.sources
 
     def start(_value: float) -> None:

@@ -20,7 +20,7 @@ from screw_module_ros.rig.object_dictionary import (
     VALUE_TOO_HIGH,
     VALUE_TOO_LOW,
 )
-from screw_module_ros.rig.physics import World
+from screw_module_ros.rig.physics import PlantInterface
 from screw_module_ros.rig.port import Link
 
 POSITION_ALARM, INDEX_ALARM = 0x0001, 0x1000
@@ -32,13 +32,13 @@ _LARGEST_RANGE = 1 << 32
 _MOST_COUNTS = 1e9
 
 
-class Encoder(CanopenDevice):
+class SimulatedEncoder(CanopenDevice):
     """The encoder on the screw's motor.
 
     link: its cable; node_id: CANopen node id; world: gives `encoder_count`.
     """
 
-    def __init__(self, link: Link, node_id: int, world: World):
+    def __init__(self, link: Link, node_id: int, world: PlantInterface):
         super().__init__("encoder", link, node_id, "encoder.eds")
         self._world = world
         self._parameters = 0

@@ -12,10 +12,11 @@ import math
 import struct
 
 from screw_module_ros.plant.noise import advanced, normal_pair, seeded
-from screw_module_ros.rig.calibration import CALIBRATIONS, ZERO_OFFSETS
 from screw_module_ros.rig.faults import Fault, FaultBook
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.port import Handler, Link
+
+from .transducer_calibration import CALIBRATIONS, ZERO_OFFSETS
 
 READ_GAUGES, GAUGES_ODD, READ_MATRIX, READ_SERIAL, SET_CALIBRATION = 0x0, 0x1, 0x2, 0x5, 0x6
 READ_COUNTS, READ_UNITS, READ_DIAGNOSTICS, RESET, READ_FIRMWARE = 0x7, 0x8, 0x9, 0xC, 0xF
@@ -44,7 +45,7 @@ _GAUGES = 6
 _LARGEST_WRENCH = 1000.0
 
 
-class ForceSensor:
+class SimulatedForceSensor:
     """The sensor between handle and carriage.
 
     link: its cable; base_id: base of its frame ids, 0x01 to 0x7F, and the seed of its noise;

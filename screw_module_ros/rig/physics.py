@@ -24,8 +24,8 @@ _LONGEST_PERIODS = 5
 """A longer stall than this is given up instead of caught up."""
 
 
-class World(Protocol):
-    """What the rig asks of the plant: quantities, units and signs as in `plant.world.World`."""
+class PlantInterface(Protocol):
+    """What the rig asks of the plant: quantities, units, signs as in `plant.world.World`."""
 
     vertical_command: float
     planar_command: tuple[float, float]
@@ -64,7 +64,7 @@ class Physics:
     to when its answer acts, in steps.
     """
 
-    def __init__(self, world: World, stepped: bool, period_ns: int, latency_ns: int):
+    def __init__(self, world: PlantInterface, stepped: bool, period_ns: int, latency_ns: int):
         self.world = world
         #: whole periods of wall clock given up
         self.slipped = 0

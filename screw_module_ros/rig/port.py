@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One bus of the rig, and the cable of each device on it.
 
-A `Port` reads frames and hands each to the devices that listen to its id: one dictionary lookup a
-frame. A `Link` is a device's own cable: frame faults sit there, so that one device of a shared bus
-can go wrong alone. A healthy link costs one attribute test a frame.
+A `RigPort` reads frames and hands each to the devices that listen to its id: one dictionary lookup
+a frame. A `Link` is a device's own cable: frame faults sit there, so that one device of a shared
+bus can go wrong alone. A healthy link costs one attribute test a frame.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Mangler(Protocol):
 class Link:
     """The cable between one device and its port."""
 
-    def __init__(self, port: Port):
+    def __init__(self, port: RigPort):
         self.port = port
         self.mangler: Mangler | None = None
         self.handlers: dict[int, Handler] = {}
@@ -65,7 +65,7 @@ class Link:
         return {can_id: handler for can_id, handler in wrapped.items() if handler is not None}
 
 
-class Port:
+class RigPort:
     """One bus: frames in by id, frames out, counters.
 
     bus: any python-can bus; it stays the caller's, and is not closed here. clock: what the other

@@ -20,10 +20,10 @@ from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.quoting import quoted
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
-from screw_module_ros.rig.drive import Drive
+from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import CLEAR, catalogue
-from screw_module_ros.rig.physics import Physics, World
-from screw_module_ros.rig.port import Port
+from screw_module_ros.rig.physics import Physics, PlantInterface
+from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import validated
 
 ALL = "all"
@@ -75,7 +75,7 @@ class Rig:
     def __init__(
         self,
         buses: dict[str, can.BusABC],
-        world: World,
+        world: PlantInterface,
         clock: Clock | None = None,
         period_ns: int = 1_000_000,
         settings: RigSettings | None = None,
@@ -92,7 +92,7 @@ class Rig:
         self._every_ns = min(period_ns, _HOUSEKEEPING_NS)
         self._after_ns = _AFTER_TICK_NS * self._every_ns // _HOUSEKEEPING_NS
         self._requests: deque[Callable[[], object]] = deque()
-        by_bus = {id(bus): Port(bus, clock) for bus in buses.values()}
+        by_bus = {id(bus): RigPort(bus, clock) for bus in buses.values()}
         self._ports = {name: by_bus[id(bus)] for name, bus in buses.items()}
         self._distinct = list(by_bus.values())
         #: name -> device: encoder, drive, force_sensor, shoulder, elbow
@@ -236,7 +236,7 @@ class Rig:
         """Let go of the motors and stop listening; the buses stay the caller's."""
         for device in self.devices.values():
             device.link.listen({})
-            if isinstance(device, Drive):
+            if isinstance(device, SimulatedDrive):
                 device.axis.drive(0.0, False, False)
 
     # Inside.
@@ -260,7 +260,7 @@ class Rig:
             if not self.process(self._clock.now_ns()):
                 self._clock.sleep(_PAUSE_S)
 
-    def _buses(self) -> dict[str, Port]:
+    def _buses(self) -> dict[str, RigPort]:
         named = {name + _BUS: port for name, port in self._ports.items()}
         if _PLANE in self._ports:
             named[_PLANE] = self._ports[_PLANE]

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .. import graph
 from ..recording.errors import BagReadError
 from ..recording.reader import read_bag, topics
 from .protocol import Protocol
@@ -19,8 +20,8 @@ from .session import ABORTED, FINISHED, PAUSED, RUNNING
 
 _S = 1_000_000_000
 _STATES = {1: RUNNING, 2: PAUSED, 3: FINISHED, 4: ABORTED}  # constants of TherapyState.msg
-_HAND, _STATE = "endpoint_state", "therapy/state"
-_TRIAL, _ASSISTANCE = "therapy/trial", "therapy/assistance"
+_HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
+_TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
 
 
 class Recorded(NamedTuple):

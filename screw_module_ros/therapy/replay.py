@@ -109,19 +109,19 @@ def _where(results: Sequence[TrialResult], gap: Gap) -> str:
 def _differences(
     results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
 ) -> list[str]:
-    told = {row["trial"]: row for row in recorded}
+    noted = {row["trial"]: row for row in recorded}
     found = {result.plan.number: flat(result) for result in results}
     problems = []
-    for number in sorted(told.keys() | found.keys()):
+    for number in sorted(noted.keys() | found.keys()):
         if number not in found:
             problems.append(f"trial {number}: recorded, but the replay does not come to its end")
-        elif number not in told:
+        elif number not in noted:
             problems.append(f"trial {number}: replayed, but its result was not recorded")
         else:
-            names = differing(found[number], told[number])
+            names = differing(found[number], noted[number])
             if names:
                 shown = ", ".join(
-                    f"{name} {told[number][name]!r} recorded, {found[number][name]!r} replayed"
+                    f"{name} {noted[number][name]!r} recorded, {found[number][name]!r} replayed"
                     for name in names[:3]
                 )
                 more = f", and {len(names) - 3} more" if len(names) > 3 else ""

@@ -14,7 +14,7 @@ from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.conversion import ConversionError, fill, plain
 from screw_module_ros.bridge.rights import ASKED, HEARD, SENT
-from screw_module_ros.nodes.support.bridge_gateway import found_type, new_message
+from screw_module_ros.nodes.bridge_gateway import found_type, new_message
 
 
 def test_no_number_is_null():

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import shutil
@@ -10,7 +11,7 @@ import shutil
 import pytest
 from fake_gateway import FakeGateway
 
-from screw_module_ros.bridge.rights import Rights
+from screw_module_ros.bridge.rights import KEPT, Rights
 from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import Tokens
@@ -32,10 +33,16 @@ class PlayedRobot(FakeGateway):
     def __init__(self, robots):
         super().__init__()
         self.values = {robot: dict(VALUES) for robot in robots}
-        self.robots, self.at, self.trials = robots, 0, {}
+        self.robots, self.at = robots, 0
+        self.kept = {}
+
+    def tell(self, topic, content):
+        super().tell(topic, content)
+        if topic.endswith(KEPT):
+            self.kept.setdefault(topic, []).append(json.dumps(content))
 
     def history(self, topic):
-        return []
+        return list(self.kept.get(topic, []))
 
     def call(self, service, arguments, answered):
         self.calls.append((service, arguments, answered))
@@ -264,6 +271,10 @@ def test_results_come_into_the_table(serving, open_page):
         given.robot.finish(trial)
         given.until(page, f"document.querySelectorAll('.results tbody tr').length === {trial}")
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    page.reload()
+    given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    given.robot.finish(6)
+    given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
 
 
 @pytest.mark.parametrize("size", [(390, 844), (820, 1180), (3840, 2160)])

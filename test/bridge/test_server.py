@@ -286,7 +286,7 @@ def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
     for _ in range(3):
         gc.collect()
     assert len(made) == 0
-    assert sum(isinstance(each, Connection) for each in gc.get_objects()) == 0
+    assert sum(type(each) is Connection for each in gc.get_objects()) == 0
 
 
 def test_closing_ends_connections_and_the_thread(server, gateway):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.calibration.friction import FrictionFileError, load_friction_model
+from screw_module_ros.calibration.friction_file import FrictionFileError, load_friction_model
 
 FILE = Path(__file__).parents[2] / "params" / "friction_thesis.yaml"
 

@@ -3,7 +3,10 @@
 
 import pytest
 
-from screw_module_ros.calibration.linearization import LinearizationFileError, load_linearization
+from screw_module_ros.calibration.linearization_file import (
+    LinearizationFileError,
+    load_linearization,
+)
 from screw_module_ros.control.linearization import default_linearization, torque_command
 
 DEFAULT = default_linearization()

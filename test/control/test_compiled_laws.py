@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control import planar, vertical
 

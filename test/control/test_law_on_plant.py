@@ -10,7 +10,7 @@ import math
 import pytest
 
 from screw_module_ros import filters, geometry
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.control import modes
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization

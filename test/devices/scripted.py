@@ -8,8 +8,8 @@ import threading
 import can
 from can.interfaces.virtual import VirtualBus
 
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.devices.port import Port
 
 MILLISECOND = 1_000_000
 

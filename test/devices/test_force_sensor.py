@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import TiedBus
 
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices import ati
 from screw_module_ros.devices.errors import BusError, NotAnswering, NotTared, Occupied, WrongDevice
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings, unchanged_samples
-from screw_module_ros.devices.port import Port
 from screw_module_ros.rig.rig import Rig
 from screw_module_ros.samples import ForceReading
 

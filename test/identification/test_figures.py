@@ -4,7 +4,7 @@ import pytest
 
 from screw_module_ros.identification import figures
 from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.session import Path3D, Trace
+from screw_module_ros.identification.recorded_session import Path3D, Trace
 
 SPRING = Spring(100.0, 0.18)
 

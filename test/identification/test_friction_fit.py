@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from screw_module_ros.calibration.friction import FORMAT, load_friction_model
+from screw_module_ros.calibration.friction_file import FORMAT, load_friction_model
 from screw_module_ros.control.friction import friction_force
 from screw_module_ros.identification import friction_fit, friction_map, gravity
 from screw_module_ros.identification.figures.friction_model import friction_model_figures

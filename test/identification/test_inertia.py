@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.identification import friction_fit, inertia
 from screw_module_ros.identification.figures.inertia import inertia_figures
 from screw_module_ros.identification.friction_form import friction_along

@@ -16,7 +16,7 @@ from screw_module_ros.identification.report import study
 from screw_module_ros.identification.report.command import command
 from screw_module_ros.identification.report.misses import misses_of
 from screw_module_ros.identification.report.published import PUBLISHED, Published
-from screw_module_ros.identification.report.rows import WANTED, Checked, Compared, Wanted
+from screw_module_ros.identification.report.rows import WANTED, Checked, Compared, Criterion
 from screw_module_ros.identification.report.study import Module, Outcome
 from screw_module_ros.identification.report.tables import (
     checked_rows,
@@ -46,13 +46,13 @@ def test_published_figure_agrees_within_its_tolerance(value, verdict):
 @pytest.mark.parametrize(
     ("wanted", "value", "truth", "met"),
     [
-        (Wanted("gravity", "gravity", lambda m: 10.0, 0.3), 10.29, 10.0, True),
-        (Wanted("gravity", "gravity", lambda m: 10.0, 0.3), 9.6, 10.0, False),
-        (Wanted("inertia", "mass", lambda m: 5.0, 0.1, True), 5.49, 5.0, True),
-        (Wanted("inertia", "mass", lambda m: 5.0, 0.1, True), 5.51, 5.0, False),
-        (Wanted("static_torque", "correlation", None, 0.9999), 0.99991, math.nan, True),
-        (Wanted("static_torque", "correlation", None, 0.9999), 0.99989, math.nan, False),
-        (Wanted("gravity", "gravity", lambda m: 10.0, 0.3), math.nan, 10.0, False),
+        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), 10.29, 10.0, True),
+        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), 9.6, 10.0, False),
+        (Criterion("inertia", "mass", lambda m: 5.0, 0.1, True), 5.49, 5.0, True),
+        (Criterion("inertia", "mass", lambda m: 5.0, 0.1, True), 5.51, 5.0, False),
+        (Criterion("static_torque", "correlation", None, 0.9999), 0.99991, math.nan, True),
+        (Criterion("static_torque", "correlation", None, 0.9999), 0.99989, math.nan, False),
+        (Criterion("gravity", "gravity", lambda m: 10.0, 0.3), math.nan, 10.0, False),
     ],
 )
 def test_what_is_wanted_is_checked(wanted, value, truth, met):
@@ -91,7 +91,7 @@ def test_every_kind_of_miss_is_named():
     explained = Published("gravity", "gravity", 5.0, "5.2.4", 0.1, "another planet")
     unexplained = Published("gravity", "gravity", 6.0, "5.2.4", 0.1)
     rows = [Compared(explained, quantity(10.0)), Compared(unexplained, quantity(10.0))]
-    checks = [(module, Checked(Wanted("gravity", "gravity", len, 0.3), quantity(10.0), 9.0))]
+    checks = [(module, Checked(Criterion("gravity", "gravity", len, 0.3), quantity(10.0), 9.0))]
     misses = list(misses_of([module], rows, checks))
     text = "\n".join(miss.text for miss in misses)
     for part in ("friction_model is needed", "no better", "another planet", "no explanation", "9"):

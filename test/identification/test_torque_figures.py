@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from screw_module_ros.figure_style import save
 from screw_module_ros.identification import current_response, torque_response
 from screw_module_ros.identification.figures import torque
-from screw_module_ros.identification.figures.style import save
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 

@@ -12,8 +12,10 @@ import uuid
 from typing import NamedTuple
 
 import can
+from lean_bus import LeanVirtualBus
 
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.gate import OPEN, GateSettings
@@ -29,7 +31,6 @@ from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
 from screw_module_ros.devices.heartbeat import Heartbeat
-from screw_module_ros.devices.port import Port
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
@@ -169,13 +170,14 @@ class Bench:
             self.controller,
             self.axis,
         )
-        self.vertical = VerticalLoop(clock, PERIOD_NS, Wires(sample=self._see, force=self._feel))
+        wires = Wires(publish_sample=self._on_sample, publish_force=self._on_force)
+        self.vertical = VerticalLoop(clock, PERIOD_NS, wires)
         self.plane = PlaneLoop(
             self.axes, ports["planar"], PERIOD_NS, PlaneLimits(), PlaneWires()
         )
 
     def _bus(self, channel: str) -> can.BusABC:
-        bus = can.Bus(interface="virtual", channel=channel)
+        bus = LeanVirtualBus(channel)
         self._buses.append(bus)
         return bus
 
@@ -256,10 +258,10 @@ class Bench:
         self.rig.process(self.now_ns)
         self.rows.append(self._row(self._sample))
 
-    def _see(self, sample: EncoderReading) -> None:
+    def _on_sample(self, sample: EncoderReading) -> None:
         self._sample = sample
 
-    def _feel(self, force: ForceReading) -> None:
+    def _on_force(self, force: ForceReading) -> None:
         self._readings.append(force)
         self.plane.on_force(force.fx, force.fy, self.now_ns)
 

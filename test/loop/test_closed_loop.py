@@ -103,7 +103,7 @@ def test_locked_out_until_asked(bench):
     ],
 )
 def test_a_fault_takes_the_torque_away_for_good(enabled, device, fault, value):
-    """Whatever breaks: zero torque at the motor soon, a reason, and no way back by itself."""
+    """Whatever breaks: zero torque at the motor soon, a reason, and no recovery by itself."""
     enabled.setpoint = (0.30, 0.0)
     enabled.seconds(0.2)
     assert enabled.torque_passes and abs(enabled.world.vertical_torque) > 0.01

@@ -36,9 +36,9 @@ def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
         ArmSettings(kind="active", stiffness=5000.0, damping=200.0, target=(0, 0, HELD),
                     duration=0.8)
     )  # fmt: skip
-    enabled.seconds(3.0)
+    enabled.seconds(1.8)
     enabled.setpoint = (aim, 0.0)
-    rows = enabled.seconds(2.0)
+    rows = enabled.seconds(1.6)
     way = 1.0 if largest > 0.0 else -1.0
     pressed = [-row.patient * way for row in rows]
     assert rows[-1].reason == ""

@@ -19,7 +19,7 @@ def heard(rate: float, jitter_ns: int = 0, lost: float = 0.0, count: int = 500, 
     for tick in range(first, first + count):
         if chance.random() >= lost:
             at_ns = round(tick * 1e9 / rate) + chance.randrange(jitter_ns + 1)
-            check.hear(tick & SEQUENCE_MASK, at_ns)
+            check.note(tick & SEQUENCE_MASK, at_ns)
     return check
 
 
@@ -40,5 +40,5 @@ def test_late_and_lost_samples_are_no_other_rate():
 def test_a_sender_that_comes_back_with_the_right_rate_is_forgiven():
     check = heard(500.0)
     for tick in range(10_000, 10_200):
-        check.hear(tick, tick * PERIOD_NS)
+        check.note(tick, tick * PERIOD_NS)
     assert check.wrong == ""

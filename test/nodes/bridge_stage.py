@@ -16,11 +16,11 @@ from screw_module_msgs.msg import EndpointSetpoint, SafetyState, TherapyState
 
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot
-from screw_module_ros.nodes.support.simulated_player import Person, SimulatedPlayer
-from screw_module_ros.nodes.therapy import make_ready, switch_on
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
+from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.simulated_player import Person, SimulatedPlayer
+from screw_module_ros.trials.therapy import make_ready, switch_on
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 DEADLINE_S = 120.0

@@ -13,14 +13,14 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.module import ModuleCalibration, write_calibration
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.module_node import Done
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 
@@ -149,7 +149,7 @@ def graph(tmp_path_factory, calibration):
 @pytest.fixture(scope="module")
 def robot(graph):
     with Robot("tester", watch=graph.watch, simulated=True) as operator:
-        graph.wait_until_ready(operator, told=lambda waiting: None)
+        graph.wait_until_ready(operator)
         yield operator
 
 

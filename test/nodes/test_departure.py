@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes.support import departure
-from screw_module_ros.nodes.support.departure import Departure
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.nodes import rig_departure as departure
+from screw_module_ros.nodes.rig_departure import Departure
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.graph_run import GraphRun
 
 STEP_NS = 50_000_000
 
@@ -63,7 +63,7 @@ def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, cloc
     """As under `ros2 launch`: SIGINT for every process in one moment."""
     with GraphRun(wall_clock=clock == "wall") as graph:
         with Robot("tester", watch=graph.watch) as robot:
-            graph.wait_until_ready(robot, told=lambda waiting: None)
+            graph.wait_until_ready(robot)
         capfd.readouterr()
         for name in graph.pids:
             graph.signal(name, signal.SIGINT)

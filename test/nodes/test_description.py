@@ -22,7 +22,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import MANUS, PlanarArm, Screw, forward, jacobian
 from screw_module_ros.nodes.endpoint_state import planar_joints, vertical_joint
-from screw_module_ros.nodes.support.description import robot_description
+from screw_module_ros.nodes.robot_description import robot_description
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -22,11 +22,11 @@ from screw_module_msgs.msg import (
 )
 from std_srvs.srv import SetBool
 
+from screw_module_ros.graph import GRAPH, table
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.graph import GRAPH, table
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 
@@ -93,7 +93,7 @@ def run(request, tmp_path_factory):
 def robot(run):
     """Return an operator of the graph whose nodes are all active."""
     with Robot("tester", watch=run.watch, simulated=True) as operator:
-        run.wait_until_ready(operator, told=lambda waiting: None)
+        run.wait_until_ready(operator)
         operator.clear_faults()
         operator.home()
         yield operator

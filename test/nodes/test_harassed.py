@@ -10,8 +10,8 @@ import pytest
 from screw_module_msgs.msg import AmplifierState, ForceCommand, PlanarState
 
 import harass
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(300)]
 

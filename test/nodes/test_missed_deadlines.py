@@ -10,8 +10,8 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 
 from screw_module_ros.loop.ticker import Ticker
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 
@@ -69,7 +69,7 @@ def robot():
         GraphRun(extra=extra, only=["sim_rig", "amplifier"]) as graph,
         Robot("tester", watch=graph.watch, simulated=True) as client,
     ):
-        graph.wait_until_ready(client, told=lambda waiting: None)
+        graph.wait_until_ready(client)
         yield client
 
 

@@ -22,11 +22,11 @@ from screw_module_msgs.msg import (
     SimTruth,
 )
 
+from screw_module_ros.graph import COMPOSED
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.graph import COMPOSED
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
+from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = pytest.mark.graph
 

@@ -6,12 +6,9 @@ from __future__ import annotations
 import pytest
 import yaml
 
-from screw_module_ros.nodes.support.graph import (
-    BENCH_PARAMETERS,
-    GRAPH,
-    SIMULATION_PARAMETERS,
-)
+from screw_module_ros.graph import BUSES, GRAPH
 from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.nodes.support.plan import BENCH_PARAMETERS, SIMULATION_PARAMETERS
 from screw_module_ros.plant.world import load_world
 from screw_module_ros.resources import resource_path
 
@@ -35,6 +32,14 @@ def read(file: str) -> dict:
 def test_a_section_for_every_node_and_no_other(file):
     """A misspelt node name would be ignored by ROS without a word."""
     assert set(read(file)) - {EVERY_NODE} == set(FILES[file])
+
+
+def test_both_ends_of_a_bus_are_on_the_port_of_the_table():
+    """The file says what the nodes declare anyway, for who wants to change it."""
+    sections = read(SIMULATION_PARAMETERS)
+    for bus in BUSES:
+        assert sections[bus.node]["can.port"] == bus.port
+        assert sections["sim_rig"][f"{bus.name}.can.port"] == bus.port
 
 
 @pytest.mark.parametrize("namespace", ["/", "/left"])

@@ -9,13 +9,18 @@ from xml.etree import ElementTree
 import pytest
 from rclpy.node import Node
 
+from screw_module_ros.graph import (
+    BESIDE,
+    COMPOSED,
+    ENCODER_DECIMATED,
+    FORCE_DECIMATED,
+    GRAPH,
+)
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.support import topics
-from screw_module_ros.nodes.support.graph import BESIDE, COMPOSED, GRAPH
-from screw_module_ros.nodes.support.graph_run import GraphRun
 from screw_module_ros.nodes.support.plan import ENCLAVES
-from screw_module_ros.nodes.support.robot import Robot
+from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
+from screw_module_ros.trials.graph_run import GraphRun
 
 POLICY = "security/policy.xml"
 NODES = [entry.executable for entry in GRAPH]
@@ -182,7 +187,7 @@ def test_the_policy_is_the_running_graph():
         idle.subscribe - {CLOCK}, idle.reply, idle.execute
     )  # fmt: skip
     published = frozenset().union(*(profile.publish for profile in seen.values()), {"/setpoint"})
-    slow = {f"/{name}" for name in (topics.SLOW_ENCODER, topics.SLOW_FORCE)}  # never recorded
+    slow = {f"/{name}" for name in (ENCODER_DECIMATED, FORCE_DECIMATED)}  # never recorded
     recorder = found["session_recorder"]["session_recorder"]
     assert recorder.subscribe == published - slow
     asked = {f"/{name}/{service}" for name in (*NODES, *BESIDE) if name != "session_recorder"

@@ -10,9 +10,9 @@ import pytest
 from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros.lockstep.page import START_NS
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, arm
+from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.recording.reader import raw_messages
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 
@@ -32,7 +32,7 @@ class Script:
     def at(self, seconds: float) -> Robot:
         due_ns = START_NS + round(seconds * S) + BETWEEN_TICKS_NS
         assert self.robot.clock.now_ns() <= due_ns, "the machine was too slow for this script"
-        self.robot.clock.sleep_until(due_ns)
+        self.robot.pause_until(due_ns)
         return self.robot
 
 

@@ -29,17 +29,17 @@ def test_the_controller_holds_its_force_at_zero_while_there_are_two(make_node, k
     node.begin()
     voices = publish(node, kind, topic, 1)
     node._senders._count()
-    node.hear(MS)
+    node.read_inputs(MS)
     assert "publish" not in node.part.reason
     voices += publish(node, kind, topic, 1)
     node._senders._count()
-    node.hear(2 * MS)
+    node.read_inputs(2 * MS)
     assert f"2 nodes publish {topic}: one is allowed (/impedance_controller)" in node.part.reason
     assert node.part.faulted
     node.destroy_publisher(voices.pop())
     node._senders._count()
     node.part.reset(3 * MS)
-    node.hear(3 * MS)
+    node.read_inputs(3 * MS)
     assert not node.part.faulted
     node.close()
 

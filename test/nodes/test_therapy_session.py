@@ -21,11 +21,11 @@ from screw_module_msgs.msg import (
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.support.graph_run import GraphRun
-from screw_module_ros.nodes.support.robot import Robot, RobotError, arm
-from screw_module_ros.recording.cli import main
+from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.resources import resource_path
+from screw_module_ros.session_command import main
 from screw_module_ros.therapy.bag import read_session, replayed
+from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 

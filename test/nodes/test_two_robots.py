@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from screw_module_msgs.msg import AmplifierState, SafetyState
 
+from screw_module_ros.identification.live.graph import parameters
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.live.graph import parameters
-from screw_module_ros.nodes.support.robot import Robot, RobotError
+from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.recording.reader import metadata, topics
 from screw_module_ros.recording.verify import verify
 

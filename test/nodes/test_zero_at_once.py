@@ -53,7 +53,7 @@ def axis(make_node):
 
 def step(axis, sample) -> None:
     """One step of the node's loop with that sample on the topic."""
-    wires = Wires(take_sample=lambda until_ns: sample, command=axis.node.tell)
+    wires = Wires(take_sample=lambda until_ns: sample, publish_command=axis.node.publish_command)
     loop = VerticalLoop(ManualClock(axis.now), MS, wires)
     loop.step(Parts(controller=axis.node.part))
 
@@ -82,7 +82,7 @@ def act_and_publish(axis, sample):
         drives=SimpleNamespace(enabled=True),
         position=0.0,
     )
-    loop = VerticalLoop(ManualClock(axis.now), MS, Wires(command=axis.node.tell))
+    loop = VerticalLoop(ManualClock(axis.now), MS, Wires(publish_command=axis.node.publish_command))
     loop.step(Parts(encoder, None, axis.node.part, drive))
     return given
 

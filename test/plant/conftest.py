@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from screw_module_ros.plant.arm import arm_force
-from screw_module_ros.plant.module import VerticalInput, VerticalParams, vertical_params
+from screw_module_ros.plant.module import ModuleInput, VerticalParams, vertical_params
 from screw_module_ros.plant.settings import WorldSettings, load_world
 
 
@@ -31,9 +31,9 @@ def vertical(settings) -> VerticalParams:
 
 
 @pytest.fixture(scope="session")
-def still() -> VerticalInput:
+def still() -> ModuleInput:
     """No power, no fixture, upright."""
-    return VerticalInput(
+    return ModuleInput(
         current=0.0,
         powered=False,
         braked=False,

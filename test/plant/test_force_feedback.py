@@ -20,7 +20,7 @@ from screw_module_ros.plant.amplifier import bridge_current
 from screw_module_ros.plant.arm import arm_force
 from screw_module_ros.plant.module import (
     HUMAN_ARM,
-    VerticalInput,
+    ModuleInput,
     resting_state,
     vertical_params,
 )
@@ -75,7 +75,7 @@ def loop(p, amplifier, s, gain, filter_pole, filter_zero, steps, late, noise, re
             s = vertical_step(
                 p,
                 s,
-                VerticalInput(
+                ModuleInput(
                     current, True, False, HUMAN_ARM, False, 1.0, hand, speed, 0.0, 0.0, 0.0
                 ),
             )

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from screw_module_ros.compiled import compiled
 from screw_module_ros.plant.arm import ArmForce, arm_force
 from screw_module_ros.plant.planar import (
-    PlanarInput,
+    ManusInput,
     planar_params,
     planar_step,
     resting_plane,
@@ -21,7 +21,7 @@ from screw_module_ros.plant.planar import (
 )
 
 L1, L2 = 0.4064, 0.51435
-IDLE = PlanarInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0)
+IDLE = ManusInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0)
 
 quick_step = compiled(planar_step)
 

@@ -10,7 +10,7 @@ from anything import MS, START_NS, fixed, live_changes, near
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.calibration.friction import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings

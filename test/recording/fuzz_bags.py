@@ -33,7 +33,7 @@ from bag_counts import by_library, by_scan
 from bag_damage import CRAFTED, NOTES, PLAIN, ROUGH
 
 from screw_module_ros.recording import BagWriter, Definition, Message, StorageSettings, Topic
-from screw_module_ros.recording.cli import main as session
+from screw_module_ros.session_command import main as session
 
 START = 1_700_000_000_000_000_000
 LIMIT_S = 20  # a case that takes longer hangs

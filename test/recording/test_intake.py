@@ -80,7 +80,7 @@ def test_unknown_type_is_named(name):
 
 def test_what_is_refused_is_noted_in_the_bag():
     noted = {}
-    recorder = SimpleNamespace(_told=SimpleNamespace(values={"/encoder": "{}"}))
+    recorder = SimpleNamespace(_noted_parameters=SimpleNamespace(values={"/encoder": "{}"}))
     session = SimpleNamespace(add_metadata=noted.__setitem__)
     intake = SimpleNamespace(calibrations=dict, refused={})
     SessionRecorder._note(recorder, session, intake)

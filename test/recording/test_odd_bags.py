@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bag_damage import CHUNK, FILE, alter, old, place_of
 
 from screw_module_ros.recording import BagError, BagWriter
-from screw_module_ros.recording.cli import main
 from screw_module_ros.recording.recovery import recover_all
+from screw_module_ros.session_command import main
 
 
 def rewrite(folder, change):

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from screw_module_ros.recording import BagWriter, Counts, Message, Topic
-from screw_module_ros.recording.cli import main
 from screw_module_ros.recording.seal import NO_ANSWER, sealed
 from screw_module_ros.recording.verify import Gap, verify
+from screw_module_ros.session_command import main
 
 START = 1_700_000_000_000_000_000
 MS = 1_000_000

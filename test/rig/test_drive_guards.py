@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The drive as the last guard: deadline, heartbeat, what 6007 and 605E say, and the way back."""
+"""The drive as the last guard: deadline, heartbeat, what 6007 and 605E say, and the recovery."""
 
 import pytest
 
@@ -60,7 +60,7 @@ def test_lost_heartbeat_faults_and_falls_back_to_pre_operational(torque_drive):
     assert not drive.world.vertical_powered
 
 
-def test_way_back_from_a_lost_heartbeat(torque_drive):
+def test_recovery_from_a_lost_heartbeat(torque_drive):
     drive = torque_drive
     drive.enable()
     drive.ask(0x770, "05")

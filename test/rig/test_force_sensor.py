@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.rig.calibration import CALIBRATIONS, ZERO_OFFSETS
 from screw_module_ros.rig.force_sensor import CONVERTER_NOISE
+from screw_module_ros.rig.transducer_calibration import CALIBRATIONS, ZERO_OFFSETS
 
 MS = 1_000_000
 

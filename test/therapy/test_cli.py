@@ -3,7 +3,7 @@
 
 import pytest
 
-from screw_module_ros.recording.cli import main
+from screw_module_ros.session_command import main
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 
 

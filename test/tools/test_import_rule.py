@@ -54,6 +54,17 @@ def check(folder: Path, file: str, source: str) -> list[str]:
         ("identification/lab.py", "from .live.bench import LiveBench"),
         ("identification/lab.py", "import rclpy"),
         ("identification/lively.py", "import rclpy"),
+        ("can_io/port.py", "from ..devices.errors import BusError"),
+        ("rig/port.py", "from screw_module_ros.loop.pace import Pace"),
+        ("recording/expected.py", "from ..therapy.bag import read_session"),
+        ("nodes/encoder.py", "from screw_module_ros.operator.robot import Robot"),
+        ("operator/robot.py", "from screw_module_ros.trials.demo import main"),
+        ("identification/live/bench.py", "from screw_module_ros.trials.demo import main"),
+        ("nodes/encoder.py", "from screw_module_ros.identification.live.loop import LiveLoop"),
+        ("control/watch.py", "from ..clock import Clock"),
+        ("plant/world.py", "from screw_module_ros.clock import Clock"),
+        ("cellar/encoder.py", "from ..settings import Setting"),
+        ("loop/one.py", "from . import one\nfrom .two import three\nfrom ..cellar import wine"),
     ],
 )
 def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
@@ -69,16 +80,31 @@ def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
         ("trials/demo.py", "import rclpy\nfrom ..operator.robot import Robot"),
         ("identification/live/bench.py", "import rclpy\nfrom ...nodes.support import qos"),
         ("plant/settings.py", "import yaml\nfrom pathlib import Path"),
-        ("calibration/module.py", "import os\nimport yaml\nfrom ..control.friction import Branch"),
+        ("calibration/module_file.py", "import yaml\nfrom ..control.friction import Branch"),
         ("identification/calibration.py", "from ..calibration.module import write_calibration"),
         ("rig/rig.py", "from screw_module_ros.plant.world import World\nimport can"),
-        ("devices/drive.py", "import can\nfrom . import bus\nfrom ..samples import DriveReading"),
+        ("devices/drive.py", "from ..can_io import bus\nfrom ..samples import DriveReading"),
         ("control/vertical.py", "import math\nfrom .impedance import force"),
         ("plant/world.py", "from screw_module_ros.compiled import compiled"),
+        ("rig/port.py", "from screw_module_ros.can_io.echo import EchoFilter"),
+        ("__init__.py", "from . import clock"),
     ],
 )
 def test_what_the_layers_may_import(tmp_path: Path, file: str, source: str) -> None:
     assert check(tmp_path, file, source) == []
+
+
+def test_a_circle_of_modules_is_named(tmp_path: Path) -> None:
+    check(tmp_path, "loop/one.py", "def late():\n    from .two import b")
+    check(tmp_path, "loop/two.py", "from . import three")
+    (reason,) = check(tmp_path, "loop/three.py", "from screw_module_ros.loop.one import a")
+    names = [f"screw_module_ros.loop.{name}" for name in ("one", "two", "three", "one")]
+    assert reason.endswith(f"circle: {' -> '.join(names)}")
+
+
+def test_an_import_for_types_alone_closes_no_circle(tmp_path: Path) -> None:
+    check(tmp_path, "loop/one.py", "if TYPE_CHECKING:\n    from .two import B")
+    assert check(tmp_path, "loop/two.py", "from .one import a") == []
 
 
 def test_a_violation_names_file_and_line(tmp_path: Path) -> None:

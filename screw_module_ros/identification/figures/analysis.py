@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..results import Result
-from .style import COLOURS, DESIRED, STYLE
 
 _KILOGRAM = 0.011  # m on the page per kg, so that neighbouring ellipses do not meet
 _LIMIT = {"color": DESIRED, "linestyle": ":", "linewidth": 1.4}

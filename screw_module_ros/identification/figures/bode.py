@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 
-from .style import COLOURS, DESIRED, STYLE
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
 _LINES = ((COLOURS[2], "-"), (DESIRED, "--"), (COLOURS[3], "-."))
 

@@ -7,12 +7,13 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..curves import CURVES
 from ..force_position import Spring
+from ..recorded_session import Trace
 from ..results import Result
-from ..session import Trace
 from .force_position import force_position
-from .style import COLOURS, DESIRED, STYLE
 
 _TITLES = {
     "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),

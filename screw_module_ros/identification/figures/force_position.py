@@ -15,9 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoMinorLocator
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..force_position import Spring, spring_force
-from ..session import Path3D, Trace
-from .style import COLOURS, DESIRED, STYLE
+from ..recorded_session import Path3D, Trace
 
 _MOST_POINTS = 6000
 _ARROWS = (0.15, 0.4, 0.65, 0.9)

@@ -10,10 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedFormatter, FixedLocator
 from scipy.signal import freqz
 
+from screw_module_ros.figure_style import COLOURS, STYLE
+
 from ..friction_bins import lowpass_taps
 from ..friction_map import measured, nearest
 from ..results import Result
-from .style import COLOURS, STYLE
 
 HEIGHT = "height of the nut on the screw z [mm]"
 FORCE = "force of the stage on the robot [N]"

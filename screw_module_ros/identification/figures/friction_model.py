@@ -7,12 +7,13 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ...control.friction import FrictionModel
 from ..friction_fit import WITHIN, friction_model_of
 from ..friction_form import ripple_phase, speed_factor
 from ..results import Result
 from .friction_maps import FORCE, HEIGHT, SPEED, axes_for
-from .style import COLOURS, DESIRED, STYLE
 
 _RESIDUALS = (("5-27", "up", (5.0, 20.0)), ("5-30", "down", (5.0, 40.0)))  # [mm/s]
 

@@ -6,11 +6,12 @@ from __future__ import annotations
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import COLOURS, STYLE
+
 from ..friction_spectrum import Peak
 from ..friction_spectrum import nearest as nearest_line
 from ..results import Result
 from .friction_maps import FORCE, HEIGHT, axes_for
-from .style import COLOURS, STYLE
 
 _NEAR = 10.0  # where fig 5-8 ends [Hz]
 _FAR = 500.0  # where fig 5-7 ends [Hz]

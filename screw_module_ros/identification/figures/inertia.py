@@ -8,11 +8,12 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from scipy.signal import freqz
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..friction_bins import optimal_lowpass
 from ..mass_estimates import CUTOFF_HZ, STOP_HZ
 from ..results import Result
 from .friction_maps import axes_for
-from .style import COLOURS, DESIRED, STYLE
 
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _SCALE = 0.2  # of the force in fig 5-33

@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ...control.modes import MODE_NAMES
 from ..force_metric import ErrorOf
 from ..results import Result
-from .style import COLOURS, DESIRED, STYLE
 
 
 def stability_figures(result: Result) -> dict[str, Figure]:

@@ -11,10 +11,11 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..delay_limit import held_wire
 from ..results import Result
 from .bode import bode, phase_degrees
-from .style import COLOURS, DESIRED, STYLE
 
 _EVERY = 5  # samples to one dot
 _FIRST, _SECOND, _THIRD = COLOURS[:3]

@@ -18,7 +18,7 @@ from ...plant.settings import PlantFileError
 from ..catalogue import EXPERIMENTS
 from ..pool import worker_pool
 from .page import write_page
-from .study import ON_EVERY_MODULE, Told, examine
+from .study import ON_EVERY_MODULE, OnProgress, examine
 
 _NARROWEST = 110  # columns where the output goes into a file
 
@@ -58,9 +58,9 @@ def command(
     try:
         if fresh:
             _remove_own(folder)
-        with worker_pool(workers) as pool, _shown(console, only, seeds) as told:
+        with worker_pool(workers) as pool, _shown(console, only, seeds) as on_progress:
             modules = [
-                examine(seed, folder, pool, told, only, plant)
+                examine(seed, folder, pool, on_progress, only, plant)
                 for seed in (None, *range(first_seed, first_seed + seeds))
             ]
         with console.status("drawing and writing the page"):
@@ -85,7 +85,7 @@ def _remove_own(folder: Path) -> None:
 
 
 @contextmanager
-def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[Told]:
+def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnProgress]:
     """Show a bar for the module's experiment and one for everything."""
     first = len(only or EXPERIMENTS)
     total = first + seeds * len(only or ON_EVERY_MODULE)
@@ -97,7 +97,7 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[Told
         everything = bars.add_task("everything", total=total)
         current = bars.add_task("", total=1.0)
 
-        def told(module: str, experiment: str, share: float) -> None:
+        def on_progress(module: str, experiment: str, share: float) -> None:
             if share >= 1.0 and (module, experiment) not in done:
                 done.add((module, experiment))
                 if not console.is_terminal:
@@ -105,7 +105,7 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[Told
             bars.update(current, description=f"{module}: {experiment}", completed=share)
             bars.update(everything, completed=len(done) + (share if share < 1.0 else 0.0))
 
-        yield told
+        yield on_progress
 
 
 def main() -> None:

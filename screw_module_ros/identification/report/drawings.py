@@ -8,6 +8,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from screw_module_ros.figure_style import save
+
 from ..figures import (
     analysis,
     friction_maps,
@@ -18,7 +20,6 @@ from ..figures import (
     torque,
 )
 from ..figures import curves as chapter_6
-from ..figures.style import save
 from ..results import Result
 
 Drawn = dict[str, Figure]

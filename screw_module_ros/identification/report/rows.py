@@ -44,7 +44,7 @@ class Compared(NamedTuple):
         return "compatible" if loose else "agrees"
 
 
-class Wanted(NamedTuple):
+class Criterion(NamedTuple):
     """One thing that identification must achieve on a simulated module.
 
     truth: the module's hidden value, None for a share or a correlation that must reach `limit`;
@@ -61,7 +61,7 @@ class Wanted(NamedTuple):
 class Checked(NamedTuple):
     """Something wanted, and what was found. truth: NaN where there is none."""
 
-    wanted: Wanted
+    wanted: Criterion
     ours: Quantity | None
     truth: float
 
@@ -88,21 +88,21 @@ class Checked(NamedTuple):
 
 
 WANTED = (
-    Wanted("static_torque", "largest_at_handle", lambda m: 0.0, 1.5),
-    Wanted("static_torque", "correlation", None, 0.9999),
-    Wanted(
+    Criterion("static_torque", "largest_at_handle", lambda m: 0.0, 1.5),
+    Criterion("static_torque", "correlation", None, 0.9999),
+    Criterion(
         "static_torque", "torque_constant", lambda m: m.world.amplifier.torque_constant, 0.01, True
     ),
-    Wanted("static_torque", "dead_zone", lambda m: m.world.amplifier.dead_zone, 0.15, True),
-    Wanted("amplifier_response", "pole", lambda m: m.world.amplifier.bandwidth, 0.05, True),
-    Wanted("amplifier_response", "delay", lambda m: m.world.amplifier.delay, 0.05, True),
-    Wanted("current_response", "delay", lambda m: m.loop.command_delay, 250e-6),
-    Wanted("torque_response", "delay", lambda m: m.loop.command_delay, 250e-6),
-    Wanted("torque_response", "damping", lambda m: m.world.transducer.damping, 0.10, True),
-    Wanted("gravity", "gravity", lambda m: true_weight(m.world), 0.3),
-    Wanted("gravity", "play", lambda m: m.world.vertical.play, 2e-5),
-    Wanted("friction_model", "within", None, 0.9),
-    Wanted("inertia", "mass", lambda m: true_mass(m.world), 0.10, True),
+    Criterion("static_torque", "dead_zone", lambda m: m.world.amplifier.dead_zone, 0.15, True),
+    Criterion("amplifier_response", "pole", lambda m: m.world.amplifier.bandwidth, 0.05, True),
+    Criterion("amplifier_response", "delay", lambda m: m.world.amplifier.delay, 0.05, True),
+    Criterion("current_response", "delay", lambda m: m.loop.command_delay, 250e-6),
+    Criterion("torque_response", "delay", lambda m: m.loop.command_delay, 250e-6),
+    Criterion("torque_response", "damping", lambda m: m.world.transducer.damping, 0.10, True),
+    Criterion("gravity", "gravity", lambda m: true_weight(m.world), 0.3),
+    Criterion("gravity", "play", lambda m: m.world.vertical.play, 2e-5),
+    Criterion("friction_model", "within", None, 0.9),
+    Criterion("inertia", "mass", lambda m: true_mass(m.world), 0.10, True),
 )
 """The issue's list: gravity 0.3 N, mass 10 %, friction 90 % within 2 N, r 0.9999, pole 5 %, delay
 half a sample; the others are ours."""

@@ -58,7 +58,7 @@ class Module(NamedTuple):
         return outcome.result if outcome else None
 
 
-Told = Callable[[str, str, float], None]
+OnProgress = Callable[[str, str, float], None]
 """Called with the module, the experiment, and the share of it that is done."""
 
 
@@ -66,7 +66,7 @@ def examine(
     seed: int | None,
     folder: Path,
     pool: ProcessPoolExecutor,
-    told: Told,
+    on_progress: OnProgress,
     experiments: Sequence[str] = (),
     plant: Path | None = None,
 ) -> Module:
@@ -83,15 +83,15 @@ def examine(
     bench = InProcessBench(world, loop, seed=1 if seed is None else seed)
 
     def progress(doing: str, done: float, total: float) -> None:
-        told(name, doing, done / total if total else 1.0)
+        on_progress(name, doing, done / total if total else 1.0)
 
     lab = PoolLab(bench, folder / name, pool, progress, fingerprint_of_sources())
     outcomes = {}
     for experiment in EXPERIMENTS:
         if experiment in wanted:
-            told(name, experiment, 0.0)
+            on_progress(name, experiment, 0.0)
             outcomes[experiment] = _outcome(lab, experiment, name)
-            told(name, experiment, 1.0)
+            on_progress(name, experiment, 1.0)
     return Module(seed, world, loop, folder / name, outcomes)
 
 

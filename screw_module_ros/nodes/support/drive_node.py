@@ -25,8 +25,8 @@ _CLEARED = "cleared; call ~/enable to enable"
 class DriveNode(DriverNode):
     """A node with drives. Subclasses give `gated`, and what is theirs of the other methods."""
 
-    def __init__(self, name: str, port: int, rate: float = 1000.0):
-        super().__init__(name, port, rate)
+    def __init__(self, name: str, rate: float = 1000.0):
+        super().__init__(name, rate)
         self.parameters.declare(GateSettings, "gate")
         self.drives: tuple[Drive, ...] = ()
         self._alone: tuple[str, ...] = ()
@@ -45,8 +45,8 @@ class DriveNode(DriverNode):
 
     def two_senders(self) -> str:
         """Return that a topic with one sender wanted has more, looked at now; else empty."""
-        told = (too_many_senders(self, topic) for topic in self._alone)
-        return next(filter(None, told), "")
+        found = (too_many_senders(self, topic) for topic in self._alone)
+        return next(filter(None, found), "")
 
     def want_one_sender(self, topic: str) -> None:
         """Refuse to enable, and stop, while more than one node publishes this topic."""

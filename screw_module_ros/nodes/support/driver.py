@@ -6,9 +6,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated, NamedTuple
 
-from screw_module_ros.devices.bus import BusSettings, open_port, where
-from screw_module_ros.devices.bus_load import check_load
-from screw_module_ros.devices.port import Port
+from screw_module_ros import graph
+from screw_module_ros.can_io.bus import BusSettings, open_port, where
+from screw_module_ros.can_io.bus_load import check_load
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.settings import Setting
 
@@ -29,9 +30,9 @@ class RateSettings(NamedTuple):
 class DriverNode(ModuleNode):
     """A node with one CAN bus, ticking at its own rate."""
 
-    def __init__(self, name: str, port: int, rate: float = 1000.0):
+    def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name)
-        self.parameters.declare(BusSettings, "can", port=port)
+        self.parameters.declare(BusSettings, "can", port=graph.port_of(name))
         self.parameters.declare(RateSettings, rate=rate)
         self.port: Port | None = None
         self._device_locks: list[Lock] = []

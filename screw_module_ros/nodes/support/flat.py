@@ -101,3 +101,5 @@ def _stamp(message: Any) -> int:
 ENCODER = Flat(EncoderSample, _unpack_encoder)
 FORCE = Flat(ForceSample, _unpack_force)
 COMMAND = Flat(ForceCommand, _unpack_command)
+FLAT = {flat.kind: flat for flat in (ENCODER, FORCE, COMMAND)}
+"""By message class."""

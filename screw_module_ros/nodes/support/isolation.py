@@ -14,18 +14,12 @@ import socket
 import tempfile
 from typing import NamedTuple
 
+from screw_module_ros.graph import BUSES, FIRST_PORT
+
 from .kept import STATE_VARIABLE
 from .single import AlreadyRunning, Lock
 
 DOMAIN_VARIABLE, RANGE_VARIABLE = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
-FIRST_PORT = 43113
-BUSES = ("encoder", "drive", "force_sensor", "planar")
-NODE_OF_BUS = {
-    "encoder": "encoder",
-    "drive": "amplifier",
-    "force_sensor": "force_sensor",
-    "planar": "manus",
-}
 _DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
 _DDS_PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
 _FIRST_PARTICIPANT = 10
@@ -67,8 +61,8 @@ def port_arguments(first_port: int) -> list[str]:
     given = []
     for number, bus in enumerate(BUSES):
         port = first_port + number
-        given += ["-p", f"{NODE_OF_BUS[bus]}:can.port:={port}"]
-        given += ["-p", f"sim_rig:{bus}.can.port:={port}"]
+        given += ["-p", f"{bus.node}:can.port:={port}"]
+        given += ["-p", f"sim_rig:{bus.name}.can.port:={port}"]
     return given
 
 

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
+from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.settings import Setting
@@ -23,6 +24,7 @@ from .command_line import arguments, overrides
 from .parameters import Parameters
 from .realtime import Inbox, Outlet, RealtimeSettings
 from .timers import Timer, Timers
+from .topics import offered
 
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
@@ -80,7 +82,7 @@ class ModuleNode(LifecycleNode):
         self.parameters = Parameters(self, self.changed, self._is_configured)
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
         self.periodic.every(self.clock, 1.0, self.publish_health)
         self._start_timer: Timer | None = None
         self._inbox: Inbox | None = None

@@ -90,15 +90,15 @@ def matches(pattern: str, node: str) -> bool:
 
 def notices(files: Iterable[ParameterFile], node: str) -> list[str]:
     """Return a sentence for each file that has nothing for the node of this full name."""
-    told = []
+    warnings = []
     for file in files:
         if file.own(node):
             continue
         last = node.rpartition("/")[2]
         near = [key for key in file.sections if key.rpartition("/")[2] == last]
         hint = f"; write /**/{last}: in place of {_shown(near[0])}:" if near else ""
-        told.append(f"{file.path} has no parameters for {node}{hint}")
-    return told
+        warnings.append(f"{file.path} has no parameters for {node}{hint}")
+    return warnings
 
 
 def strangers(file: ParameterFile, nodes: Iterable[str], namespace: str = "") -> list[str]:
@@ -108,15 +108,15 @@ def strangers(file: ParameterFile, nodes: Iterable[str], namespace: str = "") ->
     """
     nodes = list(nodes)
     above = "/" + namespace.strip("/") if namespace.strip("/") else ""
-    told = []
+    warnings = []
     for key in file.sections:
         if _is_for_all(key) or any(matches(key, f"{above}/{node}") for node in nodes):
             continue
         last = key.rpartition("/")[2]
         close = difflib.get_close_matches(last, nodes, 1)
         hint = f"; /**/{close[0]}: is" if close else f"; there are {', '.join(nodes)}"
-        told.append(f"{file.path}: {_shown(key)}: is no node of this robot{hint}")
-    return told
+        warnings.append(f"{file.path}: {_shown(key)}: is no node of this robot{hint}")
+    return warnings
 
 
 def _shown(key: str) -> str:

@@ -76,18 +76,18 @@ class Parameters:
         sentence that says so is returned for each.
         """
         self._declared = True
-        told = []
+        warnings = []
         for name in self._node._parameter_overrides:
             if name.startswith(_OWN_TO_RCLPY) or self._node.has_parameter(name):
                 continue
             if name in shared:
-                told.append(f"{name}, given to all nodes, is no parameter of this one")
+                warnings.append(f"{name}, given to all nodes, is no parameter of this one")
                 continue
             raise ParameterError(
                 f"parameter {name} is unknown to node {self._node.get_name()}; "
                 f"it knows: {', '.join(sorted(self._fields))}"
             )
-        return told
+        return warnings
 
     def read(self, kind: type, prefix: str = "") -> Any:
         """Return the NamedTuple `kind` declared under `prefix`, with the values of now."""
@@ -179,18 +179,18 @@ def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     unit = f" [{setting.unit}]" if setting.unit else ""
     when = "" if setting.live else " Fixed while configured."
     when = " Given at start." if setting.at_start else when
-    told = ParameterDescriptor(name=field.name, description=f"{setting.text}{unit}.{when}")
+    descriptor = ParameterDescriptor(name=field.name, description=f"{setting.text}{unit}.{when}")
     if setting.choices:
-        told.additional_constraints = "one of " + ", ".join(map(str, setting.choices))
+        descriptor.additional_constraints = "one of " + ", ".join(map(str, setting.choices))
     sample = value[0] if isinstance(value, list) and value else value
     if setting.low is None and setting.high is None or isinstance(sample, (bool, str)):
-        return told
+        return descriptor
     if isinstance(sample, float):
         low = -1e308 if setting.low is None else float(setting.low)
         high = 1e308 if setting.high is None else float(setting.high)
-        told.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     else:
         low = -_INT64 if setting.low is None else int(setting.low)
         high = _INT64 if setting.high is None else int(setting.high)
-        told.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
-    return told
+        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
+    return descriptor

@@ -8,14 +8,14 @@ from itertools import islice
 
 from screw_module_msgs.msg import SafetyState
 
+from screw_module_ros import graph
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from . import qos
 from .module_node import ModuleNode
 from .realtime import Inbox
 from .senders import Senders
-
-_TOPIC = "safety_state"
+from .topics import requested
 
 
 class Permission:
@@ -26,8 +26,8 @@ class Permission:
 
     def __init__(self, node: ModuleNode, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
         self._permitted = permitted
-        self._take = inbox.subscribe(SafetyState, _TOPIC, qos.PERMISSION)
-        self._senders = Senders(node, [_TOPIC])
+        self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, qos.PERMISSION))
+        self._senders = Senders(node, [graph.SAFETY_STATE])
 
     @property
     def warning(self) -> str:

@@ -7,24 +7,21 @@ import os
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.resources import resource_path
 
 from .command_line import Rule, arguments
-from .graph import (
-    BENCH_PARAMETERS,
-    BESIDE,
-    SIMULATION_PARAMETERS,
-    Entry,
-    chosen,
-    simulated_arguments,
-    table,
-)
 from .isolation import port_arguments
 from .parameter_files import read_file, strangers
 
 ENCLAVES = "/therapy_robot"
 """Above the enclaves of security/policy.xml."""
 _SECURITY_VARIABLE = "ROS_SECURITY_ENABLE"
+SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
+"""From SYNC to when the answer acts [s]: what `make bench` measures, for simulated time."""
+PLANE_RATE_ON_TWO_CORES = 250.0
+SIMULATION_PARAMETERS = "params/sim.yaml"
+BENCH_PARAMETERS = "params/bench.yaml"
 
 
 class Plan(NamedTuple):
@@ -102,3 +99,29 @@ def checked_values(values: Sequence[str]) -> list[str]:
                 f"-p {value}: no node {rules[0].node!r}; there are {', '.join(sorted(known))}"
             )
     return list(values)
+
+
+def simulated_arguments(composed: bool = False, wall_clock: bool = False) -> list[str]:
+    """Return the --ros-args of a robot with the simulated rig."""
+    latency = COMPOSED_LATENCY if composed else SEPARATE_LATENCY
+    words = ["-p", f"sim_rig:devices.command_latency:={latency}"]
+    if wall_clock:
+        words += ["-p", "use_sim_time:=false", *placement(len(os.sched_getaffinity(0)), composed)]
+    return words
+
+
+def placement(cores: int, composed: bool = False) -> list[str]:
+    """Return the --ros-args that fit a real-time simulation to a machine with `cores` cores.
+
+    With two, rig and robot together are more than they can do in time: the plane then runs at
+    250 Hz (500 Hz otherwise, the original robot's 200 Hz) and the chain keeps a core of its own.
+    With more the scheduler finds a free one.
+    """
+    if cores > 2:
+        return []
+    words = ["-p", f"manus:rate:={PLANE_RATE_ON_TWO_CORES}"]
+    for entry in table(composed):
+        if entry.core is not None and entry.core < cores:
+            for node in entry.nodes:
+                words += ["-p", f"{node}:realtime.cores:=[{entry.core}]"]
+    return words

@@ -21,7 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
-from screw_module_ros.loop.ticker import BREATH_S
+from screw_module_ros.loop.ticker import BACK_OFF_S
 
 from .command_line import Arguments, arguments, check_others
 from .module_node import ModuleNode
@@ -181,6 +181,6 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
                 executor.spin_once(timeout_sec=node.periodic.left_s())
                 node.periodic.run()
             except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
-                ended.wait(BREATH_S)
+                ended.wait(BACK_OFF_S)
     finally:
         node.stopping.set()  # without services and diagnostics the node is no use

@@ -30,8 +30,8 @@ class Senders:
         self._timer = node.periodic.every(node.clock, _LOOK_S, self._count)
 
     def _count(self) -> None:
-        told = (too_many_senders(self._node, topic) for topic in self._topics)
-        self.warning = next(filter(None, told), "")
+        warnings = (too_many_senders(self._node, topic) for topic in self._topics)
+        self.warning = next(filter(None, warnings), "")
 
     def close(self) -> None:
         """Count no more."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from screw_module_msgs.msg import TherapySlot
 
+from screw_module_ros import graph
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.loop.guide import Guide
 
-from . import qos
 from .realtime import Inbox
-
-TOPIC = "therapy/slot"
+from .topics import requested
 
 
 class SlotInbox:
@@ -23,9 +22,9 @@ class SlotInbox:
     def __init__(self, inbox: Inbox, vertical: bool):
         self.refused = ""
         self._vertical = vertical
-        self._take = inbox.subscribe(TherapySlot, TOPIC, qos.COMMAND)
+        self._take = inbox.subscribe(*requested(graph.THERAPY_SLOT))
 
-    def hear(self, guide: Guide, now_ns: int) -> None:
+    def read(self, guide: Guide, now_ns: int) -> None:
         """Pass on what has come; a slot that cannot be is no slot. now_ns [ns]."""
         message = self._take()
         if message is None:
@@ -34,7 +33,7 @@ class SlotInbox:
             guide.ask(slot_of(message, self._vertical), message.start_ns, now_ns)
             self.refused = ""
         except ValueError as error:
-            self.refused = f"{TOPIC}: {error}"
+            self.refused = f"{graph.THERAPY_SLOT}: {error}"
 
 
 def slot_of(message: TherapySlot, vertical: bool) -> Slot | None:

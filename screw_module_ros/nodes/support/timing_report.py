@@ -28,9 +28,9 @@ def histogram_key(name: str) -> str:
 def latency_values(name: str, histogram: list[int]) -> dict[str, object]:
     """Return the diagnostics of latencies since the activation, and their whole histogram."""
     histogram = histogram.copy()
-    told = "/".join(f"{quantile(histogram, share) * 1e6:.0f}" for share in _SHARES)
+    text = "/".join(f"{quantile(histogram, share) * 1e6:.0f}" for share in _SHARES)
     return {
-        f"{name} p50/p99/p99.9 since activation [us]": told,
+        f"{name} p50/p99/p99.9 since activation [us]": text,
         histogram_key(name): histogram_text(histogram),
     }
 

@@ -1,10 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every n-th sample of the hot topics, for who does not act on each.
+"""Type and quality of service of the graph's topics: the names in `graph.py` made ROS objects.
 
-A subscription at 1 kHz costs its process 4 to 5 % of a core in the middleware alone, so only the
-chain from encoder to amplifier has any.
+For `ModuleNode.outlet` and `Inbox.subscribe`::
+
+    self.outlet(*offered(graph.JOINT_STATES))
+    inbox.subscribe(*requested(graph.SETPOINT))
 """
 
-SLOW_RATE = 200.0  # [Hz]
-SLOW_ENCODER = "screw/encoder/decimated"
-SLOW_FORCE = "handle/force/decimated"
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rclpy.qos import QoSProfile
+
+from screw_module_ros.graph import TOPICS
+
+from . import qos
+from .flat import FLAT, Flat
+
+_OFFERED = {"sample": qos.SAMPLE, "command": qos.COMMAND, "state": qos.STATE}
+_REQUESTED = {"sample": qos.SAMPLE, "command": qos.COMMAND, "state": qos.NEWEST}
+
+
+def message_class(type_name: str) -> Any:
+    """Return the class of `package/msg/Name`. Raises ImportError, AttributeError for another."""
+    package, folder, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.{folder}"), name)
+
+
+def offered(topic: str) -> tuple[Any, str, QoSProfile]:
+    """Return message class, name and quality of service of a topic, for its publisher."""
+    _, type_name, quality, *_ = TOPICS[topic]
+    return message_class(type_name), topic, _OFFERED[quality]
+
+
+def requested(topic: str, profile: QoSProfile | None = None) -> tuple[Any | Flat, str, QoSProfile]:
+    """Return what a hot loop subscribes a topic with: class or record, name, quality of service.
+
+    profile: in place of the one that takes the newest message alone.
+    """
+    _, type_name, quality, *_ = TOPICS[topic]
+    kind = message_class(type_name)
+    return FLAT.get(kind, kind), topic, profile or _REQUESTED[quality]

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from screw_module_msgs.msg import AmplifierState
 
+from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.devices.errors import DeviceError
 
-from . import qos
 from .realtime import Inbox
+from .topics import requested
 
 _STATE_S = 0.2
 
@@ -23,7 +24,7 @@ class TorqueOff:
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock
-        self._take_state = inbox.subscribe(AmplifierState, "screw/amplifier_state", qos.NEWEST)
+        self._take_state = inbox.subscribe(*requested(graph.AMPLIFIER_STATE))
 
     def check(self, why: str) -> None:
         """Raise NotPermitted when the amplifier's next state says that torque passes or may.

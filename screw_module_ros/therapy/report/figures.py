@@ -10,7 +10,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...identification.figures.style import COLOURS, DESIRED, STYLE
+from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
+
 from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..line import VERTICAL

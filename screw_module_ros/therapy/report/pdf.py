@@ -88,8 +88,10 @@ def _closing(
     """Write the last change's reason and the replays' verdicts."""
     lines = []
     if others := other_tests(sessions[-1]):
-        told = [f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others]
-        lines.append(f"Medians of the latest session. {'; '.join(told)}.")
+        medians = [
+            f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others
+        ]
+        lines.append(f"Medians of the latest session. {'; '.join(medians)}.")
     if sessions[-1].changes:
         change = sessions[-1].changes[-1]
         lines.append(f"Last change of assistance: {change['reason']}.")

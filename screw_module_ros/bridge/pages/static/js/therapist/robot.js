@@ -56,6 +56,7 @@ export class RobotPanel {
   // Asks for what is not told by itself: once there is a connection, and after each loss of it.
   async load() {
     this.limits.load();
+    this.trials.await();
     try {
       const [trials, changes] = await Promise.all(["therapy/trial", "therapy/assistance"].map(
         (topic) => history(this.bridge.token, named(this.robot, topic))));

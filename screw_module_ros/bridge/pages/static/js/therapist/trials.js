@@ -21,9 +21,18 @@ function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
 }
 
+function identity({ patient, protocol, trial, header }) {
+  return JSON.stringify([patient, protocol, trial, header]);
+}
+
+function seconds({ header }) {
+  return header ? header.stamp.sec + 1e-9 * header.stamp.nanosec : 0;
+}
+
 export class TrialsCard {
   constructor() {
-    [this.session, this.trials, this.changes] = ["", [], []];
+    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
+    [this.newest, this.begun] = ["", 0];
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
@@ -35,12 +44,19 @@ export class TrialsCard {
   }
 
   take(result) {
+    if (this.isAwaiting) this.live.push(result);
+    this.add(result);
+  }
+
+  add(result) {
     const session = `${result.patient} ${result.protocol}`;
     const last = this.trials.at(-1);
-    if (last && session === this.session && result.trial === last.trial) return; // told before
-    if (session !== this.session || (last && result.trial < last.trial)) {
+    if (identity(result) === this.newest) return; // told before
+    this.newest = identity(result);
+    if (session !== this.session || (last && result.trial <= last.trial)) {
       [this.session, this.trials, this.changes] = [session, [], []];
     }
+    if (!this.trials.length) this.begun = seconds(result);
     this.trials.push(Object.fromEntries(KEEP.map((name) => [name, result[name]])));
     if (this.trials.length > KEPT) this.trials.shift();
     this.isShown = false;
@@ -54,12 +70,21 @@ export class TrialsCard {
     this.isShown = false;
   }
 
-  // Begins anew with what the bridge has kept.
+  // Notes what comes from now on: the bridge is being asked for what was before.
+  await() {
+    [this.live, this.isAwaiting] = [[], true];
+  }
+
+  // Begins anew with what the bridge has kept, and what has come since it was asked.
   begin(trials, changes) {
-    [this.session, this.trials, this.changes] = ["", [], []];
-    trials.forEach((trial) => this.take(trial));
-    changes.forEach((change) => this.takeChange(change));
-    this.isShown = false;
+    const told = new Set(trials.map(identity));
+    const since = this.live.filter((trial) => !told.has(identity(trial)));
+    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
+    this.newest = "";
+    [...trials, ...since].forEach((trial) => this.add(trial));
+    changes.filter((change) => seconds(change) >= this.begun)
+      .forEach((change) => this.takeChange(change));
+    this.isShown = this.isAwaiting = false;
   }
 
   show() {

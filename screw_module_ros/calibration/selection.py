@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The calibration that a node's parameters name: friction model or linearization."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from ..control.friction import FrictionModel
+from ..control.linearization import Linearization, default_linearization
+from ..resources import resource_path
+from ..settings import Setting
+from .friction_file import load_friction_model
+from .linearization_file import load_linearization
+from .module_file import CalibrationSettings, chosen_calibration
+from .yaml_file import calibration_identity
+
+FRICTION_FILE = "params/friction_thesis.yaml"
+
+
+class ChosenFriction(NamedTuple):
+    """A friction model, its identity, and the module's weight [N] and mass [kg].
+
+    None where weight and mass are not known: then the friction model is not this module's either.
+    """
+
+    model: FrictionModel
+    identity: str
+    gravity: float | None = None
+    mass: float | None = None
+
+    def described(self, gravity: float) -> str:
+        """Return the identity, and that another gravity [N] was set by hand."""
+        if self.gravity is None or gravity == self.gravity:
+            return self.identity
+        return f"{self.identity}, gravity {gravity:g} N by hand"
+
+
+def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
+    """Return the friction model: of the module, of the file at `path`, or the thesis's.
+
+    Raises CalibrationError, ValueError.
+    """
+    module = chosen_calibration(settings, "friction_file", path)
+    if module is None:
+        path = path or resource_path(FRICTION_FILE)
+        return ChosenFriction(load_friction_model(path), calibration_identity(path))
+    identity = module.identity(settings.calibration_file)
+    return ChosenFriction(module.friction, identity, module.gravity, module.mass)
+
+
+class LinearizationSettings(NamedTuple):
+    """Which linearization the amplifier uses."""
+
+    linearize: Annotated[
+        bool, Setting("undo the amplifier's dead zone around zero (thesis 4.1.1)")
+    ] = True
+    linearization_file: Annotated[
+        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
+                     "calibration_file is set")
+    ] = ""
+
+
+def chosen_linearization(
+    settings: CalibrationSettings, own: LinearizationSettings
+) -> tuple[Linearization | None, str]:
+    """Return the linearization, None where none is wanted, and its identity.
+
+    A calibration that is not used is checked too. Raises CalibrationError, ValueError.
+    """
+    path = own.linearization_file
+    module = chosen_calibration(settings, "linearization_file", path)
+    if not own.linearize:
+        return None, "none"
+    if module is not None:
+        return module.linearization, module.identity(settings.calibration_file)
+    if path:
+        return load_linearization(path), calibration_identity(path)
+    return default_linearization(), "thesis 4.1.1"

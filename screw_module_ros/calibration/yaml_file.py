@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibration files: YAML of a known format and version, and their identity."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from ..plain_yaml import load_plain_yaml
+from ..quoting import quoted
+from ..regular_file import NotRegular, read_regular
+from .strict_mapping import CalibrationError, Section, kind_of
+
+VERSION = 1
+_LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
+
+
+def read_calibration(
+    path: str | Path, kind: str, error: type[CalibrationError], way_out: str = ""
+) -> Section:
+    """Return the top mapping of a calibration file after checking its `format` and `version`.
+
+    kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
+    cannot be read, is not a YAML mapping, or is of another format or version.
+    """
+    file = str(path)
+    try:
+        values = load_plain_yaml(read_regular(path, _LARGEST_FILE).decode())
+    except OSError as problem:
+        reason = problem.strerror or problem
+        odd = isinstance(problem, NotRegular)
+        way = "this is no calibration file" if odd else "check path and permissions"
+        raise error(f"{file}: cannot be read ({reason}); {way}") from problem
+    except ValueError as problem:
+        reason = " ".join(str(problem).split())
+        way = way_out or "correct it at that place"
+        raise error(f"{file}: not a YAML file ({reason}); {way}") from problem
+    if not isinstance(values, dict):
+        way = way_out or "start from params/"
+        raise error(f"{file}: a YAML mapping is needed, found {kind_of(values)}; {way}")
+    head = Section(file, "", values, error)
+    found = head.text("format")
+    if found != kind:
+        problem = f"{quoted(found)} found, {kind!r} is needed"
+        head.fail("format", problem, "name a file of that kind")
+    version = head.number("version")
+    if version != VERSION:
+        head.fail("version", f"{version:g} is not known here", "convert the file to version 1")
+    rest = {key: value for key, value in values.items() if key not in ("format", "version")}
+    return Section(file, "", rest, error, way_out)
+
+
+def calibration_identity(path: str | Path) -> str:
+    """Return the identity of a calibration for logs and bags: file name and hash of its bytes.
+
+    Raises OSError when the file cannot be read.
+    """
+    digest = hashlib.sha256(read_regular(path, _LARGEST_FILE)).hexdigest()
+    return f"{Path(path).name} sha256:{digest[:12]}"

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CAN buses: sockets and frames, no protocol and no device.
+
+bus         opens one bus through python-can
+port        one bus with one reader: frames in by identifier, frames out
+udp_bus     `udp_multicast` with less work per frame
+echo        leaves out our own frames that `udp_multicast` hands back
+bus_load    share of the bus that the configured frames take
+"""

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of the graph: executables, topics, CAN buses. Whatever else lists them reads it here.
+
+No ROS: a type is named as `package/msg/Name`, a quality of service by its name in
+`nodes/support/qos.py`. Tests compare the table with the running graph, the security policy,
+setup.py, the parameter files and the README.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+PACKAGE = "screw_module_ros"
+
+
+class Entry(NamedTuple):
+    """One executable of the graph.
+
+    executable: its name, and that of its node
+    simulation: started only against the simulated rig
+    core: processor core on a machine with two of them, None for either: the chain from encoder to
+    amplifier keeps one core and its caches, the rig and the force sensor the other
+    parts: names of the nodes in it where there are several
+    """
+
+    executable: str
+    simulation: bool = False
+    core: int | None = None
+    parts: tuple[str, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of its nodes."""
+        return self.parts or (self.executable,)
+
+
+class Topic(NamedTuple):
+    """One topic.
+
+    name: relative to the namespace of the robot, or ~/ below its publisher
+    type: of its messages
+    qos: of its publisher, and of a subscriber that asks for no other: sample, command or state
+    publisher: name of the one node that may publish it; empty where any may
+    rate: messages a second by default [1/s], 0 where they follow an event
+    subscribers: nodes of the table that subscribe to it
+    clock: node whose ticks the `sequence` of the messages counts, empty for none
+    every: ticks from one message to the next, or the parameter of `clock` that has the number
+    """
+
+    name: str
+    type: str
+    qos: str
+    publisher: str
+    rate: float
+    subscribers: tuple[str, ...] = ()
+    clock: str = ""
+    every: int | str = 0
+
+
+class Bus(NamedTuple):
+    """One CAN bus of the simulated robot.
+
+    name: prefix of the rig's parameters. node: the driver at the near end. port: default UDP port.
+    """
+
+    name: str
+    node: str
+    port: int
+
+
+# Executables, in the order they start ---------------------------------------------------------
+
+GRAPH = (
+    Entry("sim_rig", simulation=True, core=1),
+    Entry("supervisor"),
+    Entry("encoder", core=0),
+    Entry("force_sensor", core=1),
+    Entry("impedance_controller", core=0),
+    Entry("amplifier", core=0),
+    Entry("manus"),
+    Entry("endpoint_state"),
+    Entry("session_recorder"),
+)
+
+COMPOSED = Entry(
+    "module", core=0, parts=("encoder", "force_sensor", "impedance_controller", "amplifier")
+)
+"""One process with one hot loop in place of its four parts."""
+
+BESIDE = ("characterize", "therapy_session", "web_bridge")
+"""Nodes that are started by hand beside the graph."""
+
+# Topics ---------------------------------------------------------------------------------------
+
+ENCODER = "screw/encoder"
+ENCODER_DECIMATED = "screw/encoder/decimated"
+FORCE = "handle/force"
+FORCE_DECIMATED = "handle/force/decimated"
+WRENCH = "handle/wrench"
+FORCE_COMMAND = "screw/force_command"
+CONTROLLER_STATE = "screw/controller_state"
+AMPLIFIER_STATE = "screw/amplifier_state"
+MANUS_STATE = "manus/state"
+ENDPOINT_STATE = "endpoint_state"
+JOINT_STATES = "joint_states"
+SAFETY_STATE = "safety_state"
+SETPOINT = "setpoint"
+RECORDER_STATUS = "~/status"
+TRUTH = "sim/truth"
+CLOCK = "clock"
+DIAGNOSTICS = "/diagnostics"
+THERAPY_SLOT = "therapy/slot"
+THERAPY_WISH = "therapy/wish"
+THERAPY_ATTENDANCE = "therapy/attendance"
+THERAPY_STATE = "therapy/state"
+THERAPY_TRIAL = "therapy/trial"
+THERAPY_ASSISTANCE = "therapy/assistance"
+
+DECIMATED_RATE = 200.0
+"""Of the decimated topics [1/s]. A subscription at 1 kHz costs its process 4 to 5 % of a core in
+the middleware alone, so only the chain from encoder to amplifier has any."""
+
+_OURS = "screw_module_msgs/msg/"
+_TOPICS = (
+    Topic(ENCODER, _OURS + "EncoderSample", "sample", "encoder", 1000.0,
+          ("impedance_controller",), clock="encoder", every=1),
+    Topic(ENCODER_DECIMATED, _OURS + "EncoderSample", "sample", "encoder", DECIMATED_RATE,
+          ("endpoint_state", "supervisor")),
+    Topic(FORCE, _OURS + "ForceSample", "sample", "force_sensor", 1000.0,
+          ("impedance_controller",), clock="force_sensor", every=1),
+    Topic(FORCE_DECIMATED, _OURS + "ForceSample", "sample", "force_sensor", DECIMATED_RATE,
+          ("manus", "endpoint_state", "supervisor")),
+    Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", "state", "force_sensor", 100.0),
+    Topic(FORCE_COMMAND, _OURS + "ForceCommand", "command", "impedance_controller", 1000.0,
+          ("amplifier",), clock="encoder", every=1),
+    Topic(CONTROLLER_STATE, _OURS + "ImpedanceState", "state", "impedance_controller", 100.0,
+          ("supervisor",)),
+    Topic(AMPLIFIER_STATE, _OURS + "AmplifierState", "state", "amplifier", 100.0,
+          ("encoder", "force_sensor", "impedance_controller", "endpoint_state", "supervisor")),
+    Topic(MANUS_STATE, _OURS + "PlanarState", "state", "manus", 125.0,
+          ("endpoint_state", "supervisor"), clock="manus", every="state_every"),
+    Topic(ENDPOINT_STATE, _OURS + "EndpointState", "state", "endpoint_state", 200.0,
+          ("supervisor", "therapy_session", "web_bridge")),
+    Topic(JOINT_STATES, "sensor_msgs/msg/JointState", "state", "endpoint_state", 100.0),
+    Topic(SAFETY_STATE, _OURS + "SafetyState", "command", "supervisor", 50.0,
+          ("impedance_controller", "amplifier", "manus", "endpoint_state", "web_bridge")),
+    Topic(SETPOINT, _OURS + "EndpointSetpoint", "command", "", 0.0,
+          ("impedance_controller", "manus")),
+    Topic(RECORDER_STATUS, "diagnostic_msgs/msg/DiagnosticStatus", "state", "session_recorder",
+          1.0),
+    Topic(TRUTH, _OURS + "SimTruth", "state", "sim_rig", 100.0),
+    Topic(CLOCK, "rosgraph_msgs/msg/Clock", "command", "sim_rig", 100.0),
+    Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "state", "", 1.0, ("supervisor",)),
+    Topic(THERAPY_SLOT, _OURS + "TherapySlot", "command", "therapy_session", 0.0,
+          ("impedance_controller", "manus")),
+    Topic(THERAPY_WISH, _OURS + "EndpointSetpoint", "command", "", 0.0, ("therapy_session",)),
+    Topic(THERAPY_ATTENDANCE, "std_msgs/msg/Empty", "command", "web_bridge", 0.0,
+          ("therapy_session",)),
+    Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
+    Topic(THERAPY_TRIAL, _OURS + "TrialResult", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
+    Topic(THERAPY_ASSISTANCE, _OURS + "AssistanceChange", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
+)  # fmt: skip
+TOPICS = {topic.name: topic for topic in _TOPICS}
+
+# Buses ----------------------------------------------------------------------------------------
+
+FIRST_PORT = 43113
+BUSES = tuple(
+    Bus(name, node, FIRST_PORT + number)
+    for number, (name, node) in enumerate((
+        ("encoder", "encoder"),
+        ("drive", "amplifier"),
+        ("force_sensor", "force_sensor"),
+        ("planar", "manus"),
+    ))
+)  # fmt: skip
+
+
+def port_of(node: str) -> int:
+    """Return the default UDP port of a driver node's bus. Raises KeyError for another node."""
+    return {bus.node: bus.port for bus in BUSES}[node]
+
+
+def subscribed_by(node: str) -> list[Topic]:
+    """Return the topics that a node subscribes to."""
+    return [topic for topic in _TOPICS if node in topic.subscribers]
+
+
+def published_by(node: str) -> list[Topic]:
+    """Return the topics that this node alone publishes."""
+    return [topic for topic in _TOPICS if topic.publisher == node]
+
+
+def table(composed: bool) -> list[Entry]:
+    """Return the whole graph, `composed`: with `module` in place of its four parts."""
+    if not composed:
+        return list(GRAPH)
+    left = [entry for entry in GRAPH if entry.executable not in COMPOSED.parts]
+    left.insert([entry.executable for entry in GRAPH].index(COMPOSED.parts[0]), COMPOSED)
+    return left
+
+
+def nodes_of(executable: str) -> tuple[str, ...]:
+    """Return the names of the nodes in an executable."""
+    return COMPOSED.nodes if executable == COMPOSED.executable else (executable,)
+
+
+def chosen(
+    simulation: bool,
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    composed: bool = False,
+) -> list[Entry]:
+    """Return the entries to start, in order.
+
+    simulation: with the simulated rig. only: these executables, empty for all. without: not these.
+    composed: `module` in place of its four parts.
+    Raises ValueError naming an executable that is not in the table.
+    """
+    known = [entry.executable for entry in table(composed)]
+    for name in (*only, *without):
+        if name not in known:
+            raise ValueError(f"no node {name!r} in the graph; there are {', '.join(known)}")
+    return [
+        entry
+        for entry in table(composed)
+        if (simulation or not entry.simulation)
+        and (not only or entry.executable in only)
+        and entry.executable not in without
+    ]

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`characterize`: experiments of the identification (thesis chapters 4 to 6) on the live graph.
+
+Action `~/run`: a name of the catalogue, settings as YAML, a folder that keeps what is finished. An
+empty name lists the experiments. Where a hand is needed at the bench, the feedback says so and
+`~/confirm` tells that it is done. Started by hand, beside the running robot.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import traceback
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from screw_module_msgs.action import RunExperiment
+from std_srvs.srv import Trigger
+
+from screw_module_ros import graph
+from screw_module_ros.can_io.bus import BusSettings
+from screw_module_ros.clock import TimeStandsStill, WallClock
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.identification import calibration
+from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
+from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.results import Result
+from screw_module_ros.identification.trials import Cancelled, NotPossible
+from screw_module_ros.nodes.support.below import below, root_folder
+from screw_module_ros.nodes.support.module_node import OK, Health, ModuleNode
+from screw_module_ros.nodes.support.runtime import main as run_node
+from screw_module_ros.operator.client import RobotError
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.quoting import quoted
+from screw_module_ros.settings import Setting
+
+from .action import OneGoalServer, Outcome
+from .bench import LiveBench
+from .feedback import Feedback
+from .fixture import fixture_of
+from .loop import LiveLoop
+from .rig_seen import RigBusSettings, sees_rig
+from .samples import SamplesLost
+
+_LEAVE_S, _RESULT_S = 60.0, 0.3
+# What an experiment ends with when it cannot go on; the text is for the user as it is.
+_REASONS = (
+    NotPossible, MissingResult, RobotError, SamplesLost, TimeStandsStill, ValueError, OSError
+)  # fmt: skip
+_WALL = WallClock()  # who waits for this process, or for a result, does so by it
+
+
+class ResultsSettings(NamedTuple):
+    """Where results go."""
+
+    folder: Annotated[
+        str, Setting("where the results of all goals go and nothing leads out of, ~ is the home "
+                     "folder", at_start=True)
+    ] = "~/characterization"
+
+
+class CharacterizeNode(ModuleNode):
+    """One experiment at a time, in a thread; the main thread takes the samples."""
+
+    def __init__(self):
+        super().__init__("characterize")
+        self.parameters.declare(ResultsSettings)
+        self.parameters.declare(WatchSettings, "watch")
+        self.parameters.declare(BusSettings, "can", port=graph.FIRST_PORT)
+        self.parameters.declare(RigBusSettings)
+        self._loop: LiveLoop | None = None
+        self._robot: Robot | None = None  # of the experiment's thread
+        self._leaving = threading.Event()
+        self._confirmed = threading.Event()
+        self._doing = ""
+        self._server = OneGoalServer(
+            self, RunExperiment, "~/run", self._work, self._refusal, self._cancelling
+        )
+        self.serve(Trigger, "~/confirm", self._confirm, "thank you", always=True)
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Make the topics, and the client that the experiments work with."""
+        self._loop = LiveLoop(self)
+        self._robot = Robot(
+            f"{self.get_name()}_client", self.get_namespace(), simulated=self.clock.simulated
+        )
+
+    def begin(self) -> None:
+        """Take goals."""
+        self._leaving.clear()
+
+    def step(self) -> None:
+        """One pass of the hot loop."""
+        self._loop.step()
+
+    def run(self) -> None:
+        """Run until the process is to end, then let the experiment put everything back."""
+        super().run()
+        if self._server.busy:
+            self.end()
+            self.clock.idle()
+            _WALL.sleep(_RESULT_S)  # the executor still serves: the client hears how it ended
+
+    def end(self) -> None:
+        """Cancel the experiment; its samples go on until it has put everything back."""
+        self._leaving.set()
+        end_ns = _WALL.now_ns() + round(_LEAVE_S * 1e9)
+        while self._server.busy and _WALL.now_ns() < end_ns:
+            with suppress(TimeStandsStill):  # the experiment's thread hears of it, too, and ends
+                self._loop.step()
+
+    def disconnect(self) -> None:
+        """Remove the topics."""
+        if self._loop is not None:
+            self._loop.close()
+            self._loop = None
+        if self._robot is not None:
+            self._robot.close()
+            self._robot = None
+
+    def destroy_node(self) -> None:
+        """Take the action away, then the rest."""
+        self._server.destroy()
+        super().destroy_node()
+
+    # Action --------------------------------------------------------------------------------
+
+    def _refusal(self) -> str:
+        return "" if self.active else "the node is not active"
+
+    def _cancelling(self) -> None:
+        self._loop.halt()  # at once; the experiment's thread does the rest
+
+    def _confirm(self, request: Trigger.Request) -> str:
+        self._confirmed.set()
+        return "" if self._server.busy else "nothing is being asked"
+
+    def _work(self, goal: Any) -> Outcome:
+        """Do what the goal asks for; never raises."""
+        request = goal.request
+        if not request.experiment:
+            return Outcome(RunExperiment.Result(success=True, message=listing()), True)
+        self._doing = request.experiment
+        try:
+            return self._experiment(goal)
+        except Exception as error:
+            self.get_logger().error(traceback.format_exc())
+            return _failed(f"{request.experiment}: {type(error).__name__}: {error}")
+        finally:
+            self._doing = ""
+            self.clock.leave()
+
+    def _experiment(self, goal: Any) -> Outcome:
+        request = goal.request
+        left: list[str] = []
+        cancelled, files = False, []
+        text = ""
+        try:
+            root = root_folder(self.parameters.read(ResultsSettings).folder)
+            experiment, settings, folder = _checked(request, root)
+            kept = f"what was finished is kept in {folder}"
+            result, left = self._measured(goal, experiment, settings, folder)
+            files = [str(path) for path in result.save(folder)]
+            text = result.as_yaml()
+            message = f"{request.experiment} is done: {folder}"
+        except Cancelled as error:
+            cancelled, left = True, _left(error)
+            message = f"{error}; {kept}"
+        except _REASONS as error:
+            left = _left(error)
+            message = " ".join(str(error).split())
+            cancelled = goal.is_cancel_requested
+        message = "; ".join(dict.fromkeys([message, *left]))
+        done = bool(text)
+        if done and not left:
+            self.get_logger().info(message)
+        else:
+            self.get_logger().warning(message)
+        answer = RunExperiment.Result(success=done, message=message, result=text, files=files)
+        return Outcome(answer, done, cancelled)
+
+    def _measured(
+        self, goal: Any, experiment: Any, settings: Any, folder: Path
+    ) -> tuple[Result, list[str]]:
+        """Run the experiment; return its result and what could not be put back.
+
+        What could not be put back after an error is noted on the error (`_left`).
+        """
+
+        def watch() -> None:
+            if goal.is_cancel_requested:
+                raise Cancelled("cancelled")
+            if self._leaving.is_set() or self.stopping.is_set():
+                raise Cancelled("the node is ending")
+
+        feedback = Feedback(goal, RunExperiment.Feedback, watch)
+        feedback.say("looking at the graph")
+        robot, loop = self._robot, self._loop
+        robot.watch = watch
+        bounds = self.parameters.read(WatchSettings, "watch")
+        seen = sees_rig(
+            robot, self.parameters.read(BusSettings, "can"), self.parameters.read(RigBusSettings)
+        )
+        with closing(
+            fixture_of(seen, robot, self._confirmed, feedback.say, lambda: loop.sample)
+        ) as fixture:
+            bench = LiveBench(robot, loop, fixture, bounds, feedback.say, self.stopping.is_set)
+            try:
+                with bench:
+                    lab = Lab(bench, folder, feedback.progress, bench.fingerprint())
+                    result = experiment.run(lab, settings)
+            except Exception as error:
+                error.left = bench.left
+                raise
+        return result._replace(notes=(*result.notes, *bench.notes)), bench.left
+
+    def health(self) -> Health:
+        """What is being done."""
+        return Health(OK, f"running {self._doing}" if self._doing else "idle", {})
+
+
+def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
+    """Return experiment, settings and folder of a goal, which lies below `root`.
+
+    Raises ValueError in one sentence.
+    """
+    experiment = EXPERIMENTS.get(request.experiment)
+    if experiment is None:
+        raise ValueError(
+            f"no experiment {quoted(request.experiment)}; there are {', '.join(EXPERIMENTS)}"
+        )
+    settings = settings_from_yaml(request.settings, experiment.settings)
+    if not request.folder:
+        raise ValueError("folder is empty: name one for the results")
+    folder = below(root, request.folder, "folder")
+    below(root, str(folder / "parts" / experiment.name), "folder")
+    written = [f"{experiment.name}.yaml", f"{experiment.name}.npz"]
+    if experiment.name == calibration.NAME:
+        written.append(calibration.FILE)
+    for name in written:
+        if os.path.lexists(folder / name):  # a link that leads nowhere, too
+            raise ValueError(
+                f"{folder / name} exists already and is never overwritten: name another folder, or "
+                "move it away"
+            )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ValueError(f"folder {folder} cannot be written: {error.strerror}") from error
+    for need in experiment.needs:
+        if not (folder / f"{need}.yaml").is_file():
+            raise ValueError(f"{experiment.name} needs the result of {need} in {folder}")
+    return experiment, settings, folder
+
+
+def _failed(message: str) -> Outcome:
+    return Outcome(RunExperiment.Result(success=False, message=message), False)
+
+
+def _left(error: Exception) -> list[str]:
+    return getattr(error, "left", [])
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(CharacterizeNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

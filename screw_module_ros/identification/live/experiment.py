@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every live trial needs: recordings, the transducer's zero, torque on and surely off."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+
+from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
+
+from screw_module_ros import graph
+from screw_module_ros.clock import WallClock
+from screw_module_ros.control.modes import OFF
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.identification.trials import NotPossible, OnProgress
+from screw_module_ros.loop.ticker import period_of
+from screw_module_ros.operator.client import RobotError
+from screw_module_ros.operator.robot import Robot
+
+from .fixture import Fixture
+from .graph import parameters, topic_of
+from .loop import LiveLoop
+from .samples import Recording, Zero, zero_of
+
+_ZERO_S = 0.5
+_SILENT_S = 2.0
+_PERMIT_S = 10.0
+_POLL_S = 0.05
+_CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
+_SENSORS = ("encoder", "force_sensor")
+_WALL = WallClock()  # whoever ends the process does not wait by the robot's time
+
+
+class Experiment:
+    """One goal's hold on the graph.
+
+    rate: of the samples [1/s]; period_ns; watch: bounds of what a sample can be; say: tells people
+    what is being done; notes: sentences the result must carry.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        loop: LiveLoop,
+        fixture: Fixture,
+        watch: WatchSettings,
+        say: Callable[[str], None],
+        hurried: Callable[[], bool] = lambda: False,
+    ):
+        self.robot, self.loop, self.fixture = robot, loop, fixture
+        self.watch, self.say, self._hurried = watch, say, hurried
+        self.notes: list[str] = []
+        self.rate = common_rate(robot)
+        self.period_ns = period_of(self.rate)
+        self._torque_on = False
+
+    # Samples -------------------------------------------------------------------------------
+
+    def recording(self, seconds: float) -> Recording:
+        """Return a recording with room for so many seconds, begun."""
+        recording = Recording(max(2, round(seconds * self.rate)))
+        self.loop.record(recording)
+        return recording
+
+    def wait(
+        self,
+        recording: Recording,
+        done: Callable[[], bool],
+        deadline_s: float,
+        on_progress: Callable[[float], None] = lambda elapsed: None,
+    ) -> None:
+        """Wait until `done` while samples come in; `on_progress` gets the seconds since the start.
+
+        Raises RobotError when samples stay away or the deadline passes, and whatever `on_progress`
+        raises.
+        """
+        clock = self.robot.clock
+        begun = heard = clock.now_ns() * 1e-9
+        count = recording.encoder.count
+        while not done():
+            self.robot.pause(_POLL_S)
+            now = clock.now_ns() * 1e-9
+            on_progress(now - begun)
+            if recording.encoder.count != count:
+                count, heard = recording.encoder.count, now
+            if now - heard > _SILENT_S and not recording.full:
+                raise RobotError(f"the encoder is silent{self.robot.complaints_text()}")
+            if now - begun > deadline_s:
+                raise RobotError(f"not done after {deadline_s:.0f} s, given up")
+
+    def zero(self) -> Zero:
+        """Return what the transducer shows now, a mean of half a second."""
+        recording = self.recording(_ZERO_S)
+        self.wait(recording, lambda: recording.full, 4.0 * _ZERO_S + _SILENT_S)
+        self.loop.record(None)
+        return zero_of(recording)
+
+    def unloaded_zero(self) -> Zero:
+        """Return what the transducer shows with nobody at the handle; it stays unloaded."""
+        self.fixture.unload()
+        return self.zero()
+
+    def check_homed(self) -> None:
+        """Raise NotPossible with the way out unless heights are known."""
+        self.robot.met(lambda: self.loop.sample is not None, _SILENT_S)
+        sample = self.loop.sample
+        if sample is None:
+            raise NotPossible("the encoder is silent: start and activate it first")
+        if not sample.homed:
+            home = topic_of(self.robot, "encoder/home")
+            raise NotPossible(
+                "the encoder is not homed: bring the nut to the reference mark, then "
+                f"ros2 service call {home} std_srvs/srv/Trigger"
+            )
+
+    def check_height(self, height: float, within: float = 1e-3) -> None:
+        """Raise NotPossible when the encoder shows another height [m] than the handle is at."""
+        shown = self.loop.sample.position
+        if abs(shown - height) > within:
+            raise NotPossible(
+                f"the handle is at {1e3 * height:.1f} mm, the encoder shows {1e3 * shown:.1f} mm: "
+                "home the encoder at the reference mark"
+            )
+
+    # Torque --------------------------------------------------------------------------------
+
+    def check_passive(self) -> None:
+        """Raise NotPossible with the way out when torque may pass."""
+        robot = self.robot
+        if robot.node.count_publishers(graph.AMPLIFIER_STATE) == 0:
+            return  # no amplifier node, no heartbeat: the drive is off
+        robot.met(lambda: robot.state(AmplifierState) is not None, _SILENT_S)
+        amplifier, controller = robot.state(AmplifierState), robot.state(ImpedanceState)
+        if amplifier is not None and amplifier.enabled:
+            if controller is None or controller.mode != OFF:
+                raise NotPossible(
+                    "the module must be passive, and the amplifier is enabled: ros2 service call "
+                    f"{topic_of(robot, 'amplifier/enable')} std_srvs/srv/SetBool"
+                )
+
+    def enable(self) -> None:
+        """Wait for the supervisor's permission and switch the torque on. Raises RobotError."""
+        robot = self.robot
+
+        def permitted() -> bool:
+            state = robot.state(SafetyState)
+            return state is not None and state.vertical_permitted
+
+        if not robot.met(permitted, _PERMIT_S):
+            state = robot.state(SafetyState)
+            why = "; ".join(state.reasons) if state else "the supervisor is silent"
+            why = why or ("the lock pin is in" if state.vertical_locked else "no reason given")
+            raise RobotError(f"no permission to move: {why}")
+        self._torque_on = True
+        robot.enable()
+
+    def check_enabled(self) -> None:
+        """Raise RobotError with the reason when the torque went off."""
+        state = self.robot.state(AmplifierState)
+        if state is not None and not state.enabled:
+            raise RobotError(f"the amplifier took the torque off: {state.reason}")
+
+    def torque_off(self) -> None:
+        """Ask for zero and disable, when this session enabled. Raises RobotError."""
+        self.loop.halt()
+        if self._torque_on:
+            self.robot.enable(False)
+            self._torque_on = False
+
+    @contextlib.contextmanager
+    def unhurried(self) -> Iterator[None]:
+        """Within, nothing interrupts: for taking back what was done. Bounded in time all the same.
+
+        Raises RobotError when it takes too long.
+        """
+        watch, begun_ns = self.robot.watch, _WALL.now_ns()
+
+        def in_time() -> None:
+            patience = _HURRIED_S if self._hurried() else _CLEAN_UP_S
+            if (_WALL.now_ns() - begun_ns) * 1e-9 > patience:
+                raise RobotError("putting things back took too long")
+
+        self.robot.watch = in_time
+        try:
+            yield
+        finally:
+            self.robot.watch = watch
+
+
+def common_rate(robot: Robot) -> float:
+    """Return the tick rate of both sensors [1/s].
+
+    Raises NotPossible when they differ, or have another clock than this node.
+    """
+    given = [parameters(robot, node, ("rate", "use_sim_time")) for node in _SENSORS]
+    for node, values in zip(_SENSORS, given, strict=True):
+        if values["use_sim_time"] != robot.clock.simulated:
+            raise NotPossible(
+                f"{node} runs with use_sim_time {str(values['use_sim_time']).lower()}, "
+                "characterize does not: start it with the same"
+            )
+    rates = [values["rate"] for values in given]
+    if rates[0] != rates[1]:
+        raise NotPossible(
+            f"encoder at {rates[0]:g} and force_sensor at {rates[1]:g} samples per second: start "
+            "both with the same rate"
+        )
+    return rates[0]
+
+
+def share_of(on_progress: OnProgress, seconds: float) -> Callable[[float], None]:
+    """Return the callback for `wait` that passes on seconds as a share of `seconds`."""
+    return lambda elapsed: on_progress(min(elapsed / seconds, 1.0))

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an experiment asks of other nodes: lifecycle states, parameters, and to have them back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
+
+from screw_module_ros.operator.client import Client, RobotError
+
+UNCONFIGURED, INACTIVE, ACTIVE = (
+    State.PRIMARY_STATE_UNCONFIGURED, State.PRIMARY_STATE_INACTIVE, State.PRIMARY_STATE_ACTIVE
+)  # fmt: skip
+_NAMES = {UNCONFIGURED: "unconfigured", INACTIVE: "inactive", ACTIVE: "active"}
+_RISING = {UNCONFIGURED: Transition.TRANSITION_CONFIGURE, INACTIVE: Transition.TRANSITION_ACTIVATE}
+_FALLING = {INACTIVE: Transition.TRANSITION_CLEANUP, ACTIVE: Transition.TRANSITION_DEACTIVATE}
+_DEADLINE_S = 15.0
+
+
+def lifecycle_state(client: Client, node: str) -> int:
+    """Return the primary lifecycle state of a node. Raises RobotError without an answer."""
+    return client.call(GetState, f"{node}/get_state").current_state.id
+
+
+def bring(client: Client, node: str, wanted: int) -> None:
+    """Take a node to a lifecycle state, step by step from wherever it is.
+
+    Raises RobotError naming the node, what it would not do and what it says.
+    """
+    while (now := lifecycle_state(client, node)) != wanted:
+        steps = _RISING if now < wanted else _FALLING
+        if now not in steps:
+            raise RobotError(f"{node} is in lifecycle state {now}, it cannot be brought back")
+        request = ChangeState.Request(transition=Transition(id=steps[now]))
+        if not client.call(ChangeState, f"{node}/change_state", request, _DEADLINE_S).success:
+            raise RobotError(
+                f"{node} stays {_NAMES[now]}, {_NAMES[wanted]} was wanted: {client.said(node)}"
+            )
+
+
+def parameters(client: Client, node: str, names: Iterable[str]) -> dict[str, Any]:
+    """Return parameters of a node by name, without those it does not have."""
+    names = list(names)
+    request = GetParameters.Request(names=names)
+    values = client.call(GetParameters, f"{node}/get_parameters", request).values
+    found = zip(names, map(parameter_value_to_python, values), strict=False)
+    return {name: value for name, value in found if value is not None}
+
+
+def set_parameters(client: Client, node: str, values: Mapping[str, Any]) -> None:
+    """Set parameters of a node; raise RobotError for the first that is refused."""
+    for name, value in values.items():
+        client.set_parameter(node, name, value)
+
+
+def topic_of(client: Client, name: str) -> str:
+    """Return a relative name as it is typed on a command line, namespace included."""
+    namespace = client.node.get_namespace().rstrip("/")
+    return f"{namespace}/{name}"

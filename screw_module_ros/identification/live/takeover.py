@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""In the place of `impedance_controller`, for torque trials, and everything put back afterwards.
+
+The amplifier lets only one node command it and the supervisor wants to hear a controller. So the
+controller is cleaned up, which takes its publishers out of the graph, `characterize` publishes in
+its stead, and the amplifier is configured again without its linearization and with limits of the
+force and of its rate wide enough. Giving back verifies every step; what could not be put back is
+said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
+
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.geometry import torque_to_force
+from screw_module_ros.identification.trials import NotPossible
+from screw_module_ros.loop.drive import LARGEST_FORCE
+from screw_module_ros.operator.client import RobotError
+from screw_module_ros.operator.robot import Robot
+
+from .graph import (
+    ACTIVE,
+    INACTIVE,
+    UNCONFIGURED,
+    bring,
+    lifecycle_state,
+    parameters,
+    set_parameters,
+    topic_of,
+)
+from .loop import LiveLoop
+from .torque_source import TorqueSource
+
+CONTROLLER, AMPLIFIER = "impedance_controller", "amplifier"
+_MARGIN = 1.02  # of the force limits above the peak
+_ANSWER_S = 10.0
+_FASTEST = 1e6  # [N/s]: a locked rotor may have any sine
+
+
+class Takeover:
+    """The controller's place. source: answers the samples while it is held, None before."""
+
+    def __init__(self, robot: Robot, loop: LiveLoop):
+        self.source: TorqueSource | None = None
+        self._robot, self._loop = robot, loop
+        self._found: dict[str, object] = {}
+        self._begun = False
+
+    def take(self, peak: float, watch: WatchSettings, period_ns: int) -> TorqueSource:
+        """Take the place for torque commands up to `peak` [Nm]; return the source.
+
+        Raises NotPossible when the robot is not in a state to take it from, RobotError when a step
+        fails; `give_back` undoes what was done until then.
+        """
+        force = torque_to_force(peak)
+        if force > LARGEST_FORCE:
+            largest = peak * LARGEST_FORCE / force
+            raise NotPossible(
+                f"a torque command of {peak:.3f} Nm: the amplifier believes no more than "
+                f"{largest:.3f} Nm ({LARGEST_FORCE:g} N)"
+            )
+        if self._begun and min(self._limits()) >= force:
+            return self.source
+        if not self._begun:
+            self._check_robot()
+            self._found = parameters(
+                self._robot, AMPLIFIER, ("linearize", "command_up", "command_down", "command_rate")
+            )
+            self._begun = True
+            bring(self._robot, CONTROLLER, UNCONFIGURED)
+            self.source = self._loop.take_place(watch, period_ns)
+        bring(self._robot, AMPLIFIER, INACTIVE)
+        bring(self._robot, AMPLIFIER, UNCONFIGURED)
+        wide = min(LARGEST_FORCE, _MARGIN * force)
+        widened = {
+            name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
+        }
+        freed = {"linearize": False, "command_rate": _FASTEST}
+        set_parameters(self._robot, AMPLIFIER, {**freed, **widened})
+        bring(self._robot, AMPLIFIER, ACTIVE)
+        self._wait_until_ready()
+        return self.source
+
+    def _limits(self) -> list[float]:
+        return list(parameters(self._robot, AMPLIFIER, ("command_up", "command_down")).values())
+
+    def _check_robot(self) -> None:
+        robot = self._robot
+        for node in (CONTROLLER, AMPLIFIER):
+            if lifecycle_state(robot, node) != ACTIVE:
+                name = topic_of(robot, node)
+                raise NotPossible(f"{node} is not active: ros2 lifecycle set {name} activate")
+        check_disabled(robot)
+        plane = robot.state(PlanarState)
+        if plane is not None and plane.enabled:
+            raise NotPossible(
+                "the plane is enabled, and the amplifier must restart: ros2 service call "
+                f"{topic_of(robot, 'manus/enable')} std_srvs/srv/SetBool"
+            )
+        check_not_stopped(robot)
+
+    def _wait_until_ready(self) -> None:
+        """Wait until the amplifier passes commands on as they are and reports no fault."""
+
+        def ready() -> bool:
+            state = self._robot.state(AmplifierState)
+            if state is None or state.state == AmplifierState.UNKNOWN:
+                return False
+            return state.calibration == "none" and not state.faulted
+
+        if self._robot.met(ready, 1.0):
+            return
+        self._robot.clear_amplifier()  # of its own restart on a busy machine
+        self._robot.wait_until(ready, _ANSWER_S, "the amplifier did not come back without fault")
+
+    def give_back(self) -> list[str]:
+        """Put back what `take` changed; return what could not be, as sentences."""
+        if not self._begun:
+            return []
+        left: list[str] = []
+
+        def attempt(what: str, action: Callable[[], None]) -> None:
+            try:
+                action()
+            except RobotError as error:
+                left.append(f"{what}: {error}")
+
+        attempt("amplifier not stopped", lambda: bring(self._robot, AMPLIFIER, UNCONFIGURED))
+        attempt("amplifier's settings not restored", self._restore)
+        if self.source is not None:
+            self._loop.leave_place()
+            self.source = None
+        attempt("amplifier not restarted", lambda: bring(self._robot, AMPLIFIER, ACTIVE))
+        attempt("controller not restarted", lambda: bring(self._robot, CONTROLLER, ACTIVE))
+        self._begun = False
+        return left
+
+    def _restore(self) -> None:
+        set_parameters(self._robot, AMPLIFIER, self._found)
+        now = parameters(self._robot, AMPLIFIER, self._found)
+        if now != self._found:
+            raise RobotError(f"{self._found} was wanted, they are {now}")
+
+
+def check_disabled(robot: Robot) -> None:
+    """Raise NotPossible with the way out unless the amplifier says that no torque passes."""
+    if not robot.met(lambda: robot.state(AmplifierState) is not None, _ANSWER_S):
+        raise NotPossible("the amplifier is silent: start and activate it first")
+    if robot.newest(AmplifierState).enabled:
+        raise NotPossible(
+            f"the amplifier is enabled: ros2 service call {topic_of(robot, 'amplifier/enable')} "
+            "std_srvs/srv/SetBool"
+        )
+
+
+def check_not_stopped(robot: Robot) -> None:
+    """Raise NotPossible with the way out when the supervisor has stopped the robot."""
+    if not robot.met(lambda: robot.state(SafetyState) is not None, _ANSWER_S):
+        raise NotPossible("the supervisor is silent: start and activate it first")
+    state = robot.state(SafetyState)
+    if state.level == SafetyState.STOPPED:
+        raise NotPossible(
+            f"the supervisor has stopped the robot ({'; '.join(state.reasons)}): ros2 service call "
+            f"{topic_of(robot, 'supervisor/reset')} std_srvs/srv/Trigger"
+        )

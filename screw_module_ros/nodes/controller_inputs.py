@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller subscribes to: samples, set point, drive and supervisor."""
+
+from __future__ import annotations
+
+from screw_module_ros import graph
+from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.loop.rate_check import RateCheck
+from screw_module_ros.loop.setpoint_input import SetpointInput
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+from .support.freshness import Newest
+from .support.realtime import Inbox
+from .support.slot_input import SlotInbox
+from .support.topics import requested
+
+_SAFETY_AGE_NS = 200_000_000
+
+
+class ControllerInputs:
+    """The controller's subscriptions, for the loop's thread; times in [ns].
+
+    inbox, forces: what is waited for apart, the encoder sample and the force. period_ns: of the
+    node. wanted: the set point; slot: that of a therapy session.
+    """
+
+    def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
+        self.wanted = SetpointInput(axes=1)
+        self._inbox, self._forces = inbox, forces
+        take = inbox.subscribe
+        self._take_encoder = take(*requested(graph.ENCODER), wakes=True)
+        self._take_force = forces.subscribe(*requested(graph.FORCE), wakes=True)
+        self._take_setpoint = take(*requested(graph.SETPOINT))
+        self.slot = SlotInbox(inbox, vertical=True)
+        self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
+        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
+        self._resets: int | None = None
+        self._encoder_rate = RateCheck("encoder", period_ns)
+        self._force_rate = RateCheck("force_sensor", period_ns)
+
+    @property
+    def wrong_rate(self) -> str:
+        """Return which sensor ticks at another rate, empty for none."""
+        return self._encoder_rate.wrong or self._force_rate.wrong
+
+    def next_sample(self, until_ns: int) -> EncoderReading | None:
+        """Return the newest encoder sample, waiting until then at most."""
+        self._inbox.wait(until_ns)
+        sample = self._take_encoder()
+        if sample is not None:
+            self._encoder_rate.note(sample.sequence, sample.monotonic_ns)
+        return sample
+
+    def next_force(self, until_ns: int) -> ForceReading | None:
+        """Return the newest force sample, waiting until then at most; 0 = no wait."""
+        if until_ns:
+            self._forces.wait(until_ns)
+        sample = self._take_force()
+        if sample is not None:
+            self._force_rate.note(sample.sequence, sample.monotonic_ns)
+        return sample
+
+    def read(self, controller: VerticalController, now_ns: int) -> None:
+        """Take set point, slot and amplifier state, where they come by a topic."""
+        controller.held = self.wrong_rate
+        self.slot.read(controller.guide, now_ns)
+        wanted = self._take_setpoint()
+        if wanted is not None:
+            self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
+        state = self._take_amplifier()
+        if state is not None:
+            controller.on_drive(state.enabled, state.position, now_ns)
+
+    def restart(self) -> None:
+        """Forget the supervisor's count of resets."""
+        self._resets = None
+
+    def follow_supervisor(self, controller: VerticalController, now_ns: int) -> None:
+        """A reset there clears a fault here; one that was started anew counts from 0 again."""
+        safety = self._safety.fresh(now_ns)
+        if safety is None:
+            return
+        if self._resets is not None and safety.resets > self._resets:
+            controller.reset(now_ns)
+        self._resets = safety.resets
+
+    def close(self) -> None:
+        """Remove the subscriptions that the node does not remove itself."""
+        self._forces.close()

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the force sensor may be tared, and the readings for it.
+
+Only while the vertical drive gives no torque: with force feedback the patient would feel what is
+removed, several times over and at once.
+"""
+
+from __future__ import annotations
+
+import threading
+
+from screw_module_ros.clock import Clock
+from screw_module_ros.samples import ForceReading
+
+from .support.realtime import Inbox
+from .support.torque_off import TorqueOff
+
+_GATHER_S = 3.0
+
+
+class Taring:
+    """Readings of the loop's thread for the service thread. inbox: hears the amplifier's state."""
+
+    def __init__(self, inbox: Inbox, clock: Clock):
+        self._clock = clock
+        self._torque_off = TorqueOff(inbox, clock)
+        self._readings: list[ForceReading] | None = None
+        self._wanted = 0
+        self._enough = threading.Event()
+
+    def note(self, reading: ForceReading) -> None:
+        """Keep a reading where it is wanted; the loop's thread."""
+        readings = self._readings  # the service may end it meanwhile
+        if readings is not None:
+            readings.append(reading)
+            if len(readings) >= self._wanted:
+                self._enough.set()
+
+    def permitted(self) -> None:
+        """Raise NotPermitted when the amplifier's next state says that torque passes."""
+        self._torque_off.check("would jump")
+
+    def gathered(self, count: int) -> list[ForceReading]:
+        """Return the next readings, up to `count`; fewer where they fail to come."""
+        self._enough.clear()
+        self._wanted = count
+        self._readings = []
+        self._clock.wait_for(self._enough.is_set, _GATHER_S)
+        readings, self._readings = self._readings, None
+        return readings[:count]

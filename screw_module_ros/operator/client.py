@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client of the running graph: services with deadlines, newest states, what the nodes say.
+
+Every call either works or raises RobotError in a sentence that names the node and what it said.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import GetState
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
+from std_srvs.srv import Trigger
+
+from screw_module_ros import graph
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.lockstep.wires import Hop
+from screw_module_ros.loop.ticker import BACK_OFF_S
+
+from ..nodes.support import qos
+from ..nodes.support.freshness import Newest
+from ..nodes.support.module_node import answer_topic, request_topic
+from ..nodes.support.realtime import Inbox
+from ..nodes.support.transport import choose_transport
+
+_POLL_NS = 20_000_000
+_SERVE_S = 0.5
+ANSWER_S = 10.0
+_LOST_S = 1.0
+_READY_S = 90.0
+_STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
+_FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
+_WALL = WallClock()  # processes start by it, whatever the robot's time is
+_FRESH_NS = 300_000_000
+_STATE_S = 5.0
+_STATES = {
+    SafetyState: graph.SAFETY_STATE,
+    ImpedanceState: graph.CONTROLLER_STATE,
+    AmplifierState: graph.AMPLIFIER_STATE,
+    PlanarState: graph.MANUS_STATE,
+}
+
+
+class RobotError(RuntimeError):
+    """Something asked of the robot did not work; the message says which node said what."""
+
+
+class Client:
+    """A client of the whole graph. Not thread-safe: one thread calls it.
+
+    watch: called in every wait, may raise to end it, for instance when a process died. simulated:
+    take part in the rig's time: waits go by it, what is asked is asked at one time and answered
+    before it moves on.
+    """
+
+    def __init__(
+        self,
+        name: str = "operator",
+        namespace: str = "",
+        watch: Callable[[], None] = lambda: None,
+        simulated: bool = False,
+    ):
+        self.watch = watch
+        self.clock: Clock = simulated_clock(name, namespace) if simulated else WallClock()
+        choose_transport()
+        self._context = Context()
+        self._context.init()
+        self.node = Node(name, namespace=namespace or None, context=self._context)
+        self._clients: dict[str, Any] = {}
+        self._statuses: dict[str, DiagnosticStatus] = {}
+        self._wires: dict[str, tuple[Any, Any]] = {}
+        self._closing = threading.Event()
+        self._inbox = Inbox(self.node, self.clock)
+        self._states = {
+            kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
+            for kind, topic in _STATES.items()
+        }
+        self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._closing.set()
+        self._executor.wake()
+        self._thread.join(timeout=2.0)
+        self._executor.shutdown(timeout_sec=2.0)
+        self._inbox.close()
+        for request, answer in self._wires.values():
+            request.close()
+            answer.close()
+        self.node.destroy_node()
+        self._context.try_shutdown()
+        self.clock.leave()
+        self.clock.close()
+
+    def _serve(self) -> None:
+        # Not `spin`: shutting it down from another thread destroys what it is about to use.
+        while not self._closing.is_set():
+            try:
+                self._executor.spin_once(timeout_sec=_SERVE_S)
+            except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
+                self._closing.wait(BACK_OFF_S)
+
+    # Waiting -------------------------------------------------------------------------------
+
+    def pause(self, seconds: float) -> None:
+        """Wait, watching."""
+        self.pause_until(self.clock.now_ns() + round(seconds * 1e9))
+
+    def pause_until(self, due_ns: int) -> None:
+        """Wait until it is `due_ns` by the client's clock [ns], watching."""
+        while (now_ns := self.clock.now_ns()) < due_ns:
+            self.watch()
+            self._sleep(min(due_ns, now_ns + _POLL_NS))
+
+    def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
+        """Wait until `until_ns`, or for a message on `hops`.
+
+        Raises RobotError when simulated time stands because its rig has ended, or for long.
+        """
+        end_ns = _WALL.now_ns() + _STANDS_NS
+        while True:
+            try:
+                if hops:
+                    self.clock.member.wait(until_ns, hops=hops)
+                else:
+                    self.clock.sleep_until(until_ns)
+                return
+            except TimeStandsStill as error:
+                self.watch()  # a process that has ended says more
+                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
+                    raise RobotError(str(error)) from None
+
+    def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
+        """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
+        if not self.met(condition, deadline_s):
+            raise RobotError(f"{what} (waited {deadline_s:g} s){self.complaints_text()}")
+
+    def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        """Wait for `condition`, watching; return whether it was met before the deadline."""
+        end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
+        while not condition():
+            if self.clock.now_ns() > end_ns:
+                return False
+            self.pause(_POLL_NS * 1e-9)
+        return True
+
+    def wait_until_ready(
+        self,
+        nodes: Iterable[str],
+        deadline_s: float = _READY_S,
+        on_waiting: Callable[[list[str]], None] = lambda waiting: None,
+    ) -> None:
+        """Wait until the lifecycle state of all `nodes` is active.
+
+        on_waiting: called with the names of those that are not yet.
+
+        deadline_s: of wall clock.
+        """
+        waiting = list(nodes)
+        asked: dict[str, tuple[Any, int]] = {}
+
+        def ready() -> bool:
+            waiting[:] = [name for name in waiting if not self._is_active(name, asked)]
+            on_waiting(waiting)
+            return not waiting
+
+        if not self._met_by_wall(ready, deadline_s):
+            said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
+            raise RobotError(f"not ready after {deadline_s:g} s: {said}")
+
+    def _met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        self.clock.idle()
+        end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                return False
+            self.watch()
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+        return True
+
+    def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
+        """Whether the node has answered so.
+
+        A node that is just being discovered may lose a question: it is asked a moment after it was
+        seen, and again where an answer does not come.
+        """
+        future, due_ns = asked.get(name, (None, 0))
+        if future is not None and future.done():
+            del asked[name]
+            return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
+        now_ns = _WALL.now_ns()
+        client = self.client(GetState, f"{name}/get_state")
+        if not client.service_is_ready():
+            asked.pop(name, None)
+        elif name not in asked:
+            asked[name] = (None, now_ns + _FIRST_ASK_NS)
+        elif now_ns > due_ns:
+            asked[name] = (client.call_async(GetState.Request()), now_ns + _ASK_AGAIN_NS)
+        return False
+
+    # What the nodes say --------------------------------------------------------------------
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        mine = self.node.get_namespace().strip("/")
+        for status in message.status:
+            namespace, _, name = status.name.rpartition("/")
+            if namespace == mine:  # /diagnostics is common to all robots of a domain
+                self._statuses[name] = status
+
+    def said(self, node: str) -> str:
+        """Return what the node said last on /diagnostics."""
+        status = self._statuses.get(node)
+        return status.message if status else "nothing heard of it on /diagnostics"
+
+    def complaints(self) -> list[str]:
+        """Return `node: message` of every node that reports an error."""
+        bad = (DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
+        statuses = sorted(self._statuses.items())
+        return [f"{name}: {status.message}" for name, status in statuses if status.level in bad]
+
+    def complaints_text(self) -> str:
+        """Return the complaints as the end of a sentence, empty without any."""
+        found = self.complaints()
+        return f"; /diagnostics: {'; '.join(found)}" if found else ""
+
+    def state(self, kind: type) -> Any:
+        """Return the newest SafetyState, ImpedanceState, AmplifierState or PlanarState.
+
+        None when it is older than 0.3 s.
+        """
+        return self._states[kind].fresh(self.clock.now_ns())
+
+    def newest(self, kind: type, deadline_s: float = _STATE_S) -> Any:
+        """Like `state`, but wait for one. Raises RobotError when none comes in time."""
+        self.wait_until(
+            lambda: self.state(kind), deadline_s, f"nobody publishes {_STATES[kind]}"
+        )
+        return self._states[kind].message
+
+    # Services ------------------------------------------------------------------------------
+
+    def client(self, kind: type, service: str):
+        """Return the client of a service, made once."""
+        if service not in self._clients:
+            self._clients[service] = self.node.create_client(kind, service)
+        return self._clients[service]
+
+    def call(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+        """Call a service and return its response. Raises RobotError without an answer in time."""
+        client = self.client(kind, service)
+        self.wait_until(client.service_is_ready, deadline_s, f"nobody offers {service}")
+        with self._under_way(kind, service) as hops:
+            future = client.call_async(request or kind.Request())
+            end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
+            while not future.done():
+                self.watch()
+                now_ns = self.clock.now_ns()
+                if now_ns > end_ns:
+                    self.wait_until(future.done, 0.0, f"{service} did not answer")
+                self._await(future, now_ns + _POLL_NS, hops)
+        return future.result()
+
+    def _await(self, future: Any, until_ns: int, hops: list) -> None:
+        """Wait until `until_ns` for an answer; one that was given comes before time moves on."""
+        if not hops:
+            answered = threading.Event()
+            future.add_done_callback(lambda _: answered.set())
+            if not answered.wait(_POLL_NS * 1e-9) and self.clock.simulated:
+                self.clock.sleep_until(until_ns)  # its node may need time for the answer
+            return
+        self._sleep(until_ns, hops)
+        answered = threading.Event()
+        if hops[0].pending():
+            future.add_done_callback(lambda _: answered.set())
+            if answered.wait(_LOST_S):
+                hops[0].catch_up()
+            else:
+                hops[0].let_go()
+
+    @contextmanager
+    def _under_way(self, kind: type, service: str):
+        """Let a request hold simulated time until its node has it; yield the way of the answer.
+
+        Only services that the node offers with `ModuleNode.serve` count; rclpy's own do not.
+        """
+        if not (self.clock.simulated and hasattr(kind.Response, "message")):
+            yield []
+            return
+        node = self.node.resolve_service_name(service).rpartition("/")[0]
+        if node not in self._wires:
+            request = self.clock.source(request_topic(node))
+            self._wires[node] = (request, self.clock.hop(answer_topic(node)))
+        request, answer = self._wires[node]
+        answer.catch_up()
+        request.publishing()
+        yield [answer]
+
+    def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+        """Like `call`; return the response's message, raise RobotError with it when refused."""
+        response = self.call(kind, service, request, deadline_s)
+        if not response.success:
+            raise RobotError(f"{service} was refused: {response.message}")
+        return response.message
+
+    def trigger(self, service: str, deadline_s: float = ANSWER_S) -> str:
+        """Call a Trigger service, like `ask`."""
+        return self.ask(Trigger, service, deadline_s=deadline_s)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set one parameter."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
+        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        if not result.successful:
+            raise RobotError(f"{node} refused {name} = {value!r}: {result.reason}")

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`session`: look at, audit and repair recorded bags, and what therapy sessions tell; no ROS."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from .recording.errors import BagError
+from .recording.recovery import recover
+from .recording.verify import Report, verify
+from .therapy.cli import add_commands
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage."""
+    options = _parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # a name may hold what cannot be printed
+    try:
+        code = options.run(options)
+        sys.stdout.flush()
+    except BagError as error:
+        print(f"session: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # `session info BAG | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="session", description=__doc__)
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, run, text in (
+        ("info", _info, "topics, counts and what the recorder noted"),
+        ("verify", _verify, "count everything anew: complete, or what is missing and where"),
+        (
+            "recover",
+            _recover,
+            "complete a bag that was cut off or damaged; what cannot be read is kept beside",
+        ),
+    ):
+        command = commands.add_parser(name, help=text, description=text)
+        command.add_argument("bag", type=Path, help="folder of the bag")
+        command.set_defaults(run=lambda options, run=run: run(options.bag))
+    add_commands(commands)
+    return parser
+
+
+def _info(bag: Path) -> int:
+    report = verify(bag)
+    _print_topics(report)
+    for name, values in report.notes.items():
+        print(f"{name}:")
+        for key, value in values.items():
+            print(f"  {key}: {value}")
+    return 0
+
+
+def _verify(bag: Path) -> int:
+    report = verify(bag)
+    _print_topics(report)
+    for remark in report.remarks:
+        print(f"NOTE {remark}")
+    for problem in report.problems:
+        print(f"PROBLEM {problem}")
+    for name, gaps in report.gaps.items():
+        for gap in gaps:
+            print(f"  {name}: {gap.missing} missing after {gap.log_time} ns")
+    print(report.verdict)
+    return 0 if report.complete else 1
+
+
+def _recover(bag: Path) -> int:
+    print(f"{bag}: {recover(bag)}")
+    return 0
+
+
+def _print_topics(report: Report) -> None:
+    width = max((len(name) for name in report.topics), default=5)
+    print(
+        f"{'topic':{width}} {'messages':>9} {'stride':>6} {'lost':>6} {'missed':>6} "
+        f"{'dropped':>7} {'double':>6} {'disorder':>8}"
+    )
+    for name, count in report.topics.items():
+        missed = count.missed if count.missed >= 0 else "?"
+        print(
+            f"{name:{width}} {count.messages:9} {count.stride or '-':>6} {count.lost:6} "
+            f"{missed:>6} {count.dropped:7} {count.duplicates:6} {count.out_of_order:8}"
+        )

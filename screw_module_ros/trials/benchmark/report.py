@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `bench` shows and writes: tables with what is wanted beside what was found, and JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from screw_module_ros.identification.speed import Speed
+
+from .figures import PARTS, TIMING, UNITS, WANTED, Case, Run, Spread, spreads, verdict
+
+WANTED_FACTOR = 200.0
+LEGEND = (
+    "answer: SYNC to the encoder's answer in hand, the way over the bus and through the device. "
+    "own: from there (composed) or from the command in hand (separate) to the drive write."
+)
+_SUM = "all"
+
+Measured = Mapping[Case, Sequence[Run]]
+
+
+def timing_table(measured: Measured) -> Table:
+    """Return latencies and shares of each case: median (range), with what is wanted."""
+    table = Table(title="SYNC to drive write, median (range) of the runs", title_justify="left")
+    for name in ("processes", "rate", "figure", "found", "wanted", ""):
+        table.add_column(name, justify="left" if name in ("processes", "figure") else "right")
+    for case, runs in measured.items():
+        found = spreads([run.figures for run in runs])
+        for name in (*TIMING, *PARTS):
+            limit = WANTED.get((case.processes, case.rate), {}).get(name)
+            unit = UNITS.get(name, "us")
+            table.add_row(
+                case.processes,
+                f"{case.rate} Hz",
+                name,
+                f"{_spread_text(found[name], unit)} {unit}",
+                "" if limit is None else f"{limit:g} {unit}",
+                verdict(case, name, found[name].median),
+                end_section=name == PARTS[-1],
+            )
+    return table
+
+
+def processor_table(measured: Measured) -> Table:
+    """Return what each process used of one core, and the load the machine had besides."""
+    title = "Processor time, % of one core, median (range)"
+    table = Table(title=title, title_justify="left")
+    table.add_column("process")
+    for case in measured:
+        table.add_column(f"{case.processes} {case.rate} Hz", justify="right")
+    shares = {case: spreads([_with_sum(run.processor) for run in runs])
+              for case, runs in measured.items()}
+    names = dict.fromkeys(name for found in shares.values() for name in found if name != _SUM)
+    for name in (*names, _SUM):
+        cells = (
+            _spread_text(found[name], "cpu") if name in found else "" for found in shares.values()
+        )
+        table.add_row(name, *cells)
+    loads = (spreads([{"load": run.load} for run in runs])["load"] for runs in measured.values())
+    table.add_row("load average before", *(_spread_text(load, "%") for load in loads))
+    enabled = (f"{sum(run.enabled for run in runs)} of {len(runs)}" for runs in measured.values())
+    table.add_row("runs enabled throughout", *enabled)
+    return table
+
+
+def loop_table(found: list[Speed]) -> Table:
+    """Return the table of the in-process loop."""
+    table = Table(title="In-process loop, 2 kHz samples, substeps of 50 us", title_justify="left")
+    for name in ("trial", "cores", "x real time", "range", f"wanted {WANTED_FACTOR:g} on one core"):
+        table.add_column(name, justify="left" if name == "trial" else "right")
+    for speed in found:
+        low, high = speed.factors[0], speed.factors[-1]
+        said = "" if speed.cores > 1 else "yes" if speed.median >= WANTED_FACTOR else "MISSED"
+        table.add_row(
+            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}", said
+        )
+    return table
+
+
+def content_of(measured: Measured, seconds: float, loop: list[Speed]) -> dict[str, Any]:
+    """Return everything as JSON can hold it: an infinite latency becomes null."""
+    graph = [
+        {
+            **case._asdict(),
+            "seconds": seconds,
+            "wanted": WANTED.get((case.processes, case.rate), {}),
+            "median_low_high": {
+                name: [_finite(value) for value in spread]
+                for name, spread in spreads([run.figures for run in runs]).items()
+            },
+            "processor_median_low_high": spreads([_with_sum(run.processor) for run in runs]),
+            "runs": [
+                {**run._asdict(), "figures": {n: _finite(v) for n, v in run.figures.items()}}
+                for run in runs
+            ],
+        }
+        for case, runs in measured.items()
+    ]
+    return {
+        "graph": graph,
+        "in_process_loop": [{**speed._asdict(), "median": speed.median} for speed in loop],
+    }
+
+
+def _with_sum(processor: Mapping[str, float]) -> dict[str, float]:
+    return {**processor, _SUM: sum(processor.values())}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _spread_text(spread: Spread, unit: str) -> str:
+    digits = 2 if unit == "%" else 0
+    middle, low, high = (f"{value:.{digits}f}" for value in spread)
+    return f"{middle} ({low}..{high})"

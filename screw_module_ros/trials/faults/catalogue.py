@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All rows, and the page made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from . import (
+    rows_bus,
+    rows_commands,
+    rows_drive,
+    rows_intruders,
+    rows_nodes,
+    rows_operator,
+    rows_sensors,
+)
+from .measures import LARGEST_STEP
+from .row import EITHER, GOES_ON, OFF, SAFE_STATES, VERTICAL_OFF, Row
+
+_MODULES = (
+    rows_nodes,
+    rows_bus,
+    rows_sensors,
+    rows_drive,
+    rows_commands,
+    rows_operator,
+    rows_intruders,
+)
+PAGE = "docs/faults.md"
+
+
+def all_rows() -> list[Row]:
+    """Return the catalogue, in the order it is carried out."""
+    return [row for module in _MODULES for row in module.rows()]
+
+
+def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
+    """Return the rows of these groups and names, all without any; a name may be a part of one.
+
+    Raises ValueError naming what does not exist.
+    """
+    rows, groups, names = all_rows(), list(groups), list(names)
+    known = list(dict.fromkeys(row.group for row in rows))
+    for group in groups:
+        if group not in known:
+            raise ValueError(f"no group {group!r}; there are {', '.join(known)}")
+    for name in names:
+        if not any(name in row.name for row in rows):
+            raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
+    found = [
+        row
+        for row in rows
+        if (not groups or row.group in groups)
+        and (not names or any(name in row.name for name in names))
+    ]
+    if not found:
+        raise ValueError("no row of these groups has such a name; `faults --list` tells them all")
+    return found
+
+
+def page() -> str:
+    """Return docs/faults.md."""
+    rows = all_rows()
+    lines = [_HEAD.format(count=len(rows), **_FIGURES)]
+    for group in dict.fromkeys(row.group for row in rows):
+        members = [row for row in rows if row.group == group]
+        lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
+        lines += [_line(row) for row in members]
+    return "\n".join(lines) + "\n"
+
+
+def _line(row: Row) -> str:
+    within = "" if row.safe == GOES_ON else f"{row.within} / {row.plane_within or '–'}"
+    alarm = row.alarm.text if row.alarm else _NO_ALARM[row.safe]
+    cells = (
+        f"`{row.name}`", row.fault, row.mode_name, row.noticed_by, within, row.safe, alarm,
+        row.recovery,
+    )  # fmt: skip
+    return "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
+
+
+_NO_ALARM = {
+    GOES_ON: "none",
+    EITHER: "none while it goes on, else any reason in safety_state",
+    OFF: "none: it was asked for",
+    VERTICAL_OFF: "none: it was asked for",
+}
+_FIGURES = {
+    "step": LARGEST_STEP,
+    "states": "\n".join(f"- *{name}*: {text}" for name, text in SAFE_STATES.items()),
+}
+_HEAD = """<!-- made by `faults --table`; do not edit -->
+# Fault catalogue
+
+`make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
+time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
+moves the handle. The nodes of the vertical axis run as one process (`module`), or apart where a row
+is about one of them or about a topic between them. A row is there because it can fail for a reason
+of its own: what all nodes, modes, fields or parameters have in common is shown by unit tests.
+
+Where the robot stops, a row passes when
+
+- the rig's own motors (`sim/truth`) give no torque any more within the row's time,
+- the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
+- after the cause has gone, and what had ended is active again, nothing comes back by itself,
+- the recovery leads to operation without restarting the graph and needs no service that the row
+  does not name, and
+- the patient's resting hand feels no step above {step:g} N on the way: no change by more within
+  25 ms (a knock of 5 ms in the play between nut and handle is none).
+
+Where it goes on, both drives stay enabled and give torque, no torque exceeds its limit, and it is
+the same when the cause goes. Where both may be, either is judged as what it turned out to be, the
+time from the first drive that went off, and a reason must be told.
+
+Times are in samples of the vertical chain (1 ms), by simulated time: first the vertical axis, then
+the plane. They hold whatever else the machine does: time waits for every node. A process that was
+stopped (SIGSTOP) is waited for 1 s of wall clock; then time goes on without it. One that was killed
+is not waited for. While the rig itself is away, time stands.
+
+Safe states:
+{states}"""
+_COLUMNS = (
+    "| row | fault | mode | who notices | within [samples] | safe state | alarm | recovery |\n"
+    "|---|---|---|---|---|---|---|---|"
+)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`faults`: carry out the fault catalogue against the simulated rig."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+import click
+from rich.markup import escape
+
+from screw_module_ros.nodes.support.isolation import DOMAIN_VARIABLE
+from screw_module_ros.nodes.support.single import AlreadyRunning
+from screw_module_ros.operator.robot import RobotError
+
+from ..console import Console
+from ..graph_run import Interrupted
+from .catalogue import chosen, page
+from .row import GOES_ON, Row, Verdict
+from .worker_pool import WorkerPool
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
+@click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
+@click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
+@click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
+@click.option(
+    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the verdicts here.",
+)  # fmt: skip
+@click.option(
+    "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
+    help="Graphs at once, by default one per core; one where ROS_DOMAIN_ID is set.",
+)  # fmt: skip
+def command(group, row, listed, table, json_file, jobs) -> None:
+    """Carry out the fault catalogue; exit with 1 when a row fails."""
+    console = Console()
+    try:
+        rows = chosen(group, row)
+        if table:
+            click.echo(page(), nl=False)
+        elif listed:
+            for one in rows:
+                click.echo(f"{one.group:12} {one.name:44} {one.fault}")
+        else:
+            sys.exit(_carried_out(rows, jobs, console, json_file))
+    except Interrupted:
+        console.fail("stopped; every node was ended in order")
+        sys.exit(130)
+    except (ValueError, RobotError, AlreadyRunning, OSError) as error:
+        console.fail(f"faults: {error}")
+        sys.exit(2)
+
+
+def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path | None) -> int:
+    begun = time.monotonic()
+    named = {row.name: row for row in rows}
+    verdicts: list[Verdict] = []
+    try:
+        with WorkerPool(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as pool:
+            for verdict in pool.verdicts():
+                verdicts.append(verdict)
+                console.show(_verdict_line(named[verdict.name], verdict, len(verdicts), len(rows)))
+    finally:
+        _write(json_file, named, verdicts)
+    failed = [verdict.name for verdict in verdicts if not verdict.passed]
+    console.show(
+        f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
+        f"{time.monotonic() - begun:.0f} s"
+        + (f"; failed: {', '.join(failed)}" if failed else "")
+    )
+    return 1 if failed else 0
+
+
+def _verdict_line(row: Row, verdict: Verdict, number: int, count: int) -> str:
+    mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
+    if row.safe == GOES_ON:
+        figures = "goes on"
+    else:
+        figures = f"{verdict.vertical:.0f} of {row.within}"
+        if row.plane_within:
+            figures += f", plane {verdict.plane:.0f} of {row.plane_within} samples"
+    line = (
+        f"{mark} {number:3}/{count} {row.name:42} {figures}, step {verdict.step:.1f} N "
+        f"[dim]{verdict.simulated:.1f} s "
+        f"in {verdict.seconds:.1f} s[/]"
+    )
+    if verdict.problem:
+        line += "\n      [red]" + escape(verdict.problem) + "[/]"
+        if verdict.stuck:
+            line += "\n      the graph could not be brought back; a new one is started"
+    return line
+
+
+def _write(file: Path | None, rows: dict[str, Row], verdicts: list[Verdict]) -> None:
+    if file is None:
+        return
+    done = [
+        {
+            "group": rows[verdict.name].group,
+            "mode": rows[verdict.name].mode_name,
+            "within": rows[verdict.name].within,
+            "plane_within": rows[verdict.name].plane_within,
+            "passed": verdict.passed,
+            **verdict._asdict(),
+        }
+        for verdict in verdicts
+    ]
+    file.write_text(json.dumps(done, indent=1, ensure_ascii=False) + "\n")
+
+
+def main() -> None:
+    """Console entry point."""
+    command()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Those who do not belong to the graph: second publishers, second nodes, foreign CAN masters.
+
+Their threads take part in simulated time, so that what they do happens at a time of their choice.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.context import Context
+from rclpy.node import Node
+
+from screw_module_ros.can_io.bus import BusSettings, Port, open_port
+from screw_module_ros.clock import WallClock
+from screw_module_ros.graph import BUSES
+from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.operator.robot import Robot, RobotError
+
+from ..graph_run import GraphRun
+
+_MATCHED_S, _POLL_NS = 5.0, 5_000_000  # wall clock
+_SETTLED_S = 0.05  # the other end may know of a match a moment later
+_TICK_NS = 1_000_000
+_OFF_TICK_NS = 300_000
+"""Their messages come between the ticks, where a node has nothing else to do."""
+_NUMBER_OF_BUS = {bus.node: number for number, bus in enumerate(BUSES)}
+_WALL = WallClock()  # the middleware finds publishers by it
+
+
+class Intruders:
+    """Everybody who was let in, until `dismiss`."""
+
+    def __init__(self, robot: Robot, graph: GraphRun):
+        self._robot, self._clock, self._graph = robot, robot.clock, graph
+        self._context = Context()
+        self._context.init()
+        # Nobody spins it: an executor trips over a publisher that is removed under it.
+        self._node = Node("intruder", context=self._context)
+        self._inbox = Inbox(self._node, self._clock)
+        self._over = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._voices: list[_Voice] = []
+        self._ports: list[Port] = []
+        self._guests: list[bringup.Process] = []
+
+    def start(self, node: str, *arguments: str) -> int:
+        """Start one more process of an executable, with the same CAN ports; return its id."""
+        own = f"{node}:"
+        given = [word.removeprefix(own) for word in self._graph.arguments("sim_rig")]
+        guest = bringup.Process(node, ["--ros-args", *given, *arguments])
+        self._guests.append(guest)
+        return guest.pid
+
+    def publish(
+        self, kind: type, topic: str, make: Callable[[], Any], count: int, period: float
+    ) -> float:
+        """Publish what `make` returns on a topic each `period` [s], between the ticks.
+
+        count: so many times, or 0 for until `dismiss`. Returns the simulated time when it began
+        [s].
+        """
+        voice = _Voice(self._node, self._clock, kind, topic)
+        self._voices.append(voice)
+        self._await_listeners(voice, topic)
+        begin_ns = self._clock.now_ns()
+        if count:
+            for _ in range(count):
+                self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
+                voice.say(make())
+        else:
+            self.repeat(lambda: voice.say(make()), period)
+        return begin_ns * 1e-9
+
+    def _await_listeners(self, voice: _Voice, topic: str) -> None:
+        self._clock.idle()
+        end_ns = _WALL.now_ns() + round(_MATCHED_S * 1e9)
+        while not voice.listeners():
+            if _WALL.now_ns() > end_ns:
+                raise RobotError(f"nobody listens on {topic}")
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+        _WALL.sleep(_SETTLED_S)
+        self._robot.pause(0.0)
+
+    def listen(self, kind: type, topic: str) -> Callable[[], Any]:
+        """Return what takes the next message of a topic, or None; it works until `dismiss`."""
+        return self._inbox.subscribe(kind, topic, qos.STATE)
+
+    def repeat(self, act: Callable[[], object], period: float) -> None:
+        """Do something each `period` [s] of simulated time until `dismiss`."""
+        thread = threading.Thread(target=self._repeat, args=(act, period), daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _repeat(self, act: Callable[[], object], period: float) -> None:
+        try:
+            while not self._over.is_set():
+                self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
+                act()
+        finally:
+            self._clock.leave()
+
+    def port(self, node: str) -> Port:
+        """Return a foreign master's access to the CAN bus of a driver node, until `dismiss`."""
+        number = self._graph.place.first_port + _NUMBER_OF_BUS[node]
+        port = open_port(BusSettings(port=number, sync_producer=False), self._clock)
+        self._ports.append(port)
+        return port
+
+    def dismiss(self) -> None:
+        """Send everybody away."""
+        self._over.set()
+        if self._threads:
+            self._clock.idle()  # they end when time has come to their next act
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+        for voice in self._voices:
+            voice.close()
+        self._inbox.close()
+        for port in self._ports:
+            port.close()
+        for guest in self._guests:
+            guest.stop()
+        self._threads, self._voices, self._ports, self._guests = [], [], [], []
+        self._over.clear()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.dismiss()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+class _Voice:
+    """A publisher beside the true one, whose messages hold simulated time as well."""
+
+    def __init__(self, node: Node, clock: Any, kind: type, topic: str):
+        self._node = node
+        self._publisher = node.create_publisher(kind, topic, qos.COMMAND)
+        self._source = clock.source(self._publisher.topic_name)
+        self._source.counts = True  # also beside another
+
+    def listeners(self) -> int:
+        """Return how many subscriptions there are."""
+        return self._publisher.get_subscription_count()
+
+    def say(self, message: Any) -> None:
+        """Publish a message."""
+        self._source.publishing()
+        self._publisher.publish(message)
+        self._source.published()
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._node.destroy_publisher(self._publisher)
+
+
+def _between_ticks(now_ns: int, period: float) -> int:
+    """Return a time between two ticks, `period` [s] from now or a little more [ns]."""
+    period_ns = round(period * 1e9)
+    if period_ns >= _TICK_NS:
+        return (now_ns + period_ns) // _TICK_NS * _TICK_NS + _OFF_TICK_NS
+    half_ns = period_ns // 2
+    return ((now_ns - half_ns) // period_ns + 1) * period_ns + half_ns

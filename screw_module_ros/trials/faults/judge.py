@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Carries out one row and says whether the robot kept its promise.
+
+The promise (design section 6): torque zero within the row's time, nothing re-enables by itself, the
+reason can be read, recovery needs no restart of the graph, and the patient feels no step. All
+times are simulated.
+"""
+
+from __future__ import annotations
+
+from screw_module_ros.clock import WallClock
+from screw_module_ros.control.modes import OFF as MODE_OFF
+from screw_module_ros.operator.robot import RobotError
+
+from ..graph_run import Interrupted
+from .limits import PERIOD
+from .measures import (
+    LARGEST_STEP,
+    beyond_limits,
+    largest_step,
+    missing_of,
+    plane,
+    torque_samples,
+    vertical,
+)
+from .row import EITHER, GOES_ON, OFF, VERTICAL_OFF, Failed, Row, Verdict
+from .testbed import Testbed
+
+ROW_S = 60.0
+_ALARM_S = 8.0
+_AFTERWARDS_S = 0.2  # what goes on is watched when its cause has gone
+_DRIVES = ("amplifier", "manus")
+_WALL = WallClock()  # for how long a row took
+
+
+def judge(testbed: Testbed, row: Row) -> Verdict:
+    """Carry out one row on a running testbed. Raises Interrupted after Ctrl-C."""
+    return _Trial(testbed, row).verdict()
+
+
+class _Trial:
+    """One row: in motion, harmed, noticed, taken back, in operation again."""
+
+    def __init__(self, testbed: Testbed, row: Row):
+        self.testbed, self.row, self.heard = testbed, row, testbed.heard
+        self._facts: dict = {}
+        self._taken_back = False
+
+    def verdict(self) -> Verdict:
+        """Carry it out."""
+        testbed, begun_ns, begun = self.testbed, _WALL.now_ns(), self.heard.time
+        problem = self._problem()
+        stuck = bool(problem) and not self._recovered()
+        testbed.deadline = float("inf")
+        return Verdict(
+            self.row.name, problem, stuck,
+            seconds=(_WALL.now_ns() - begun_ns) * 1e-9,
+            simulated=self.heard.time - begun,
+            **self._facts,
+        )  # fmt: skip
+
+    def _problem(self) -> str:
+        testbed, row = self.testbed, self.row
+        testbed.deadline = self.heard.time + ROW_S
+        try:
+            row.prepare(testbed)
+            testbed.ready(row.mode)
+            testbed.patient.move(row.mode)
+            self._strike()
+        except (Failed, RobotError) as error:
+            return str(error)
+        except Interrupted:
+            raise
+        except Exception as error:
+            return f"the row itself is broken: {type(error).__name__}: {error}"
+        return ""
+
+    def _recovered(self) -> bool:
+        """Take the fault back after a failure, so that the next row has a fair chance."""
+        self.testbed.deadline = self.heard.time + ROW_S
+        try:
+            if not self._taken_back:
+                self._take_back()
+            self.testbed.ready(self.row.mode)
+        except Interrupted:
+            raise
+        except Exception:
+            return False
+        return True
+
+    def _take_back(self) -> None:
+        """Take the cause away; what was started again is awaited, it might go on by itself."""
+        self._taken_back = True
+        self.row.back(self.testbed)
+        self.testbed.intruders.dismiss()
+        self.testbed.await_restarted()
+
+    # The harm --------------------------------------------------------------------------------
+
+    def _strike(self) -> None:
+        row, testbed = self.row, self.testbed
+        before = self.heard.mark()
+        begin = row.inject(testbed) or max(before, testbed.just_now())
+        if row.safe == EITHER:
+            self._pass(begin + row.watch)
+        if row.safe == GOES_ON or row.safe == EITHER and not self.heard.disabled_at():
+            self._goes_on(before, begin)
+        else:
+            self._stops(begin)
+
+    def _stops(self, begin: float) -> None:
+        if self.row.safe == EITHER:  # the harm began at some time, and then it was noticed
+            begin = min(self.heard.disabled_at().values())
+            self._await_reason()
+        self._await_no_torque(begin)
+        if self.row.safe == VERTICAL_OFF:
+            self._check_drives({"manus"})
+            self._check_torque(self._longest, plane, "the plane")
+        self._await_alarm()
+        self._take_back()
+        self._check_it_stays_off(begin)
+        self._recover()
+        on = set(_DRIVES) - set(self.heard.disabled_at())
+        if self.row.safe == OFF and on:
+            raise Failed(f"{' and '.join(sorted(on))} was never disabled")
+
+    def _pass(self, until: float) -> None:
+        """Let simulated time pass."""
+        self.testbed.robot.pause(max(0.0, until - self.heard.time))
+
+    # Off ---------------------------------------------------------------------------------------
+
+    @property
+    def _longest(self) -> float:
+        """The longer of the row's times [s]."""
+        return max(self.row.within, self.row.plane_within) * PERIOD
+
+    def _await_no_torque(self, begin: float) -> None:
+        """Wait until the row's time is over and judge what the rig's motors did meanwhile."""
+        row = self.row
+        self._pass(begin + self._longest + 10 * PERIOD)
+        moments = self.heard.since(begin)
+        on, plane_on = (torque_samples(moments, begin, which) for which in (vertical, plane))
+        self._facts.update(vertical=on, plane=plane_on)
+        if on > row.within:
+            raise Failed(f"vertical torque after {row.within} samples ({self._reasons()})")
+        if row.safe != VERTICAL_OFF and plane_on > row.plane_within:
+            raise Failed(f"planar torque after {row.plane_within} samples ({self._reasons()})")
+
+    def _check_it_stays_off(self, begin: float) -> None:
+        """The fault is gone: nothing may come back by itself."""
+        heard, row = self.heard, self.row
+        heard.forget_enabled()
+        quiet = heard.time
+        self._pass(quiet + row.watch)
+        moments = heard.since(min(begin + self._longest, quiet))
+        if any(map(vertical, moments)):
+            raise Failed("vertical torque came back by itself")
+        if row.safe != VERTICAL_OFF and any(map(plane, moments)):
+            raise Failed("planar torque came back by itself")
+        allowed = {"manus"} if row.safe == VERTICAL_OFF else set()
+        if again := heard.ever_enabled() - allowed:
+            raise Failed(f"{', '.join(sorted(again))} enabled by itself")
+
+    def _recover(self) -> None:
+        """Do what the row says, no more, and see what the patient feels of it."""
+        self.testbed.recovery.steps.clear()
+        self.testbed.ready(self.row.mode)
+        self._facts["step"] = largest_step(self.heard.since(self.testbed.recovery.enabled_at))
+        if self._facts["step"] > LARGEST_STEP:
+            raise Failed(f"a step of {self._facts['step']:.1f} N on the patient's hand on recovery")
+        steps = self.testbed.recovery.steps
+        if more := [step for step in steps if step.rpartition("/")[2] not in self.row.recovery]:
+            raise Failed(f"recovery needs {', '.join(sorted(more))} as well")
+
+    # On ----------------------------------------------------------------------------------------
+
+    def _goes_on(self, before: float, begin: float) -> None:
+        """The robot must work on, also when the cause goes; an alarm must come all the same."""
+        self._pass(begin + self.row.watch)
+        self._await_alarm()
+        if problem := beyond_limits(self.heard.since(before)):
+            raise Failed(problem)
+        self._check_drives(set(_DRIVES))
+        if not self.row.limp:
+            half = self.row.watch / 2.0
+            self._check_torque(half, plane, "the plane")
+            if self.row.mode != MODE_OFF:
+                self._check_torque(half, vertical, "the vertical axis")
+        self._take_back()
+        if self.row.safe == GOES_ON:  # else it may take the torque off to take the fault back
+            self._pass(self.heard.time + _AFTERWARDS_S)
+            self._check_drives(set(_DRIVES))
+
+    def _check_drives(self, wanted: set[str]) -> None:
+        off = wanted & set(self.heard.disabled_at())
+        if off:
+            raise Failed(f"{', '.join(sorted(off))} went off ({self._reasons()})")
+        silent = [node for node in sorted(wanted) if not self.heard.enabled(node)]
+        if silent:
+            raise Failed(f"{', '.join(silent)} is silent")
+
+    def _check_torque(self, seconds: float, has_torque, which: str) -> None:
+        """A drive that is enabled and gives nothing does not work on."""
+        if not any(map(has_torque, self.heard.since(self.heard.time - seconds))):
+            raise Failed(f"{which} is enabled but gives no torque")
+
+    # What is told ------------------------------------------------------------------------------
+
+    def _reasons(self) -> str:
+        return "; ".join(self.heard.reasons()) or "no reason told"
+
+    def _await_reason(self) -> None:
+        if not self.testbed.until(self.heard.reasons, _ALARM_S):
+            raise Failed("stopped without a reason in safety_state")
+        self._facts["reason"] = self.heard.reasons()[0]
+
+    def _await_alarm(self) -> None:
+        """Wait until the fault is told as the row says."""
+        alarm, heard = self.row.alarm, self.heard
+        if alarm is None:
+            return
+        if not self.testbed.until(lambda: not missing_of(alarm, heard, self._facts), _ALARM_S):
+            missing = missing_of(alarm, heard, self._facts)
+            alarms = "; ".join(f"{n}: {', '.join(m)}" for n, m in heard.alarms().items())
+            raise Failed(f"no alarm: {missing}; alarms: {alarms}; reasons: {self._reasons()}")

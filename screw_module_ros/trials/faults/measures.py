@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a row is judged by: how long there was torque, what the patient felt, what was told."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+
+from .limits import PERIOD
+from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener, Moment
+from .row import Alarm
+
+STEP_S = 0.025
+"""Time within which a change of the force on the hand is a step [s]."""
+LARGEST_STEP = 5.0
+"""Allowed change of the force on the resting hand within `STEP_S` [N]."""
+SILENT_S = 2.5
+"""Without a diagnostics entry for so long, a node no longer speaks [s]."""
+LARGEST_TORQUE = 0.34
+"""A command of 95 N and the linearization's 0.025 Nm [Nm]."""
+LARGEST_JOINT_TORQUE = 26.0
+"""Limit of the planar drives [Nm]."""
+
+
+def vertical(moment: Moment) -> bool:
+    """Return whether the vertical motor gives torque."""
+    return abs(moment.torque) > NO_TORQUE
+
+
+def plane(moment: Moment) -> bool:
+    """Return whether a motor of the plane gives torque."""
+    return max(map(abs, moment.joints)) > NO_JOINT_TORQUE
+
+
+def torque_samples(
+    moments: Sequence[Moment], begin: float, has_torque: Callable[[Moment], bool]
+) -> float:
+    """Return for how many samples after `begin` [s] there was torque."""
+    last = max((moment.time for moment in moments if has_torque(moment)), default=begin)
+    return (last - begin) / PERIOD
+
+
+def beyond_limits(moments: Sequence[Moment]) -> str:
+    """Return which torque exceeds its limit, empty when none does."""
+    if any(abs(moment.torque) > LARGEST_TORQUE for moment in moments):
+        return "the vertical torque exceeds its limit"
+    if any(max(map(abs, moment.joints)) > LARGEST_JOINT_TORQUE for moment in moments):
+        return "a joint's torque exceeds its limit"
+    return ""
+
+
+def largest_step(moments: Sequence[Moment]) -> float:
+    """Return the largest change of a component of the patient's force within STEP_S [N].
+
+    A knock in the play between nut and handle, of 5 ms, is none: the median of three counts.
+    """
+    largest, first = 0.0, 0
+    times = [moment.time for moment in moments[1:-1]]
+    forces = [_median(three) for three in zip(moments, moments[1:], moments[2:], strict=False)]
+    for time_now, force in zip(times, forces, strict=True):
+        while times[first] < time_now - STEP_S * 1.01:
+            first += 1
+        pairs = zip(forces[first], force, strict=True)
+        largest = max(largest, *(abs(b - a) for a, b in pairs))
+    return largest
+
+
+def _median(three: Sequence[Moment]) -> tuple[float, ...]:
+    return tuple(sorted(axis)[1] for axis in zip(*(one.force for one in three), strict=True))
+
+
+def missing_of(alarm: Alarm, heard: Listener, facts: dict[str, str]) -> str:
+    """Return which part of the alarm has not come, empty when all has.
+
+    facts: where the words that were heard go, as `alarm` and `reason`.
+    """
+    if alarm.node and not alarm.said:
+        if heard.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:
+            return f"{alarm.node} still speaks"
+    elif alarm.node:
+        said = heard.alarms().get(alarm.node, [])
+        found = [message for message in said if re.search(alarm.said, message)]
+        if not found:
+            return f"diagnostics of {alarm.node}: {alarm.said!r}"
+        facts["alarm"] = f"{alarm.node}: {found[0]}"
+    if alarm.reason:
+        found = [reason for reason in heard.reasons() if re.search(alarm.reason, reason)]
+        if not found:
+            return f"safety_state reason {alarm.reason!r}"
+        facts["reason"] = found[0]
+    return ""

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a CiA 402 drive can do, and fail to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from std_srvs.srv import SetBool, Trigger
+
+from .acts import both, cured, fault
+from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, TOLD
+from .row import GOES_ON, OFF, Alarm, Failed, Row
+
+GROUP = "drives"
+_SILENT = COMMAND + 4 + DYING
+_BEAT = HEARTBEAT + 2 + DYING
+_MODE = 100 + AT_ONCE
+"""Samples: the mode is told with the drive's second PDO, each 100 ms."""
+_STUCK = 400
+"""Samples in which a wrong torque is seen to stay: by time, and by the position."""
+_APART = 900
+"""Samples until the patient's hand has moved by more than the tolerance of two positions."""
+
+# fault of the rig, text, samples until noticed (0 = goes on), regular expression of the alarm
+_FAULTS = (
+    ("over_current", "over-current, 2310", AT_ONCE, "2310"),
+    ("over_temperature", "device too hot, 4210", AT_ONCE, "4210"),
+    ("fault", "a fault with an unknown code", AT_ONCE, "5000|fault"),
+    ("disable", "it drops to switch on disabled by itself", AT_ONCE, "left operation enabled"),
+    ("torque_off", "safe torque off", AT_ONCE, "left operation enabled"),
+    ("mode_lost", "it leaves torque mode", _MODE, "torque mode"),
+    ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
+    ("pdos_lost", "its PDOs stop, all else goes on", _SILENT, "drive|position"),
+    ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
+     _SILENT, "RPDO|8250|8130|heartbeat|position|PRE-OPERATIONAL"),
+    ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", _SILENT,
+     "RPDO|8250|position"),
+    ("reset", "it restarts in mid-run", AT_ONCE, "restarted|boot-up|position"),
+    ("power_off", "it loses its supply, later back", AT_ONCE,
+     "restarted|boot-up|heartbeat|position"),
+    ("stuck_torque", "it gives a torque nobody asked for", _STUCK, "torque|disagree|turns"),
+    ("motor_open", "a motor wire is broken: enabled, but no torque", 0, ""),
+    ("warning", "it warns (statusword bit 7)", 0, ""),
+    ("sdo_silent", "it does not answer SDO requests", 0, ""),
+    ("inputs", "its limit switch inputs are set", 0, ""),
+)  # fmt: skip
+# The planar drives are driven by the same code; what differs is what follows for two of them.
+_SHOULDER_TOO = ("over_current", "disable", "pdos_lost", "deaf", "reset", "power_off",
+                 "stuck_torque")  # fmt: skip
+_ELBOW_TOO = ("over_current", "reset")
+_BACK = {
+    "amplifier": "mend it; amplifier/clear_fault, reset, enable",
+    "manus": "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
+}
+
+
+def rows() -> Iterator[Row]:
+    """The vertical drive with every fault, the planar ones with some."""
+    for name, text, within, said in _FAULTS:
+        yield _row("drive", "amplifier", name, text, within, said)
+    for name, text, within, said in _FAULTS:
+        if name in _SHOULDER_TOO:
+            yield _row("shoulder", "manus", name, text, within, said)
+        if name in _ELBOW_TOO:
+            yield _row("elbow", "manus", name, text, within, said)
+    for name, text, within in (
+        ("position_freeze", "its position stands still", _APART),
+        ("position_jump", "its position jumps", _APART),
+    ):
+        yield _row("drive", "amplifier", name, text, within, "")._replace(
+            alarm=Alarm("impedance_controller", "disagree", "disagree"),
+            noticed_by="impedance_controller",
+            recovery="reset, enable",
+        )
+    yield _row("shoulder", "manus", "position_jump", "its position jumps", AT_ONCE, "jumped")
+    yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
+    yield _refuses_to_enable()
+    yield _without_limit()
+
+
+def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
+    stops = within > 0
+    follows = within + TOLD
+    vertical, plane = (within, follows) if device == "drive" else (follows, within)
+    return Row(
+        name=f"{device}-{name}",
+        group=GROUP,
+        fault=f"{device}: {text}",
+        inject=fault(device, name),
+        back=cured(device),
+        alarm=_alarm(device, node, name, said) if stops else None,
+        recovery=_BACK[node] if stops else "none is needed",
+        noticed_by=f"{node}; the drive itself" if stops else "nobody: no torque is too much",
+        within=vertical if stops else 0,
+        plane_within=plane if stops else 0,
+        safe=OFF if stops else GOES_ON,
+        watch=0.2 if stops else 0.3,
+        limp=name == "motor_open",
+    )
+
+
+def _alarm(device: str, node: str, name: str, said: str) -> Alarm:
+    if (device, name) == ("drive", "pdos_lost"):  # whoever is first: it depends on the rate
+        return Alarm("supervisor", "amplifier|disagree", "amplifier|disagree")
+    return Alarm(node, said, node)
+
+
+def _refuses_to_enable() -> Row:
+    """Over-temperature, and then a drive that does not come back at the first try."""
+    row = _row("drive", "amplifier", "over_temperature", "too hot; cleared too early", AT_ONCE,
+               "4210")  # fmt: skip
+    return row._replace(
+        name="drive-cleared-too-early",
+        inject=both(fault("drive", "over_temperature"), _clear_in_vain),
+    )
+
+
+def _without_limit() -> Row:
+    """A drive that restarts and then has no torque limit of its own is not enabled."""
+    row = _row("drive", "amplifier", "reset", "it restarts and refuses a torque limit, 6072",
+               AT_ONCE, "6072")  # fmt: skip
+    return row._replace(
+        name="drive-refuses-6072",
+        inject=_restarted_without_limit,
+        back=both(cured("drive"), fault("drive", "reset")),
+        alarm=Alarm("amplifier", "torque limit 6072", "amplifier"),
+        noticed_by="amplifier: not enabled without its guards",
+    )
+
+
+def _restarted_without_limit(testbed) -> float:
+    fault("drive", "refuse_torque_limit")(testbed)
+    begin = fault("drive", "reset")(testbed)
+    robot = testbed.robot
+    if not testbed.until(lambda: "amplifier" in testbed.heard.disabled_at(), 2.0):
+        raise Failed("the amplifier is still enabled")
+    robot.pause(0.5)
+    answer = robot.call(Trigger, "amplifier/clear_fault", deadline_s=6.0)
+    if not answer.success:
+        raise Failed(f"amplifier/clear_fault: {answer.message}")
+    robot.wait_until(
+        lambda: robot.call(Trigger, "supervisor/reset").success, 5.0, "supervisor/reset is refused"
+    )
+    answer = robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True))
+    if answer.success or "6072" not in answer.message:
+        raise Failed(f"amplifier/enable without a torque limit: {answer.message!r}")
+    return begin
+
+
+def _clear_in_vain(testbed) -> None:
+    """Ask for what cannot be had while the cause persists; it must be refused."""
+    robot = testbed.robot
+    if robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True)).success:
+        raise Failed("amplifier/enable was granted in fault")
+    if robot.call(Trigger, "amplifier/clear_fault").success:
+        raise Failed("amplifier/clear_fault succeeded while the cause persists")

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What encoder and force sensor can say that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from screw_module_ros.control.watch import FORCE_FAULT_BITS
+
+from .acts import both, cured, fault, rehomed
+from .limits import AT_ONCE, DYING, FROZEN, STALE, TOLD
+from .patient import HOME
+from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
+
+_APART_M = 0.005
+_SILENT, _APART = STALE + 2 + DYING, 900
+"""Samples until noticed: by the absence of a sample; against the drive's own position, which takes
+until the patient's hand has moved by more than their tolerance."""
+_BITS = (0, 4, 14)
+"""Of the ATI status word: one that is no fault, two that are. A unit test goes through them all."""
+_GAUGES = (0, 5)
+"""One of each of the two frames of a sample."""
+_UNHOMED = f"mend it; encoder/home at the reference mark, {MISSED}, reset, enable"
+_RESET = f"{MISSED}, reset, enable"
+_TARE = f"mend it; let go of the handle, force_sensor/tare, {MISSED}, reset, enable"
+_NOT_NEEDED = "none is needed"
+_ENCODER = Alarm("impedance_controller", "encoder", "encoder")
+
+# name, value, text, safe, within, alarm, recovery
+_ENCODER_FAULTS = (
+    ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, _RESET),
+    ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
+    ("jump", 5e3, "position jumps by a quarter turn", OFF, _APART, _ENCODER, _UNHOMED),
+    ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, _RESET),
+    ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
+    ("noise", 1e5, "position is noisy by 95 mm", OFF, AT_ONCE, _ENCODER, _UNHOMED),
+    ("index_lost", 0, "index pulse lost (alarm, EMCY 7305)", OFF, _SILENT,
+     Alarm("encoder", "7305|index", "encoder"), _UNHOMED),
+    ("position_error", 0, "position error (alarm, EMCY 7300)", OFF, _SILENT,
+     Alarm("encoder", "7300|position", "encoder"), _UNHOMED),
+    ("reset", 0, "restarts in mid-run", OFF, _SILENT, Alarm("encoder", "restarted", "encoder"),
+     _UNHOMED),
+    ("power_off", 0, "loses its supply, later back", OFF, _SILENT, _ENCODER, _UNHOMED),
+    ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, _SILENT,
+     Alarm("encoder", "3100", "encoder"), _UNHOMED),
+    ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, _RESET),
+    ("heartbeat_lost", 0, "its heartbeat stops, all else goes on", GOES_ON, 0, None, _NOT_NEEDED),
+    ("sdo_silent", 0, "it does not answer SDO requests", GOES_ON, 0, None, _NOT_NEEDED),
+)  # fmt: skip
+_FORCE = Alarm("impedance_controller", "force sensor", "force")
+_FORCE_FAULTS = (
+    ("bias", 10, "off by 10 N", GOES_ON, 0, None, _TARE),
+    ("bias", 250, "off by 250 N", OFF, AT_ONCE,
+     Alarm("impedance_controller", "on the handle, more than", "on the handle"), _RESET),
+    ("drift", 5, "drifts by 5 N/s", GOES_ON, 0, None, _TARE),
+    ("noise", 500, "gauges noisy by 500 counts", EITHER, AT_ONCE, None, _RESET),
+    ("freeze", 0, "gauges stand still", OFF, FROZEN + _SILENT,
+     Alarm("force_sensor", "have not changed", "force"), _TARE),
+    ("half", 0, "the second frame of each sample is missing", OFF, _SILENT, _FORCE,
+     _RESET),
+    ("reset", 0, "restarts after its watchdog", EITHER, _SILENT, None, _TARE),
+)  # fmt: skip
+
+
+def rows() -> Iterator[Row]:
+    """Both sensors; the force sensor in the mode that uses it."""
+    for given in _ENCODER_FAULTS:
+        yield _row("encoder", 1, *given)
+    yield _rollover()
+    for given in _FORCE_FAULTS:
+        yield _row("force_sensor", 3, *given)
+    for gauge in _GAUGES:
+        yield _row(
+            "force_sensor", 3, "saturate", gauge, f"gauge {gauge} at its limit", OFF, _SILENT,
+            Alarm("impedance_controller", "force sensor", "force"), _TARE,
+        )  # fmt: skip
+    for bit in _BITS:
+        yield _status(bit)
+
+
+def _row(device, mode, name, value, text, safe, within, alarm, recovery) -> Row:
+    stops = safe != GOES_ON
+    return Row(
+        name=f"{device}-{name}" + (f"-{value:g}" if value or name == "saturate" else ""),
+        group=device.replace("_", " "),
+        fault=f"{device}: {text}",
+        inject=fault(device, name, float(value)),
+        back=both(cured(device), rehomed) if recovery == _UNHOMED else cured(device),
+        alarm=alarm,
+        recovery=recovery,
+        noticed_by=_who(alarm, device) if stops else "nobody: it cannot be told from a patient",
+        within=within,
+        plane_within=within + TOLD if stops else 0,
+        mode=mode,
+        safe=safe,
+        watch=0.3 if safe != OFF else 0.2,
+    )
+
+
+def _who(alarm: Alarm | None, device: str) -> str:
+    return alarm.node if alarm else f"{device} or impedance_controller"
+
+
+def _status(bit: int) -> Row:
+    """Each bit of the ATI status word, by itself."""
+    meaning = FORCE_FAULT_BITS.get(bit)
+    text = f"status bit {bit}: {meaning}" if meaning else f"status bit {bit}, which is no fault"
+    alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if meaning else None
+    safe, within = (OFF, AT_ONCE) if meaning else (GOES_ON, 0)
+    row = _row("force_sensor", 3, "status", bit, text, safe, within, alarm, _TARE)
+    return row._replace(
+        name=f"force_sensor-status-{bit}",
+        noticed_by="impedance_controller" if meaning else "force_sensor counts it",
+    )
+
+
+def _moved_across(testbed) -> None:
+    """Wait until the handle has been on either side of the wrap, 1.3 mm above the mark."""
+    begin = testbed.just_now()
+
+    def across() -> bool:
+        heights = [moment.height for moment in testbed.heard.since(begin)]
+        return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
+
+    if not testbed.until(across, 6.0):
+        raise Failed("the handle was not moved across the wrap")
+
+
+def _rollover() -> Row:
+    """The counter wraps while the patient moves the handle across it."""
+    row = _row(
+        "encoder", 1, "rollover", 0, "counter wraps at 2^32 in motion", GOES_ON, 0, None,
+        _NOT_NEEDED,
+    )  # fmt: skip
+    return row._replace(
+        prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
+        inject=_moved_across,
+        noticed_by="nobody: the driver unwraps it",
+        watch=1.0,
+    )

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One running graph on which the rows are carried out, one after the other.
+
+`ready` brings the robot from whatever state to operation; the graph is not started anew.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from screw_module_ros import graph
+from screw_module_ros.clock import WallClock
+from screw_module_ros.graph import nodes_of
+from screw_module_ros.lockstep.page import alive
+from screw_module_ros.operator.robot import Robot, RobotError
+
+from ..graph_run import GraphRun
+from .intruders import Intruders
+from .limits import TRUTH_RATE
+from .listener import Listener
+from .patient import Patient
+from .recovery import Recovery
+
+STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
+FORCE_GAIN = 2.0
+_ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
+_CREEP_S = 0.0005
+_ONE_SENDER = {
+    graph.SAFETY_STATE: "supervisor",
+    graph.FORCE_COMMAND: "impedance_controller",
+    graph.ENCODER: "encoder",
+    graph.FORCE: "force_sensor",
+}
+"""Topics whose hearers enable nothing while there are two senders. The middleware forgets one that
+was killed after 20 s of wall clock."""
+_POLL_NS = 5_000_000
+_WALL = WallClock()  # processes end and start by it
+_FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
+
+
+class Testbed:
+    """The graph in simulated time, an operator, a patient, a game, and means to do harm.
+
+    deadline: simulated time by which the row must be over [s].
+    """
+
+    def __init__(self, extra: Iterable[str] = (), composed: bool = False):
+        """Prepare; `extra` goes to every node's --ros-args, `composed` as of `bringup.start`."""
+        self.composed = composed
+        self.graph = GraphRun(extra=[*_FAST, *extra], composed=composed)
+        self.robot: Robot = None
+        self.heard: Listener = None
+        self.patient: Patient = None
+        self.recovery: Recovery = None
+        self.intruders: Intruders = None
+        self.deadline = math.inf
+        self._frozen: set[str] = set()
+        self._restarted: set[str] = set()
+
+    def __enter__(self) -> Testbed:
+        self.graph.__enter__()
+        try:
+            self.robot = Robot("fault_operator", watch=self._watch, simulated=True)
+            self.heard = Listener(self.robot)
+            self.patient = Patient(self.robot, self.heard)
+            self.recovery = Recovery(self.robot, self.heard, self.patient)
+            self.intruders = Intruders(self.robot, self.graph)
+            self.graph.wait_until_ready(self.robot)
+            self._prepare()
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for node in tuple(self._frozen):
+            self.thaw(node)
+        if self.intruders is not None:
+            self.intruders.close()
+        for client in (self.heard, self.robot):
+            if client is not None:
+                client.close()
+        self.graph.__exit__(None, None, None)
+
+    def _watch(self) -> None:
+        self.graph.watch()
+        if self.heard is None:
+            return
+        self.heard.look()
+        if self.heard.time > self.deadline:
+            raise RobotError(f"the row's time is over{self.robot.complaints_text()}")
+
+    def _prepare(self) -> None:
+        self.robot.wait_until(lambda: self.heard.now is not None, 5.0, "no sim/truth")
+        self.robot.set_fixture("free")
+        self.robot.tare()
+        self.robot.set_fixture("human_arm")
+        self.patient.set_up()
+        self.configure()
+
+    def configure(self) -> None:
+        """Set what the controllers start with, after a start of theirs."""
+        robot = self.robot
+        robot.set_impedance(STIFFNESS, 0.0)
+        robot.set_impedance(PLANE_STIFFNESS, PLANE_DAMPING, node="manus")
+        robot.set_parameter("impedance_controller", "force_gain", FORCE_GAIN)
+
+    # Processes -----------------------------------------------------------------------------
+
+    def kill(self, node: str) -> None:
+        """End a node with SIGKILL; time stands until it has ended."""
+        self.graph.signal(node, signal.SIGKILL)
+        self._await_by_wall(lambda: self.graph.exit_code(node) is not None, f"{node} did not end")
+
+    def terminate(self, node: str) -> None:
+        """End a node with SIGTERM."""
+        self.graph.signal(node, signal.SIGTERM)
+
+    def freeze(self, node: str) -> None:
+        """Stop a node's process with SIGSTOP."""
+        self._frozen.add(node)
+        self.graph.signal(node, signal.SIGSTOP, ends=False)
+
+    def thaw(self, node: str) -> None:
+        """Let a frozen process go on."""
+        self._frozen.discard(node)
+        if self.graph.exit_code(node) is None:
+            self.graph.signal(node, signal.SIGCONT, ends=False)
+
+    def await_end(self, nodes: Iterable[str]) -> None:
+        """Wait until these processes have ended."""
+        self.robot.clock.idle()
+        for node in nodes:
+            self._await_by_wall(
+                lambda node=node: self.graph.exit_code(node) is not None, f"{node} did not end"
+            )
+
+    def _await_by_wall(self, condition: Callable[[], object], what: str) -> None:
+        end_ns = _WALL.now_ns() + round(_ENDED_S * 1e9)
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                raise RobotError(what)
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+
+    def restart(self, node: str) -> None:
+        """Start a node again that has ended, or is about to."""
+        self.await_end([node])
+        self.graph.restart(node)
+        self._restarted.add(node)
+
+    def start_guest(self, node: str, *arguments: str) -> None:
+        """Start one more process of an executable; return when it takes part in the time."""
+        self._await_start(self.intruders.start(node, *arguments), f"the second {node}")
+
+    def just_now(self) -> float:
+        """Return the simulated time of now [s]."""
+        return self.heard.time
+
+    # Recovery ------------------------------------------------------------------------------
+
+    def ready(self, mode: int) -> None:
+        """Bring the robot to operation in `mode`, the hand at rest. Raises RobotError if stuck."""
+        self.await_restarted()
+        self.patient.rest()
+        self.recovery.go(mode)
+
+    def await_restarted(self) -> None:
+        """Wait until the nodes that were started again are active, and set them up."""
+        if not self._restarted:
+            return
+        processes, self._restarted = self._restarted, set()
+        for process in processes:
+            self._await_start(self.graph.pid(process), process)
+        nodes = {node for process in processes for node in nodes_of(process)}
+        self.robot.wait_until_ready(nodes)
+        for topic, owner in _ONE_SENDER.items():
+            if owner in nodes:
+                self._creep_until(
+                    lambda topic=topic: self.robot.node.count_publishers(topic) <= 1,
+                    f"the middleware does not forget who sent {topic}",
+                )
+        if nodes & {"impedance_controller", "manus"}:
+            self.configure()
+        if "sim_rig" in nodes:
+            self.robot.wait_until(lambda: self.heard.fresh("sim_rig"), 5.0, "no sim/truth")
+            self.patient.set_up()
+
+    def _await_start(self, pid: int, name: str) -> None:
+        page = self.robot.clock.page
+        self._creep_until(lambda: pid in page.slot_pid, f"{name} does not start")
+
+    def _creep_until(self, condition: Callable[[], object], what: str) -> None:
+        """Wait by wall clock for processes and the middleware; simulated time hardly moves.
+
+        Raises RobotError(`what`) when it does not come.
+        """
+        clock, end_ns = self.robot.clock, _WALL.now_ns() + round(_STARTED_S * 1e9)
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                raise RobotError(what)
+            self.graph.watch()
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+            if alive(clock.page.conductor):
+                clock.sleep(_CREEP_S)
+
+    def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        """Wait for a condition; return whether it came true in time."""
+        return self.robot.met(condition, deadline_s)

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`characterize` beside the running graph, all as separate processes in simulated time at 1 kHz."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from screw_module_msgs.action import RunExperiment
+from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
+from screw_module_msgs.srv import SetFixture
+
+from screw_module_ros.identification.live.graph import ACTIVE, lifecycle_state, parameters
+from screw_module_ros.identification.results import load_result
+from screw_module_ros.nodes import bringup
+from screw_module_ros.operator.robot import Robot
+from screw_module_ros.trials.graph_run import GraphRun
+
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(600)]  # simulated time waits for the machine
+
+AMPLIFIER = ("linearize", "command_up", "command_down")
+SIMULATED = ["-p", "use_sim_time:=true"]
+AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
+CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")
+
+
+class Goal:
+    """One goal under way: the handle, what was fed back, the result."""
+
+    def __init__(self, robot: Robot, client: ActionClient, name: str, folder: Any, **settings: Any):
+        self._robot = robot
+        self.told: list[RunExperiment.Feedback] = []
+        goal = RunExperiment.Goal(
+            experiment=name, settings=json.dumps(settings), folder=str(folder)
+        )
+        sent = client.send_goal_async(goal, lambda message: self.told.append(message.feedback))
+        robot.wait_until(sent.done, 10.0, "no answer to the goal")
+        self.handle = sent.result()
+
+    def wait_for(self, doing: str) -> None:
+        """Wait until the feedback says so."""
+        self._robot.wait_until(
+            lambda: any(doing in told.doing for told in self.told), 20.0, f"never said {doing!r}"
+        )
+
+    def result(self) -> tuple[int, RunExperiment.Result]:
+        """Wait for the end; return status and result."""
+        future = self.handle.get_result_async()
+        self._robot.wait_until(future.done, 60.0, "no result")
+        return future.result().status, future.result().result
+
+    def refusal(self) -> str:
+        """Wait for the end, which must be an abort without a result; return the message."""
+        status, result = self.result()
+        assert (status, result.success, result.result) == (GoalStatus.STATUS_ABORTED, False, "")
+        return result.message
+
+
+class Bench:
+    """The operator, the action and how the graph was found."""
+
+    def __init__(self, robot: Robot, client: ActionClient):
+        self.robot, self.client = robot, client
+        self.found = self.settings()
+
+    def goal(self, name: str, folder: Any = "", **settings: Any) -> Goal:
+        return Goal(self.robot, self.client, name, folder, **settings)
+
+    def done(self, name: str, folder: Any, **settings: Any) -> tuple[RunExperiment.Result, Goal]:
+        """Let an experiment succeed."""
+        goal = self.goal(name, folder, **settings)
+        status, result = goal.result()
+        assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
+        return result, goal
+
+    def make_ready(self) -> None:
+        """Have the robot stand still, permitted and not enabled."""
+        self.robot.enable(False)
+        self.robot.clear_faults()
+        self.robot.permit()
+
+    def fix(self, fixture: str) -> None:
+        request = SetFixture.Request(fixture=fixture, position=float("nan"))
+        self.robot.ask(SetFixture, "sim_rig/set_fixture", request)
+
+    def settings(self) -> dict[str, Any]:
+        """Return what an experiment may change."""
+        return {
+            **parameters(self.robot, "amplifier", AMPLIFIER),
+            **parameters(self.robot, "impedance_controller", CONTROLLER),
+        }
+
+    def goals_in_time(self) -> list[str]:
+        """Return the threads of experiments that simulated time may still wait for."""
+        page = self.robot.clock.page
+        names = [page.name(slot) for slot in range(len(page.slot_pid)) if page.slot_pid[slot]]
+        return [name for name in names if name.endswith("/goal")]
+
+    def check_put_back(self) -> None:
+        """Everything as found: nodes, parameters, who commands; torque off, nothing latched."""
+        robot = self.robot
+        robot.wait_until(lambda: not self.goals_in_time(), 10.0, "an experiment holds time")
+        assert self.settings() == self.found
+        for node in ("amplifier", "impedance_controller"):
+            assert lifecycle_state(robot, node) == ACTIVE
+        robot.wait_until(
+            lambda: [
+                end.node_name
+                for end in robot.node.get_publishers_info_by_topic("/screw/force_command")
+            ] == ["impedance_controller"],
+            10.0,
+            "somebody else commands the amplifier",
+        )  # fmt: skip
+        robot.wait_until(
+            lambda: robot.newest(SafetyState).level == SafetyState.OK,
+            10.0,
+            "the supervisor does not permit motion again",
+        )
+        state = robot.newest(AmplifierState)
+        assert (state.enabled, state.faulted, state.commanded_torque) == (False, False, 0.0)
+        assert state.calibration != "none"
+        robot.wait_until(
+            lambda: (state := robot.state(ImpedanceState)) and not state.faulted,
+            10.0,
+            "the controller is in fault",
+        )
+
+
+@contextmanager
+def own_node() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
+    """Give a node served by the thread that sends the goals.
+
+    rclpy's action client loses a response that comes before `send_goal_async` has returned.
+    """
+    context = Context()
+    context.init()
+    node = Node("goals", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield node, executor
+    executor.shutdown(timeout_sec=1.0)
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def bench(running: Bench) -> Bench:
+    """Return the operator of a robot that stands still, permitted and not enabled."""
+    running.make_ready()
+    return running
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory) -> Iterator[Bench]:
+    """Return the operator beside a running graph and `characterize`; all must end in order."""
+    others = ["session_recorder", "endpoint_state"]
+    with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others) as graph:
+        root = ["-p", f"folder:={tmp_path_factory.getbasetemp()}"]
+        ours = bringup.Process("characterize", ["--ros-args", *SIMULATED, *root])
+        try:
+            with own_node() as (node, executor):
+
+                def watch() -> None:
+                    graph.watch()
+                    executor.spin_once(timeout_sec=0.0)
+
+                with Robot("tester", watch=watch, simulated=True) as robot:
+                    robot.wait_until_ready([*graph.names, "characterize"])
+                    graph.wait_until_ready(robot, lambda waiting: None)
+                    robot.clear_faults()
+                    robot.home()
+                    client = ActionClient(node, RunExperiment, "characterize/run")
+                    robot.wait_until(client.server_is_ready, 20.0, "no action")
+                    yield Bench(robot, client)
+                    client.destroy()
+        finally:
+            code = ours.stop()
+        codes = graph.stop()
+    assert code == 0
+    assert set(codes.values()) == {0}
+
+
+def test_an_empty_name_lists_the_experiments(bench):
+    status, result = bench.goal("").result()
+    assert status == GoalStatus.STATUS_SUCCEEDED
+    assert result.success
+    assert "static_torque" in result.message
+    assert "thesis 4.1.1" in result.message
+
+
+def test_bad_goals_are_refused_in_a_sentence(bench, tmp_path):
+    assert "no experiment 'juggling'; there are" in bench.goal("juggling", tmp_path).refusal()
+    said = bench.goal("static_torque", tmp_path, amplitude=5.0).refusal()
+    assert "amplitude = 5.0 Nm: above the largest allowed" in said
+    assert "folder is empty" in bench.goal("static_torque").refusal()
+    for outside in ("/proc/nothing", "../x", tmp_path / "link/x"):
+        (tmp_path / "link").unlink(missing_ok=True)
+        (tmp_path / "link").symlink_to("/tmp")
+        assert "lies outside of" in bench.goal("static_torque", outside).refusal()
+    (tmp_path / "file").write_text("")
+    assert "cannot be written" in bench.goal("static_torque", tmp_path / "file").refusal()
+    (tmp_path / "static_torque.npz").symlink_to("/nonexistent")
+    assert "never overwritten" in bench.goal("static_torque", tmp_path).refusal()
+    (tmp_path / "static_torque.npz").unlink()
+    assert "needs the result of friction_map" in bench.goal("gravity", tmp_path).refusal()
+    assert "signal analyser" in bench.goal("amplifier_response", tmp_path).refusal()
+
+
+def test_the_wrong_mounting_is_refused_with_the_way_out(bench, tmp_path):
+    bench.fix("human_arm")
+    said = bench.goal("friction_map", tmp_path).refusal()
+    assert "not on the positioning stage but on 'human_arm': ros2 service call" in said
+    said = bench.goal("static_torque", tmp_path).refusal()
+    assert "the rotor is not locked" in said
+    assert "fixture: locked_rotor" in said
+    bench.check_put_back()
+
+
+def test_an_enabled_amplifier_is_refused(bench, tmp_path):
+    bench.fix("stage")
+    bench.robot.permit()
+    bench.robot.enable()
+    try:
+        assert "must be passive" in bench.goal("friction_map", tmp_path).refusal()
+    finally:
+        bench.robot.enable(False)
+    bench.check_put_back()
+
+
+def test_static_torque(bench, tmp_path):
+    """The dead zone through the whole graph, and everything as it was afterwards."""
+    bench.fix("locked_rotor")
+    result, goal = bench.done("static_torque", tmp_path, duration=2.0, omega=6.3, amplitude=0.3)
+    assert result.message == f"static_torque is done: {tmp_path}"
+    found = load_result(tmp_path, "static_torque")
+    assert result.result == found.as_yaml()
+    assert result.files == [str(tmp_path / f"static_torque{end}") for end in (".yaml", ".npz")]
+    assert found.value("torque_constant") == pytest.approx(0.16, rel=0.05)
+    assert found.value("dead_zone") == pytest.approx(0.025, abs=0.005)
+    assert max(told.progress for told in goal.told) == 1.0
+    bench.check_put_back()
+
+
+def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
+    """Mid-way in the second trial; a second goal meanwhile is refused, the first part is kept."""
+    robot = bench.robot
+    bench.fix("locked_rotor")
+    goal = bench.goal("static_torque", tmp_path, duration=20.0, amplitude=0.3)
+    goal.wait_for("sine of")
+    assert bench.goals_in_time() == ["characterize/goal"]
+    robot.wait_until(
+        lambda: (state := robot.state(AmplifierState)) and state.commanded_torque > 0.1,
+        10.0,
+        "no torque",
+    )
+    assert not bench.goal("static_torque", tmp_path).handle.accepted
+    goal.handle.cancel_goal_async()
+    status, result = goal.result()
+    assert (status, result.success) == (GoalStatus.STATUS_CANCELED, False)
+    assert result.message == f"cancelled; what was finished is kept in {tmp_path}"
+    bench.check_put_back()
+
+
+def test_friction_at_one_speed(bench, tmp_path):
+    """The stage up and down over a few centimetres; the maps of the thesis lie at 13 to 23 N."""
+    bench.fix("stage")
+    _, goal = bench.done(
+        "friction_map", tmp_path, speeds=[0.04], inverted_speeds=[], low=0.13, high=0.17
+    )
+    found = load_result(tmp_path, "friction_map")
+    assert found.value("mean_up") == pytest.approx(18.0, abs=4.0)
+    assert abs(found.value("mean_down")) < 4.0
+    assert found.value("filled_up") > 0.05
+    assert any("stage at -40 mm/s" in told.doing for told in goal.told)
+    bench.check_put_back()

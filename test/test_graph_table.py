@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of the graph: what is started, and that everything else that lists it agrees.
+
+That the running graph agrees with the security policy is `test/nodes/test_policy.py`.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from screw_module_ros.graph import (
+    BESIDE,
+    BUSES,
+    COMPOSED,
+    GRAPH,
+    TOPICS,
+    chosen,
+    nodes_of,
+    published_by,
+    subscribed_by,
+    table,
+)
+from screw_module_ros.nodes.support.flat import Flat
+from screw_module_ros.nodes.support.plan import placement
+from screw_module_ros.nodes.support.topics import message_class, offered, requested
+from screw_module_ros.recording.expected import TICKED
+from screw_module_ros.rig import build
+
+ROOT = Path(__file__).parents[1]
+NODES = [entry.executable for entry in GRAPH]
+KNOWS_ALL = "session_recorder"  # hears every topic
+
+
+def test_composed_has_the_same_nodes_in_the_same_order():
+    """Four executables become one; no node comes or goes."""
+    apart = [entry.executable for entry in GRAPH]
+    composed = table(composed=True)
+    assert sorted(node for entry in composed for node in entry.nodes) == sorted(apart)
+    started = [entry.executable for entry in composed]
+    assert len(started) == len(apart) - 3
+    left = [name for name in started if name != "module"]
+    assert left == [name for name in apart if name not in COMPOSED.parts]
+    assert started.index("supervisor") < started.index("module") < started.index("manus")
+
+
+def test_what_is_in_the_module_cannot_be_started_beside_it():
+    """A name of the other table is refused, and the sentence says what there is."""
+    with pytest.raises(ValueError, match="no node 'encoder' in the graph; there are .*module"):
+        chosen(True, only=["encoder"], composed=True)
+    with pytest.raises(ValueError, match="no node 'module'"):
+        chosen(True, only=["module"])
+    (entry,) = chosen(False, only=["module"], composed=True)
+    assert entry == COMPOSED
+    assert "sim_rig" not in [entry.executable for entry in chosen(False, composed=True)]
+
+
+def test_all_parts_of_the_module_share_its_core():
+    """One process has one set of cores, whichever part is asked."""
+    words = placement(2, composed=True)
+    cores = {word for word in words if word.split(":realtime")[0] in COMPOSED.parts}
+    assert cores == {f"{part}:realtime.cores:=[0]" for part in COMPOSED.parts}
+    assert placement(4, composed=True) == []
+
+
+def test_nodes_of_an_executable():
+    """One each, but for the module."""
+    assert nodes_of("manus") == ("manus",)
+    assert nodes_of("module") == COMPOSED.parts
+
+
+# What lists nodes or topics elsewhere -----------------------------------------------------------
+
+
+def policy() -> dict[str, dict[str, set[str]]]:
+    """Return node -> publish, subscribe -> topics as in the table, from the security policy."""
+    found: dict[str, dict[str, set[str]]] = {}
+    root = ElementTree.parse(ROOT / "security/policy.xml").getroot()
+    for profile in root.iter("profile"):
+        names = found.setdefault(profile.get("node"), {"publish": set(), "subscribe": set()})
+        for block in profile.iter("topics"):
+            (kind,) = block.attrib
+            names[kind] |= {resolved(topic.text, profile.get("node")) for topic in block}
+    return found
+
+
+def resolved(name: str, node: str) -> str:
+    """Return a topic's name without the namespace of the robot."""
+    return name.replace("~", node).removeprefix("/")
+
+
+@pytest.mark.parametrize("node", [*NODES, "therapy_session"])
+def test_the_policy_lets_a_node_publish_and_hear_what_the_table_says(node):
+    """A topic that is missing on either side fails here, before a robot refuses it."""
+    may = policy()[node]
+    ours = {resolved(name, topic.publisher) for name, topic in TOPICS.items()}
+    published = {name for name in may["publish"] if name in ours}
+    heard = {name for name in may["subscribe"] if name in ours} - {"clock"}
+    alone = {resolved(topic.name, node) for topic in published_by(node)}
+    assert published - {"diagnostics", "setpoint"} == alone
+    if node != KNOWS_ALL:
+        assert heard == {resolved(topic.name, node) for topic in subscribed_by(node)}
+
+
+def test_every_subscriber_and_publisher_is_a_node():
+    """A misspelt node would have no topic."""
+    known = {*NODES, *BESIDE}
+    for topic in TOPICS.values():
+        assert {*topic.subscribers, topic.publisher or "encoder", topic.clock or "encoder"} <= known
+    assert {bus.node for bus in BUSES} <= known
+
+
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=lambda topic: topic.name)
+def test_types_and_qualities_are_there(topic):
+    """The names in the table lead to message classes and profiles that fit each other."""
+    kind, name, profile = offered(topic.name)
+    assert (kind, name) == (message_class(topic.type), topic.name)
+    taken, _, wanted = requested(topic.name)
+    assert (taken.kind if isinstance(taken, Flat) else taken) is kind
+    assert wanted.reliability == profile.reliability and wanted.depth == 1
+
+
+def test_the_supervisor_hears_each_node_that_moves_or_measures():
+    """Its table is made from this one."""
+    heard = {topic.publisher for topic in subscribed_by("supervisor") if topic.publisher}
+    assert heard == {*NODES} - {"sim_rig", "supervisor", KNOWS_ALL}
+
+
+def test_ticks_of_a_type_are_known_once():
+    """`session verify` finds a topic by its type."""
+    assert len(TICKED) == sum(bool(topic.clock) for topic in TOPICS.values())
+    assert all(topic.every for topic in TICKED.values())
+
+
+def test_the_rig_has_the_buses_of_the_table():
+    """The rig shares no code with the near end, so its names are its own."""
+    assert tuple(bus.name for bus in BUSES) == build.BUSES
+
+
+def test_setup_installs_every_node():
+    """`ros2 run` finds each executable of the table."""
+    tree = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+    words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    installed = {str(word).partition(" = ")[0] for word in words}
+    assert installed >= {*NODES, COMPOSED.executable, *BESIDE}
+
+
+def test_the_readme_lists_nodes_and_topics():
+    """Its table has each node once, with what it alone publishes."""
+    rows = re.findall(r"^\| `(\w+)` \| (.+?) \|", (ROOT / "README.md").read_text(), re.MULTILINE)
+    listed = {node: set(re.findall(r"`([\w/~]+)`", cells)) for node, cells in rows}
+    decimated = {name for name in TOPICS if name.endswith("/decimated")}
+    for node in NODES:
+        assert listed[node] == {topic.name for topic in published_by(node)} - decimated
