@@ -29,7 +29,7 @@ from .support.timers import Timers
 
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
-_FOUND_NS = 1_000_000_000  # in which a service that has just come is found
+_FOUND_NS = 3_000_000_000  # in which a service that has just come is found
 
 
 def found_type(name: str) -> type:

@@ -15,7 +15,6 @@ the network, the bridge, the session pauses.
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from datetime import datetime
@@ -23,7 +22,6 @@ from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
-    EndpointSetpoint,
     EndpointState,
     TherapySlot,
     TherapyState,
@@ -40,7 +38,7 @@ from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
-from screw_module_ros.therapy.wishes import WishGate, WishLimits
+from screw_module_ros.therapy.wishes import WishLimits
 
 from .recorder_client import RecorderClient
 from .support import qos
@@ -50,6 +48,7 @@ from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
+from .wish_relay import WishRelay
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
@@ -88,8 +87,7 @@ class TherapySessionNode(ModuleNode):
         self._recorder = RecorderClient(self, self.clock)
         self._slot = TherapySlot()
         self._state = TherapyState()
-        self._setpoint = EndpointSetpoint()
-        for message in (self._slot, self._state, self._setpoint):
+        for message in (self._slot, self._state):
             message.header.frame_id = "manus_base"
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
@@ -102,18 +100,17 @@ class TherapySessionNode(ModuleNode):
         """Make the topics."""
         inbox = self.new_inbox()
         self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
-        self._take_wish = inbox.subscribe(*requested(graph.THERAPY_WISH))
+        self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
         self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
         self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
-        self._publish_setpoint = self.outlet(*offered(graph.SETPOINT))
 
     def begin(self) -> None:
         """Start without a session."""
         self._due = Due(_RENEW_HZ)
-        self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
+        self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._session, self._told, self._wish = None, None, None
         self._heard_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
@@ -122,7 +119,7 @@ class TherapySessionNode(ModuleNode):
         """Take over live parameters; what a session may do counts from its start on."""
         if kind is WishLimits and self.active:
             with self._lock:
-                self._wishes.limits = self.parameters.read(WishLimits, "wish")
+                self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
         """End a session that runs, so that the hand is let go."""
@@ -142,7 +139,7 @@ class TherapySessionNode(ModuleNode):
                 self._take_sample(message, now_ns)
             self._watch(now_ns)
             self._follow_recorder(now_ns)
-            self._pass_on_wish(now_ns)
+            self._relay_wishes(now_ns)
             self._tell(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
@@ -240,22 +237,10 @@ class TherapySessionNode(ModuleNode):
             return 0
         return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
 
-    def _pass_on_wish(self, now_ns: int) -> None:
-        message = self._take_wish()
-        if message is None:
-            return
+    def _relay_wishes(self, now_ns: int) -> None:
         running = self._session is not None and self._session.state in (RUNNING, PAUSED)
-        if running or not self.parameters.read(TherapySettings).allow_wishes:
-            return
-        asked = (message.position.x, message.position.y, message.position.z)
-        hand = self._sample.position if self._sample else (math.nan,) * 3
-        self._ask_for(self._wishes.passed(asked, hand, now_ns))
-
-    def _ask_for(self, point: tuple[float, float, float]) -> None:
-        position = self._setpoint.position
-        position.x, position.y, position.z = point
-        self.stamp(self._setpoint.header)
-        self._publish_setpoint(self._setpoint)
+        allowed = not running and self.parameters.read(TherapySettings).allow_wishes
+        self._wishes.relay(allowed, self._sample and self._sample.position, now_ns)
 
     # Services ------------------------------------------------------------------------------
 
@@ -282,9 +267,7 @@ class TherapySessionNode(ModuleNode):
                 name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
                 self._recorder.start(name)
                 self._session.pause(_WAITS)
-            # Games' last set point is not to pull once the session lets go.
-            self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
-            self._ask_for((math.nan,) * 3)
+            self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""
 
     def _named(self, protocol: str) -> str:

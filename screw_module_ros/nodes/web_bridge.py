@@ -85,6 +85,12 @@ class WebBridgeNode(ModuleNode):
             server.start()
         except ssl.SSLError as error:
             raise OSError(f"certificate and key do not serve: {error}") from None
+        except OSError as error:
+            where = self.parameters.read(Listening)
+            raise OSError(
+                f"cannot listen on {where.address} port {where.port}: {error.strerror or error}; "
+                "end who listens there, or choose another port"
+            ) from None
         self._server = server
         self.get_logger().info(
             f"pages at {server.address}; the tokens are in {self._token_file(self._listening())}"

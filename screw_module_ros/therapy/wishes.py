@@ -12,6 +12,7 @@ from .samples import Point
 
 _NS = 1e-9
 _LONGEST = 0.2  # [s] that count between two wishes: after a pause no large step is allowed
+_SILENT_NS = 1_000_000_000  # ours: a game that wishes nothing for so long has gone
 
 
 class WishLimits(NamedTuple):
@@ -39,7 +40,7 @@ class WishGate:
     def __init__(self, limits: WishLimits):
         self.limits = limits
         self._last: Point = (math.nan,) * 3
-        self._last_ns = 0
+        self._last_ns: int | None = None
 
     def passed(self, wish: Point, hand: Point, now_ns: int) -> Point:
         """Return the set point for a wish [m]; NaN leaves an axis alone.
@@ -47,7 +48,8 @@ class WishGate:
         hand: where it is [m], from which an axis that had no set point starts.
         """
         limits = self.limits
-        elapsed = min((now_ns - self._last_ns) * _NS, _LONGEST)
+        since = math.inf if self._last_ns is None else (now_ns - self._last_ns) * _NS
+        elapsed = min(since, _LONGEST)
         ranges = limits.ranges()
         self._last_ns = now_ns
         self._last = tuple(
@@ -55,6 +57,16 @@ class WishGate:
             for asked, last, here, bounds in zip(wish, self._last, hand, ranges, strict=True)
         )
         return self._last
+
+    def released(self, hand: Point, now_ns: int) -> Point | None:
+        """Return the hand's place, once, when a game that wished has gone silent; else None.
+
+        A spring that a game has left behind would pull for ever.
+        """
+        if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
+            return None
+        self._last, self._last_ns = (math.nan,) * 3, None
+        return hand
 
 
 def _moved(asked: float, last: float, step: float, low: float, high: float) -> float:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import stat
 
 import aiohttp
@@ -78,6 +79,21 @@ def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
 
     with pytest.raises(aiohttp.ClientConnectionError):
         asyncio.run(ask())
+
+
+def test_a_port_that_is_taken_is_told_with_the_way_out(make_node, tmp_path):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        node = make_node(
+            "web_bridge", "-p", f"port:={port}", "-p", f"token_file:={tmp_path}/s/tokens.json"
+        )
+        node.connect()
+        with pytest.raises(OSError, match=f"port {port}: .*choose another port"):
+            node.begin()
+        node.end()
+        node.disconnect()
 
 
 def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):

@@ -74,6 +74,17 @@ def test_what_is_no_protocol_is_told_as_such():
         allowed_protocol("dance: true", "dance", AssistanceLimits(10.0), WORKSPACE)
 
 
+def test_a_game_that_has_gone_lets_the_hand_go_once():
+    gate, hand = WishGate(WishLimits()), (0.05, 0.0, 0.2)
+    assert gate.released(hand, 10**12) is None  # nobody has wished
+    gate.passed((0.1, 0.0, 0.2), hand, 0)
+    assert gate.released(hand, 900_000_000) is None
+    assert gate.released(hand, 1_000_000_000) == hand
+    assert gate.released(hand, 5_000_000_000) is None
+    moved = (-0.1, 0.0, 0.2)
+    assert gate.passed((0.1, 0.0, 0.2), moved, 6_000_000_000)[0] == pytest.approx(-0.04)
+
+
 def test_limits_of_wishes_change_while_wishes_come():
     gate = WishGate(WishLimits(speed=0.6))
     hand = (0.0, 0.0, 0.18)
