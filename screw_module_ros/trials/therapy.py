@@ -92,7 +92,9 @@ def serve(robot: Robot, graph: GraphRun, person: Person, port: int, console: Con
     """Make the robot ready, tell the addresses, and be the patient until Ctrl-C."""
     with console.step(f"bring-up of {len(graph.names) + 2} nodes") as detail:
         graph.wait_until_ready(robot, lambda waiting: detail(", ".join(waiting)))
-        robot.wait_until_ready((SESSION, BRIDGE), told=lambda waiting: detail(", ".join(waiting)))
+        robot.wait_until_ready(
+            (SESSION, BRIDGE), on_waiting=lambda waiting: detail(", ".join(waiting))
+        )
     player = SimulatedPlayer(robot, person)
     with console.step("homing and taring, patient takes hold, torque on"):
         make_ready(robot, player)
