@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import stat
 
 import aiohttp
 import pytest
+from screw_module_msgs.msg import EndpointState, TrialResult
+from std_msgs.msg import Empty
 
 from screw_module_ros.nodes.support.parameters import ParameterError
 
@@ -94,6 +97,61 @@ def test_a_port_that_is_taken_is_told_with_the_way_out(make_node, tmp_path):
             node.begin()
         node.end()
         node.disconnect()
+
+
+def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
+    node = make_node(
+        "web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json",
+        "-p", "robots:=[left, right]",
+    )  # fmt: skip
+    node.connect()
+    gateway = node._gateway
+    publisher = node.create_publisher(EndpointState, "/right/endpoint_state", 1)
+
+    def seen():
+        publisher.publish(EndpointState(sequence=7))
+        gateway.poll(anybody=True)
+        return gateway.newest("/right/endpoint_state")
+
+    wait_until(seen)
+    assert json.loads(seen()[1])["sequence"] == 7
+    assert gateway.newest("/left/endpoint_state") is None
+    heard = node.create_subscription(Empty, "/left/therapy/attendance", lambda _: None, 1)
+
+    def attended():
+        gateway.publish("/left/therapy/attendance", {})
+        return heard.handle.take_message(Empty, False)
+
+    wait_until(attended)
+    node.disconnect()
+
+
+def test_a_service_that_nobody_offers_is_told(make_node, tmp_path, wait_until):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    told = []
+    node._gateway.call("/supervisor/estop", {}, lambda *answer: told.append(answer))
+    wait_until(lambda: node.periodic.run() or told, 20.0)
+    assert told == [("nobody offers /supervisor/estop: is its node running?", False)]
+    node.disconnect()
+
+
+def test_the_results_of_a_session_are_kept(make_node, tmp_path, wait_until):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    gateway = node._gateway
+    publisher = node.create_publisher(TrialResult, "/therapy/trial", 10)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for trial in (1, 2, 3):
+        publisher.publish(TrialResult(trial=trial))
+
+    def kept():
+        gateway.poll(anybody=False)  # nobody looks
+        return [json.loads(text)["trial"] for text in gateway.history("/therapy/trial")]
+
+    wait_until(lambda: len(kept()) == 3)
+    assert kept() == [1, 2, 3]
+    node.disconnect()
 
 
 def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):
