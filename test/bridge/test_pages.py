@@ -33,7 +33,7 @@ class PlayedRobot(FakeGateway):
     def __init__(self, robots):
         super().__init__()
         self.values = {robot: dict(VALUES) for robot in robots}
-        self.robots, self.at = robots, 0
+        self.robots, self.at, self.hand = robots, 0, None
         self.kept = {}
 
     def tell(self, topic, content):
@@ -68,7 +68,7 @@ class PlayedRobot(FakeGateway):
         self.at += 1
         angle = 0.1 * self.at
         across, away = math.sin(angle), math.cos(angle)
-        hand = {"x": 0.1 * across, "y": 0.1 * away, "z": 0.18 + 0.05 * across}
+        hand = self.hand or {"x": 0.1 * across, "y": 0.1 * away, "z": 0.18 + 0.05 * across}
         stamp = {"stamp": {"sec": self.at // 20, "nanosec": self.at % 20 * 50_000_000}}
         for robot in self.robots:
             above = robot.rstrip("/")
@@ -121,9 +121,10 @@ class Serving:
         self.robot.move(**self.state)
         self.server.look()
 
-    def until(self, page, script):
-        """Let robots and pages go on until a script in the page gives true."""
+    def until(self, page, script, act=lambda: None):
+        """Let robots and pages go on until a script in the page gives true; act: each time."""
         for _ in range(DEADLINE_MS // 20):
+            act()
             self.look()
             if page.evaluate(script):
                 return
@@ -197,6 +198,24 @@ def test_each_protocol_has_its_picture(serving, open_page, protocol, target, sce
     given.until_text(page, task)
     given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
     given.until_text(page, "The therapist goes on in a moment")
+
+
+def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
+    given = serving()
+    page = open_page(given, "patient")
+    given.until_text(page, "Pick fruit")
+    page.get_by_role("button", name="Pick fruit").click()
+
+    def follow():  # the hand goes where the game wishes it
+        wishes = [told["position"] for topic, told in given.robot.published if "wish" in topic]
+        given.robot.hand = wishes[-1] if wishes else None
+
+    for score in (1, 2, 3):
+        given.until(page, f"Number(document.body.dataset.score) >= {score}", follow)
+    page.get_by_role("button", name="Sound: off").click()
+    page.get_by_role("button", name="Sound: on").wait_for()
+    page.get_by_role("button", name="Back").click()
+    given.until_text(page, "What shall we do?")
 
 
 def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until):

@@ -11,7 +11,7 @@ import { TrialsCard } from "./trials.js";
 import { Views } from "./views.js";
 
 const SILENT_MS = 3000;
-const TRACE_MS = 100; // ten pictures of the traces a second are enough
+const VIEW_MS = 30, TRACE_MS = 100; // who supervises needs no more pictures than these
 
 export class RobotPanel {
   constructor(robot, config, bridge) {
@@ -43,7 +43,7 @@ export class RobotPanel {
     this.hear("safety_state");
     this.hear("therapy/trial", (message) => this.trials.take(message));
     this.hear("therapy/assistance", (message) => this.trials.takeChange(message));
-    this.drawn = 0;
+    this.drawn = this.viewed = 0;
   }
 
   hear(topic, more = () => {}) {
@@ -88,6 +88,8 @@ export class RobotPanel {
   }
 
   draw(now) {
+    if (now - this.viewed < VIEW_MS) return;
+    this.viewed = now;
     const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
     say(this.sentence, sessionSentence(state, this.protocols));
     const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint);
