@@ -10,14 +10,9 @@ from ..control.friction import FrictionModel
 from ..control.modes import OFF
 from ..control.slot import SlotLimits
 from ..control.timing import DeadlineMeter
-from ..control.vertical import (
-    VerticalInput,
-    VerticalOutput,
-    VerticalState,
-    initial_state,
-    vertical_step,
-)
+from ..control.vertical import vertical_step
 from ..control.vertical_settings import VerticalSettings
+from ..control.vertical_state import VerticalInput, VerticalOutput, VerticalState, initial_state
 from ..control.watch import ForceLike, VerticalWatch, WatchSettings
 from ..samples import EncoderReading
 from .guide import Guide

@@ -23,8 +23,9 @@ from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
-from .support.module_node import OK, WARN, Done, Health, ModuleNode
+from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.serving_node import Done
 from .support.topics import offered
 
 _ANSWER_S = 1.0

@@ -12,7 +12,7 @@ import threading
 from screw_module_ros.clock import Clock
 from screw_module_ros.samples import ForceReading
 
-from .support.realtime import Inbox
+from .support.hot_topics import Inbox
 from .support.torque_off import TorqueOff
 
 _GATHER_S = 3.0

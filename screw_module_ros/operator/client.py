@@ -30,8 +30,8 @@ from screw_module_ros.loop.ticker import BACK_OFF_S
 
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest
-from ..nodes.support.module_node import answer_topic, request_topic
-from ..nodes.support.realtime import Inbox
+from ..nodes.support.hot_topics import Inbox
+from ..nodes.support.serving_node import answer_topic, request_topic
 from ..nodes.support.transport import choose_transport
 
 _POLL_NS = 20_000_000

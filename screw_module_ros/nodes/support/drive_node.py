@@ -13,10 +13,11 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from .driver import DriverNode
-from .module_node import ERROR, OK, WARN, Done, Health
+from .hot_topics import Inbox
+from .module_node import ERROR, OK, WARN, Health
 from .permission import Permission
-from .realtime import Inbox
 from .senders import Senders, too_many_senders
+from .serving_node import Done
 from .timing_report import broken_contract
 
 _CLEARED = "cleared; call ~/enable to enable"

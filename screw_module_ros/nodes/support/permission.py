@@ -12,8 +12,8 @@ from screw_module_ros import graph
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from . import qos
+from .hot_topics import Inbox
 from .module_node import ModuleNode
-from .realtime import Inbox
 from .senders import Senders
 from .topics import requested
 

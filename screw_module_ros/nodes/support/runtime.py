@@ -27,7 +27,7 @@ from .command_line import Arguments, arguments, check_others
 from .module_node import ModuleNode
 from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
-from .realtime import RealtimeSettings, prepare, take_priority
+from .scheduling import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals, stopped
 from .transport import choose_transport

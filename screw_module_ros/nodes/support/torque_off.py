@@ -9,7 +9,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.devices.errors import DeviceError
 
-from .realtime import Inbox
+from .hot_topics import Inbox
 from .topics import requested
 
 _STATE_S = 0.2

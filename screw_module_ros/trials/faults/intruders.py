@@ -18,7 +18,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.graph import BUSES
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import Robot, RobotError
 
 from ..graph_run import GraphRun

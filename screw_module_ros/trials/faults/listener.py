@@ -25,7 +25,7 @@ from screw_module_msgs.msg import (
 
 from screw_module_ros import graph
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import Robot
 
 NO_TORQUE = 5e-4
