@@ -14,8 +14,8 @@ from typing import Protocol
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
 from screw_module_ros.clock import Clock
-from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
 
 Handler = Callable[[bytes, int], None]
 """Takes the payload of a frame and the time it is handled at [ns]."""
