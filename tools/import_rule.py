@@ -18,7 +18,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-PACKAGE = "screw_module_ros"
+import rules
+from rules import PACKAGE
+
 ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", "rcl_interfaces")
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
@@ -187,12 +189,7 @@ def imported_modules(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[in
 
 def main() -> int:
     """Check the package beside this folder; return the exit code."""
-    found = violations(Path(__file__).resolve().parent.parent / PACKAGE)
-    for violation in found:
-        print(violation, file=sys.stderr)
-    if not found:
-        print("Import rule: all layers keep to it.")
-    return 1 if found else 0
+    return rules.verdict(violations(rules.FOLDER), "Import rule: all layers keep to it.")
 
 
 if __name__ == "__main__":
