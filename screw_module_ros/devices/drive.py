@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CiA 402 drive in torque mode: one command per tick, nothing enabled that nobody asked for.
+"""CiA 402 drive in torque mode: one command per tick, enabled only on request.
 
 The torque written is zero unless the drive shows operation enabled, that was asked for, and no
-fault is latched. What to tell the drive is decided in `drive_logic`; this is the wire.
+fault is latched. `drive_logic` decides what to send; this is the wire.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _HEARTBEATS_MISSED = 3
 class Drive:
     """Driver of one drive; `heartbeat`, `sync` and `write` belong to the realtime loop.
 
-    warnings: what the user must hear, such as missing guards. unguarded: the guards the drive
-    refused. reports: what the drive says of itself. beat: our heartbeat, shared by the drives of
-    one bus, made here when none is given. per_turn: what one turn is of the position reported: the
-    screw's lead [m], or 2 pi for a joint [rad].
+    warnings: for the user, such as missing guards. unguarded: the guards the drive refused.
+    reports: what the drive says of itself. beat: our heartbeat, shared by the drives of one bus,
+    made here when none is given. per_turn: what one turn is of the position reported: the screw's
+    lead [m], or 2 pi for a joint [rad].
     """
 
     def __init__(

@@ -80,9 +80,9 @@ class EncoderCounters:
     """What happened since the driver was made.
 
     requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: answers that came after the next request. unexpected: frames nobody asked for.
-    silent: ticks kept silent to tell late from lost. wrong_length, out_of_range: frames dropped.
-    slow_polls_failed: of 6500 to 6505.
+    to now. late: answers that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost. wrong_length, out_of_range:
+    frames dropped. slow_polls_failed: of 6500 to 6505.
     """
 
     requests: int = 0

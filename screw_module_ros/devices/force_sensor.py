@@ -36,12 +36,12 @@ class ForceSensorCounters:
     """What happened since the driver was made.
 
     requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: frames that came after the next request. unexpected: frames nobody asked for.
-    silent: ticks kept silent to tell late from lost. out_of_order: second halves without their
-    first. wrong_length: frames dropped. saturated: samples with a gauge at its end. frozen: samples
-    withheld because the gauges stood still. status_faults: samples whose status makes them
-    unusable. reserved_bits: samples with status bits that mean nothing. foreign_requests: polls of
-    somebody else. restarts: of the board, in mid-run.
+    to now. late: frames that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost. out_of_order: second halves
+    without their first. wrong_length: frames dropped. saturated: samples with a gauge at its end.
+    frozen: samples withheld because the gauges stood still. status_faults: samples whose status
+    makes them unusable. reserved_bits: samples with status bits that mean nothing.
+    foreign_requests: polls of another master. restarts: of the board, in mid-run.
     """
 
     requests: int = 0
@@ -67,9 +67,9 @@ class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
     fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
-    word, so that whoever uses them sees it; saturated ones do not, nor any after a restart that
-    lost the calibration we had chosen, or once the gauges have stood still for `freeze_time`: the
-    status word does not tell of that, and a constant must not be fed back.
+    word, so that their users see it; saturated ones do not, nor any after a restart that lost the
+    calibration we had chosen, or once the gauges have stood still for `freeze_time`: the status
+    word does not show that, and a constant must not be fed back.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):

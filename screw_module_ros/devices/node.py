@@ -54,7 +54,7 @@ class CanopenNode:
     """One remote node: who it is, its network state, what it reports by itself.
 
     label: how messages call the device, like `vertical drive`. on_boot_up() and
-    on_emergency(Emergency) are called from whoever pumps the port.
+    on_emergency(Emergency) are called by the thread that pumps the port.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class CanopenNode:
         self._nmt.send_command(_NMT_PRE_OPERATIONAL)
 
     def stop(self) -> None:
-        """Make this node, and no other, STOPPED: it hears neither PDOs nor SDOs any more."""
+        """Make this node, and no other, STOPPED: it accepts neither PDOs nor SDOs any more."""
         self._nmt.send_command(_NMT_STOP)
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:

@@ -2,8 +2,8 @@
 """Reads and writes the object dictionary of one device (CiA 301, 7.2.4) with errors in words.
 
 canopen's client does the protocol; this adds the time limit, a second try, read-back, and the
-node's name in every message. Blocking: never called from a realtime loop. The answers come in
-through whoever pumps the port.
+node's name in every message. Blocking: never called from a realtime loop. The thread that pumps the
+port delivers the answers.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class _Client(SdoClient):
         return super().read_response()
 
     def abort(self, abort_code: int = _GENERAL_ERROR) -> None:
-        """Tell the server; the caller hears it as an exception, so nothing is logged."""
+        """Abort the transfer at the server; the caller gets an exception, so nothing is logged."""
         self.send_request(_ABORT.pack(_ABORT_COMMAND, 0, 0, abort_code))
 
 

@@ -245,7 +245,7 @@ class InProcessBench:
 
 
 def hash_of(*settings: tuple) -> str:
-    """Return a short digest of settings, to tell one module or loop from another."""
+    """Return a short digest of settings, which identifies a module or loop."""
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
