@@ -2,8 +2,8 @@
 """YAML from others: mappings, lists and scalars, and nothing of YAML that goes beyond.
 
 No aliases and no merge keys, with which a few hundred bytes stand for gigabytes; no tags, which
-name Python's classes; no key twice, no deep nesting. Every problem is told in one short sentence
-that names the key it stands under and the line.
+name Python's classes; no key twice, no deep nesting. Every problem is one short sentence that names
+key and line.
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class Process:
 
 
 def executable_path(name: str) -> str:
-    """Return the installed executable `name`, which lies beside this one.
+    """Return the installed executable `name`, in the folder of this one.
 
     Raises FileNotFoundError saying how to install.
     """
@@ -103,7 +103,8 @@ def _end_with_parent() -> None:
 def start(simulation: bool = True, params: str | None = None, **wishes) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
-    Arguments and errors are those of `plan`; what in a parameter file nobody reads is told.
+    Arguments and errors are those of `plan`; entries of a parameter file that no node reads are
+    reported.
     """
     planned = plan(simulation, params, **wishes)
     for sentence in planned.warnings:

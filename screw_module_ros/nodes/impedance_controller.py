@@ -143,7 +143,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
-        """Send one last zero, so that nobody goes on with the last force."""
+        """Send one last zero, so that the amplifier does not go on with the last force."""
         if self._inbox is not None and self.part is not None and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 

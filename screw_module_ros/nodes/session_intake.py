@@ -48,7 +48,8 @@ _NO_DEFINITION = Definition("", "", "")
 class Selection(NamedTuple):
     """Which topics: names or patterns (`/screw/*`) to record and to leave out.
 
-    others: whose topics are only recorded where they are named in full; None: nobody's are special.
+    others: whose topics are only recorded where they are named in full; None: all robots are
+    recorded.
     """
 
     topics: tuple[str, ...] = ("*",)
@@ -229,7 +230,7 @@ class Intake:
         return now_ns
 
     def calibrations(self) -> dict[str, str]:
-        """Return the calibration identity each topic told last."""
+        """Return the newest calibration identity of each topic."""
         found = {}
         for tap in self._taking:
             if tap.newest:

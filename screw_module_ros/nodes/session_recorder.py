@@ -111,7 +111,7 @@ class SessionRecorder(ModuleNode):
             self.get_logger().warning(f"{folder}: {why}: {result}")
 
     def _parent(self) -> Path:
-        """Return where the bags go. Raises ValueError when nobody has that home folder."""
+        """Return where the bags go. Raises ValueError when no user has that home folder."""
         return root_folder(self.parameters.read(RecorderSettings).folder)
 
     def begin(self) -> None:

@@ -19,7 +19,7 @@ _GATHER_S = 3.0
 
 
 class Taring:
-    """Readings of the loop's thread for the service thread. inbox: hears the amplifier's state."""
+    """Readings of the loop's thread for the service thread. inbox: for the amplifier's state."""
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock

@@ -111,7 +111,9 @@ class RigPort:
         self._table = table
 
     def expects(self) -> bool:
-        """Return whether a frame may be waiting; a stranger's is not foreseen in lock step."""
+        """Return whether a frame may be waiting; lock step does not foresee frames of foreign
+        processes.
+        """
         return self._arrivals.expects()
 
     def receive(self, now_ns: int) -> bool:
@@ -159,7 +161,7 @@ def _present(handlers: Iterable[Handler | None]) -> tuple[Handler, ...]:
 
 
 def _unsupported(message: can.Message) -> bool:
-    """Tell whether a frame is of a kind that no device here answers."""
+    """Return whether a frame is of a kind that no device here answers."""
     return (
         message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
     )

@@ -88,7 +88,7 @@ def overrides(name: str, given: Arguments) -> list[Parameter]:
 
 
 def check_others(given: Arguments) -> None:
-    """Raise ParameterError for arguments that nobody would read."""
+    """Raise ParameterError for arguments that no node reads."""
     if given.others:
         raise ParameterError(
             f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "

@@ -76,7 +76,7 @@ class DriveNode(DriverNode):
         self._permission = Permission(self, inbox, attrgetter(name))
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what the supervisor permits; two senders stop it while it is open."""
+        """Pass to the gate what the supervisor permits; two senders stop it while it is open."""
         self._permission.pass_on(drives, now_ns)
         if self._senders is not None and self._senders.warning and drives.enabled:
             drives.fault = drives.fault or self._senders.warning

@@ -64,9 +64,9 @@ class Inbox:
 
         It returns None when there is none.
 
-        `wakes`: `wait` returns when a message of this subscription is there. Of the others
-        simulated time gives only what was published before the time of now: what two loops tell
-        each other on the same tick is heard on the next, whoever is quicker.
+        `wakes`: `wait` returns when a message of this subscription is there. Of the others, in
+        simulated time only messages published before the current time count: what two loops publish
+        on the same tick arrives on the next, independent of the speed of their processes.
         """
         if topic in self._direct:
             return _nothing

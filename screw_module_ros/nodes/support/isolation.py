@@ -3,7 +3,7 @@
 
 What is taken is held by locks that die with this process. What nodes keep for their next start they
 keep in a folder of the run, so that none begins where another was stopped. A ROS_DOMAIN_ID that is
-set already is used as it is: whoever set it wants the run to meet others.
+already set stays: it lets the run meet others on purpose.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SHIFTS = range(0, 1000, 10)
 class Place(NamedTuple):
     """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them.
 
-    own_domain: the domain was taken for this run, it is nobody's wish. state: what its nodes keep;
+    own_domain: the domain was chosen for this run, not by the user. state: what its nodes keep;
     state_before: the folder for that in the environment, None for none.
     """
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node must know again after its process has ended, however it ended: a small file.
 
-It lies in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
+It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
 the name by which `single.lock_node` locks the node: ROS domain and full node name. However the
 environment spells these, there is one file: a node that is started from another shell, by a service
 manager without HOME or with the domain as 07 must find what it left as domain 7.

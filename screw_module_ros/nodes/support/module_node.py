@@ -121,14 +121,14 @@ class ModuleNode(ServingNode):
         """Start streaming (lifecycle activate). Raise with a clear sentence on failure."""
 
     def step(self) -> None:
-        """One pass of the hot loop; must return within some periods, blocking is its own affair."""
+        """One pass of the hot loop; must return within some periods; it does its own waiting."""
         self.clock.sleep(_IDLE_S)
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
 
     def disconnect(self) -> None:
-        """Close what `connect` opened (lifecycle cleanup); must bear a half-done `connect`."""
+        """Close what `connect` opened (lifecycle cleanup), also after a `connect` that failed."""
 
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
@@ -278,7 +278,7 @@ class ModuleNode(ServingNode):
         return False
 
     def leaves(self) -> None:
-        """Tell that the loop has ended its last step."""
+        """Note that the loop has ended its last step."""
         self._outside_step.set()
 
     # Diagnostics and parameters ------------------------------------------------------------

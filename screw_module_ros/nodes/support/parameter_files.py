@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a parameter file says to which node, and what in it nobody would read.
+"""Which values of a parameter file are for which node, and which no node reads.
 
 ROS 2 ignores a section that fits no node and a file that has nothing for a node, without a word. A
 section `encoder:` is for the node /encoder alone; `/**/encoder:` is for it in every namespace.

@@ -35,7 +35,8 @@ class Permission:
         return self._senders.warning
 
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what came since the last call; two senders are a refusal. now_ns [ns]."""
+        """Pass to the gate what came since the last call; two senders are a refusal. now_ns [ns].
+        """
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(self._permitted(safety), reason, now_ns)

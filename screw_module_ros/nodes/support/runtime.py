@@ -58,8 +58,8 @@ def run_together(
 
     loop: runs until `stopping` of the nodes, which is one event, is set. Each node has services,
     parameters, lifecycle and diagnostics of its own, served by a thread of its own; scheduling is
-    that of the highest priority among them, on the cores of the first. name: begins what is told
-    when the start is refused.
+    that of the highest priority among them, on the cores of the first. name: begins the message of
+    a refused start.
     """
     stopping = threading.Event()
     stop_on_signals(stopping)

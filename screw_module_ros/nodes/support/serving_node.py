@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A lifecycle node with the clock of its process, whose services name what is wrong.
 
-In simulated time a request holds time until the service works on it, and the answer until whoever
-asked has it.
+In simulated time a request holds time until the service works on it, and the answer until the
+client has it.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class ServingNode(LifecycleNode):
 
     @contextmanager
     def _asked(self):
-        """Hold simulated time while a service works, and until whoever asked has the answer."""
+        """Hold simulated time while a service works, and until the client has the answer."""
         if not self.clock.simulated:
             yield
             return
@@ -114,7 +114,7 @@ class ServingNode(LifecycleNode):
         self._answers.published()
 
     def stop_serving(self) -> None:
-        """Hold simulated time for requests no more: nobody answers from here on."""
+        """Hold simulated time for requests no more: no service answers from here on."""
         if self._requests is not None:
             self._requests.let_go()
 

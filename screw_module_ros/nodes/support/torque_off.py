@@ -20,7 +20,7 @@ class NotPermitted(DeviceError):
 
 
 class TorqueOff:
-    """Hears the amplifier's state for the service thread. inbox: of the node."""
+    """Subscribes to the amplifier's state for the service thread. inbox: of the node."""
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock

@@ -125,7 +125,7 @@ def measure_graph(
 
 
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
-    """Return one run, None when the graph did not live through it, which is told."""
+    """Return one run; None, with a message, when a node of the graph ended."""
     try:
         with console.step(f"{case.processes} at {case.rate} Hz, {which}"):
             return measure(case, seconds)

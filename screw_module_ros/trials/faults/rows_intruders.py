@@ -111,7 +111,7 @@ def _permits(testbed) -> None:
 
 
 def _enable_in_vain(testbed) -> None:
-    """Nobody may enable while two say contradictory things."""
+    """No drive may be enabled while two senders contradict each other."""
     testbed.robot.pause(0.3)
     for node in ("amplifier", "manus"):
         for _ in range(10):
