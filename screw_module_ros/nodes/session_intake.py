@@ -32,16 +32,12 @@ from screw_module_ros.recording import (
 
 from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.hot_topics import HotGroup
-
-_pause = threading.Event()
+from .support.hot_topics import HotGroup, await_message
 
 _AT_ONCE = 4000  # messages of one topic before the others have their turn
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4  # behind the head of serialized messages
-_COMES_S = 0.005
-_LOST_S = 0.5  # wall clock
 _NO_DEFINITION = Definition("", "", "")
 
 
@@ -205,17 +201,14 @@ class Intake:
 
     def _awaited(self, tap: _Tap) -> Any:
         """Take a message that was published and is still on its way, None when it was lost."""
-        left_s = _LOST_S
-        while tap.hop.pending():
-            if left_s <= 0.0:
-                tap.hop.let_go()
-                break
-            got = tap.subscription.handle.take_message(tap.kind, True)
-            if got is not None:
-                return got
-            _pause.wait(_COMES_S)
-            left_s -= _COMES_S
-        return None
+        if not tap.hop.pending():
+            return None
+        handle = tap.subscription.handle
+        await_message(self._node, handle)
+        got = handle.take_message(tap.kind, True)
+        if got is None:
+            tap.hop.let_go()
+        return got
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
         """Return ROS time of a message [ns]: its own stamp, or now where it has none.

@@ -110,7 +110,7 @@ class Inbox:
         """Take one message, None without one; is_due: it must be there, or in a moment."""
         taken = take()
         if taken is None and is_due():
-            self._await(handle)
+            await_message(self._node, handle)
             taken = take()
             if taken is None:
                 hop.let_go()  # lost: not waited for until the next one has come
@@ -118,13 +118,6 @@ class Inbox:
             return None
         hop.taken(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
-
-    def _await(self, handle: Any) -> None:
-        """Wait for a message that was published: the middleware has it in a moment."""
-        wait_set = self._new_wait_set(1)
-        wait_set.clear_entities()
-        wait_set.add_subscription(handle)
-        wait_set.wait(_LOST_NS)
 
     def now_ns(self) -> int:
         """Return the time that is waited by [ns]."""
@@ -140,18 +133,13 @@ class Inbox:
             in_time = self._clock.now_ns() < until_ns
             return in_time or not all(hop.follows for hop in self._wakers)
         if self._wait_set is None:
-            self._wait_set = self._new_wait_set(len(self._waking))
+            self._wait_set = _new_wait_set(self._node, len(self._waking))
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle in self._waking:
             wait_set.add_subscription(handle)
         wait_set.wait(max(0, until_ns - self._clock.now_ns()))
         return self._clock.now_ns() < until_ns
-
-    def _new_wait_set(self, subscriptions: int) -> Any:
-        context = self._node.context
-        with context.handle:
-            return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
 
     def close(self) -> None:
         """Destroy the subscriptions."""
@@ -161,6 +149,23 @@ class Inbox:
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._subscriptions, self._hops, self._wakers = [], [], []
+
+
+def await_message(node: Node, handle: Any) -> None:
+    """Wait for a message that was published: the middleware has it in a moment, or it is lost.
+
+    handle: of a subscription of `node`.
+    """
+    wait_set = _new_wait_set(node, 1)
+    wait_set.clear_entities()
+    wait_set.add_subscription(handle)
+    wait_set.wait(_LOST_NS)
+
+
+def _new_wait_set(node: Node, subscriptions: int) -> Any:
+    context = node.context
+    with context.handle:
+        return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
 
 
 class _Settled:
