@@ -25,8 +25,8 @@ ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", 
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 SHARED = (
-    "quoting", "units", "domain", "resources", "regular_file", "plain_yaml", "settings", "samples",
-    "geometry", "filters", "compiled", "figure_style", "graph",
+    "quoting", "units", "domain", "resources", "regular_file", "plain_yaml", "settings",
+    "settings_mapping", "samples", "geometry", "filters", "compiled", "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
     *SHARED, "lockstep", "clock", "plant", "can_io", "rig", "control", "calibration", "devices",
@@ -40,7 +40,10 @@ FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig k
     "devices": ("control", "calibration", "plant", "rig"),
     "loop": ("calibration", "plant", "rig"),
 }
-PURE_LAYERS = ("control", "plant", "geometry", "filters", "samples", "settings", "units")
+PURE_LAYERS = (
+    "control", "plant", "geometry", "filters", "samples", "settings", "settings_mapping", "units",
+    "graph",
+)  # fmt: skip
 READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
 FILES = ("io", "os", "pathlib", "shutil", "tempfile", "yaml")
 INPUT_OUTPUT = (

@@ -78,12 +78,12 @@ def change(values, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
-        (("guidance", "duration"), None, "guidance.duration: missing"),
+        (("guidance", "duration"), None, "guidance.duration is missing"),
         (("guidance", "duration"), 0.0, "guidance.duration = 0.0 s: below"),
-        (("guidance", "duration"), "quick", "guidance.duration = 'quick': float"),
-        (("guidance", "duration"), True, "guidance.duration = True: float"),
+        (("guidance", "duration"), "quick", "guidance.duration = 'quick': a number"),
+        (("guidance", "duration"), True, "guidance.duration = True: a number"),
         (("guidance", "duration"), math.nan, "guidance.duration = nan: a finite"),
-        (("guidance", "durations"), 1.0, "guidance.durations: unknown"),
+        (("guidance", "durations"), 1.0, "guidance.durations is unknown"),
         (("guidance", "end_half_width"), 0.05, "end_half_width"),
         (("space",), "sideways", "space = 'sideways'"),
         (("centre",), [0.0, 0.0], "3 numbers"),
