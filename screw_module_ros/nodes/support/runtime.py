@@ -21,6 +21,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
+from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.loop.ticker import BREATH_S
 
 from .command_line import Arguments, arguments, check_others
@@ -78,7 +79,7 @@ def run_together(
             locks.append(lock_node(node.get_fully_qualified_name()))
         _live(nodes, loop)
         return 0
-    except (ParameterError, AlreadyRunning, RCLError) as error:
+    except (ParameterError, DomainError, AlreadyRunning, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
@@ -92,7 +93,11 @@ def run_together(
 
 
 def _begin(given: Arguments) -> list[ParameterFile]:
-    """Begin with ROS; return the parameter files. Raises ParameterError for what rcl refuses."""
+    """Begin with ROS; return the parameter files.
+
+    Raises DomainError, ParameterError for what rcl refuses.
+    """
+    domain_id()
     check_others(given)
     files = [read_file(path) for path in given.files]
     try:
