@@ -10,9 +10,8 @@ import types
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-import yaml
-
-from ..quoting import LONGEST
+from ..plain_yaml import PlainYamlError, load_plain_yaml
+from ..quoting import named, quoted
 from ..regular_file import read_regular
 from ..resources import resource_path
 from ..settings import declared, problem
@@ -20,6 +19,7 @@ from .protocol import Protocol
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
+_MOST = 200  # entries of a list; aliases make many of a few bytes
 _LARGEST = 100_000  # bytes; ours have a few thousand
 
 
@@ -49,10 +49,9 @@ def protocol_text(name: str | Path) -> str:
 def parse_protocol(text: str, name: str) -> Protocol:
     """Return the protocol of a YAML text; name: for messages. Raises ProtocolError."""
     try:
-        return read_protocol(yaml.safe_load(text))  # with aliases: circuits repeat themselves
-    except (yaml.YAMLError, RecursionError) as error:
-        why = " ".join(str(error).split())[:LONGEST]
-        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {why}") from None
+        return read_protocol(load_plain_yaml(text, aliases=True))  # circuits repeat themselves
+    except PlainYamlError as error:
+        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {error}") from None
     except ValueError as error:
         raise ProtocolError(f"protocol {name}: {error}") from None
 
@@ -68,7 +67,7 @@ def _section(kind: type, content: Any, where: str) -> Any:
     hints = get_type_hints(kind)
     for key in content:
         if key not in hints:
-            raise ValueError(f"{where}{key}: unknown; known are {', '.join(hints)}")
+            raise ValueError(f"{where}{named(key)}: unknown; known are {', '.join(hints)}")
     values = {}
     for name, hint in hints.items():
         if name in content:
@@ -95,21 +94,30 @@ def _items(hint: Any, value: Any, label: str) -> tuple:
     inner = get_args(hint)
     if not isinstance(value, list) or not value:
         raise ValueError(f"{label}: a list is wanted")
+    if len(value) > _MOST:
+        raise ValueError(f"{label}: {len(value)} entries; {_MOST} are allowed")
     if inner[-1] is Ellipsis:
         return tuple(_section(inner[0], each, f"{label}[{n}].") for n, each in enumerate(value))
     numbers = [each for each in value if type(each) in (int, float)]
     if len(value) != len(inner) or len(numbers) != len(value):
-        raise ValueError(f"{label} = {value!r}: {len(inner)} numbers are wanted")
-    return tuple(map(float, value))
+        raise ValueError(f"{label} = {quoted(value)}: {len(inner)} numbers are wanted")
+    return tuple(_float(each, label) for each in value)
 
 
 def _plain(kind: type, name: str, hint: type, value: Any, label: str) -> Any:
     if hint is float and type(value) is int:
-        value = float(value)
+        value = _float(value, label)
     if type(value) is not hint:
-        raise ValueError(f"{label} = {value!r}: {hint.__name__} is wanted")
+        raise ValueError(f"{label} = {quoted(value)}: {hint.__name__} is wanted")
     field = declared(kind).get(name)
     wrong = problem(field, value, label) if field else ""
     if wrong:
         raise ValueError(wrong)
     return value
+
+
+def _float(value: float, label: str) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{label} = {quoted(value)}: beyond what a number can be") from None

@@ -19,6 +19,7 @@ from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.settings import Setting
 
+from .answering import answer_always
 from .command_line import arguments, overrides
 from .parameters import Parameters
 from .realtime import Inbox, Outlet, RealtimeSettings
@@ -67,6 +68,7 @@ class ModuleNode(LifecycleNode):
 
     def __init__(self, name: str):
         super().__init__(name, parameter_overrides=overrides(name, arguments()))
+        answer_always(self)
         self.stopping = threading.Event()
         self.clock = self._chosen_clock()
         self.periodic = Timers()
