@@ -76,3 +76,12 @@ def test_a_node_whose_requests_nobody_serves_ends_by_an_error(tmp_path):
     assert done.returncode == 1
     assert "what serves its requests failed: RuntimeError: of this test" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_clock_cannot_be_changed_while_the_node_runs(node):
+    """rclpy's timers would stop, and with them what watches the senders of safety_state."""
+    before = node.get_parameter("use_sim_time").value
+    other = Value("use_sim_time", value=not before).to_parameter_msg()
+    (result,) = call(node, "set_parameters", SetParameters.Request(parameters=[other])).results
+    assert not result.successful and "use_sim_time is fixed" in result.reason
+    assert node.get_parameter("use_sim_time").value == before
