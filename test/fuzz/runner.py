@@ -33,7 +33,7 @@ class Hangs(Exception):
 
 
 def run(target: Target, name: str, seed: int, numbers: Iterable[int], until: float) -> list[str]:
-    """Run cases until `until` on time.monotonic() [s]; return the failures in words."""
+    """Run cases until `until` on time.monotonic() [s], or Ctrl-C; return the failures in words."""
     failures: list[str] = []
     for number in numbers:
         if time.monotonic() > until:
@@ -41,6 +41,8 @@ def run(target: Target, name: str, seed: int, numbers: Iterable[int], until: flo
         try:
             with _limited():
                 target.case(random.Random(f"{seed} {name} {number}"))
+        except KeyboardInterrupt:
+            break
         except Exception:
             told = traceback.format_exc()
             failures.append(f"{name}, case {number} of seed {seed}:\n{told[-3000:]}")
