@@ -10,6 +10,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from .quoting import named, quoted
 from .settings import declared, problem
 
+_MOST = 200  # entries of a list; with aliases a few bytes make many
 NO_SIZES: Mapping[str, int] = types.MappingProxyType({})
 
 
@@ -68,6 +69,8 @@ def _value(hint: Any, value: Any, label: str, size: int, sizes: Mapping[str, int
 def _sections(kind: type, value: Any, label: str, sizes: Mapping[str, int]) -> tuple:
     if not isinstance(value, list) or not value:
         raise ValueError(f"{label}: a list is wanted")
+    if len(value) > _MOST:
+        raise ValueError(f"{label}: {len(value)} entries; {_MOST} are allowed")
     return tuple(
         from_mapping(kind, each, f"{label}[{number}].", sizes) for number, each in enumerate(value)
     )

@@ -94,9 +94,9 @@ class DriveLogic:
         if not self.reason:
             self.reason, self._cause = reason, cause
 
-    def intruded(self, what: str) -> None:
-        """Note that another master commands the drive. what: how we know."""
-        self.latch(f"somebody else commands the {self._label}: {what}")
+    def intruded(self, reason: str) -> None:
+        """Latch that another master gives the drive commands. reason: the sentence to latch."""
+        self.latch(reason)
         self._intruded = True
 
     def explain(self, cause: str) -> None:

@@ -23,6 +23,7 @@ class DriveCounters:
     statuswords without a SYNC. wrong_length: frames dropped. bad_statusword: patterns that CiA 402
     lacks. illegal_transitions: states that cannot follow each other. bad_torque: commands that were
     not finite. saturated: commands beyond max_torque. foreign: commands of another master.
+    foreign_sdo: requests of another SDO client.
     """
 
     writes: int = 0
@@ -38,6 +39,7 @@ class DriveCounters:
     boot_ups: int = 0
     bus_errors: int = 0
     foreign: int = 0
+    foreign_sdo: int = 0
 
 
 class DriveReports:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import click
 
-from screw_module_ros.domain import domain_id
+from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 
 from .support.plan import checked_values, plan
@@ -143,6 +143,7 @@ def stop(processes: list[Process]) -> dict[str, int]:
 @click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
 def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
+    end_without_domain("bringup")
     stopping = threading.Event()
     stop_on_signals(stopping)
     try:

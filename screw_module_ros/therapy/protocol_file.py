@@ -9,9 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from ..quoting import LONGEST
+from ..plain_yaml import PlainYamlError, load_plain_yaml
 from ..regular_file import read_regular
 from ..resources import resource_path
 from ..settings_mapping import from_mapping
@@ -48,10 +46,9 @@ def protocol_text(name: str | Path) -> str:
 def parse_protocol(text: str, name: str) -> Protocol:
     """Return the protocol of a YAML text; name: for messages. Raises ProtocolError."""
     try:
-        return read_protocol(yaml.safe_load(text))  # with aliases: circuits repeat themselves
-    except (yaml.YAMLError, RecursionError) as error:
-        why = " ".join(str(error).split())[:LONGEST]
-        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {why}") from None
+        return read_protocol(load_plain_yaml(text, aliases=True))  # circuits repeat themselves
+    except PlainYamlError as error:
+        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {error}") from None
     except ValueError as error:
         raise ProtocolError(f"protocol {name}: {error}") from None
 

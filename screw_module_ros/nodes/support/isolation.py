@@ -14,6 +14,7 @@ import socket
 import tempfile
 from typing import NamedTuple
 
+from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import BUSES, FIRST_PORT
 
 from .kept import STATE_VARIABLE
@@ -69,13 +70,13 @@ def port_arguments(first_port: int) -> list[str]:
 def own_place() -> Place:
     """Take a domain and ports, and set the environment of this process and its children.
 
-    Raises AlreadyRunning when all of them are in use.
+    Raises AlreadyRunning when all of them are in use, DomainError.
     """
     os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
     locks = []
     own_domain = not os.environ.get(DOMAIN_VARIABLE)
     if not own_domain:
-        domain = int(os.environ[DOMAIN_VARIABLE])
+        domain = domain_id()
     else:
         domain, lock = _first_free(
             random.sample(_DOMAINS, len(_DOMAINS)), "ROS domain", lambda d: [_first_dds_port(d)]

@@ -59,6 +59,8 @@ class Kept:
             self._values = json.loads(content.decode("utf-8"))
         except RecursionError:
             raise ValueError("nested too deeply") from None
+        if not self._values:  # `write` leaves no file then
+            raise ValueError("it says nothing")
         return self._values
 
     def write(self, values: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.settings import Setting
 
+from .answering import answer_always
 from .hot_topics import Inbox, Outlet
 from .parameters import Parameters
 from .scheduling import RealtimeSettings
@@ -62,6 +63,7 @@ class ModuleNode(ServingNode):
 
     def __init__(self, name: str):
         super().__init__(name)
+        answer_always(self)
         self.periodic = Timers()
         self.wake: Callable[[], None] = lambda: None
         self._outlets: list[Outlet] = []
