@@ -138,7 +138,7 @@ for _old, _new in zip("abcdefg", "bcdefgh", strict=True):
         (f"name: [{_BOMB}]", "stand for too many values"),
         ("name: &a [*a]", "stand for too many values"),
         ("name: [[1, 2], [3]]", "str is wanted"),
-        (f"centre: [1, 2, {'9' * 350}]", "beyond what a number can be"),
+        (f"centre: [1, 2, {'9' * 350}]", "a finite number is wanted"),
         (f"blocks: [{'1, ' * 500} 1]", "501 entries; 200 are allowed"),
         ("centre: 2001-99-99", "no timestamp"),
     ],

@@ -126,12 +126,13 @@ class Inbox:
     def wait(self, until_ns: int) -> bool:
         """Wait for a message of a waking subscription; return False when `until_ns` came first.
 
-        Who does not follow a topic yet is not woken for it: there may be a message then, too.
+        Of the messages that come just then only those count that hold no time: of publishers that
+        are not counted, or of a topic that is not followed yet.
         """
         if self._clock.simulated:
             self._clock.member.wait(until_ns, hops=self._wakers)
             in_time = self._clock.now_ns() < until_ns
-            return in_time or not all(hop.follows for hop in self._wakers)
+            return in_time or not any(hop.pending() for hop in self._wakers)
         if self._wait_set is None:
             self._wait_set = _new_wait_set(self._node, len(self._waking))
         wait_set = self._wait_set
