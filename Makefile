@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo faults fuzz bench soak reproduce test lint shell clean
+.PHONY: help build demo therapy faults fuzz bench soak reproduce test lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -19,6 +19,9 @@ build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: 
 
 demo: build  ## the whole robot against the simulated rig: table, figures and a bag
 	@tools/run demo
+
+therapy: build  ## session, patient's and therapist's page in the browser; ARGS="--patient weak"
+	@tools/run therapy $(ARGS)
 
 faults: build  ## every fault of docs/faults.md, carried out in simulated time; ARGS="--row drive" is short
 	@tools/run faults $(ARGS)

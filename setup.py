@@ -17,6 +17,7 @@ NODES = (
     "supervisor",
     "session_recorder",
     "therapy_session",
+    "web_bridge",
     "sim_rig",
     "bringup",
     "robot_description",
@@ -24,6 +25,7 @@ NODES = (
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"characterize = {NAME}.identification.live.characterize:main")
 EXECUTABLES.append(f"demo = {NAME}.trials.demo:main")
+EXECUTABLES.append(f"therapy = {NAME}.trials.therapy:main")
 EXECUTABLES.append(f"soak = {NAME}.trials.soak:main")
 EXECUTABLES.append(f"bench = {NAME}.trials.benchmark.command:main")
 EXECUTABLES.append(f"faults = {NAME}.trials.faults.command:main")
@@ -38,7 +40,10 @@ setup(
     maintainer="screw_module_ros maintainers",
     maintainer_email="screw_module_ros@users.noreply.github.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["rig/eds/*.eds"]},
+    package_data={
+        NAME: ["rig/eds/*.eds", "bridge/pages/static/*.*", "bridge/pages/static/*/*",
+               "bridge/pages/static/*/*/*"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

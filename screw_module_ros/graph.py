@@ -88,7 +88,7 @@ COMPOSED = Entry(
 )
 """One process with one hot loop in place of its four parts."""
 
-BESIDE = ("characterize", "therapy_session")
+BESIDE = ("characterize", "therapy_session", "web_bridge")
 """Nodes that are started by hand beside the graph."""
 
 # Topics ---------------------------------------------------------------------------------------
@@ -112,6 +112,7 @@ CLOCK = "clock"
 DIAGNOSTICS = "/diagnostics"
 THERAPY_SLOT = "therapy/slot"
 THERAPY_WISH = "therapy/wish"
+THERAPY_ATTENDANCE = "therapy/attendance"
 THERAPY_STATE = "therapy/state"
 THERAPY_TRIAL = "therapy/trial"
 THERAPY_ASSISTANCE = "therapy/assistance"
@@ -140,10 +141,10 @@ _TOPICS = (
     Topic(MANUS_STATE, _OURS + "PlanarState", "state", "manus", 125.0,
           ("endpoint_state", "supervisor"), clock="manus", every="state_every"),
     Topic(ENDPOINT_STATE, _OURS + "EndpointState", "state", "endpoint_state", 200.0,
-          ("supervisor", "therapy_session")),
+          ("supervisor", "therapy_session", "web_bridge")),
     Topic(JOINT_STATES, "sensor_msgs/msg/JointState", "state", "endpoint_state", 100.0),
     Topic(SAFETY_STATE, _OURS + "SafetyState", "command", "supervisor", 50.0,
-          ("impedance_controller", "amplifier", "manus", "endpoint_state")),
+          ("impedance_controller", "amplifier", "manus", "endpoint_state", "web_bridge")),
     Topic(SETPOINT, _OURS + "EndpointSetpoint", "command", "", 0.0,
           ("impedance_controller", "manus")),
     Topic(RECORDER_STATUS, "diagnostic_msgs/msg/DiagnosticStatus", "state", "session_recorder",
@@ -154,9 +155,14 @@ _TOPICS = (
     Topic(THERAPY_SLOT, _OURS + "TherapySlot", "command", "therapy_session", 0.0,
           ("impedance_controller", "manus")),
     Topic(THERAPY_WISH, _OURS + "EndpointSetpoint", "command", "", 0.0, ("therapy_session",)),
-    Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0),
-    Topic(THERAPY_TRIAL, _OURS + "TrialResult", "state", "therapy_session", 0.0),
-    Topic(THERAPY_ASSISTANCE, _OURS + "AssistanceChange", "state", "therapy_session", 0.0),
+    Topic(THERAPY_ATTENDANCE, "std_msgs/msg/Empty", "command", "web_bridge", 0.0,
+          ("therapy_session",)),
+    Topic(THERAPY_STATE, _OURS + "TherapyState", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
+    Topic(THERAPY_TRIAL, _OURS + "TrialResult", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
+    Topic(THERAPY_ASSISTANCE, _OURS + "AssistanceChange", "state", "therapy_session", 0.0,
+          ("web_bridge",)),
 )  # fmt: skip
 TOPICS = {topic.name: topic for topic in _TOPICS}
 

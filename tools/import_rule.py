@@ -30,7 +30,8 @@ SHARED = (
 )  # fmt: skip
 ROOMS = (
     *SHARED, "lockstep", "clock", "plant", "can_io", "rig", "control", "calibration", "devices",
-    "loop", "recording", "identification", "therapy", "session_command",
+    "loop", "recording", "identification", "therapy", "bridge",
+    "session_command",
     "nodes", "operator", "identification/live", "trials",
 )  # fmt: skip
 FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...

@@ -6,12 +6,15 @@ decided by `therapy/`, which knows neither ROS nor a clock. A node that hangs or
 go: the controllers fade out what is not renewed. Torque is neither switched on nor off here.
 
 Games ask for set points by `therapy/wish`. They are passed on within the workspace, no faster than
-`wish_speed`, and only while no session runs and `allow_wishes` is true.
+`wish.speed`, and only while no session runs and `allow_wishes` is true.
+
+A therapist's page tells by `therapy/attendance` that somebody is there. Once a session has heard
+it, it goes on only as long as it hears it: whatever fails between the therapist and here, the page,
+the network, the bridge, the session pauses.
 """
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable
 from datetime import datetime
@@ -19,7 +22,6 @@ from itertools import islice
 from typing import Annotated, NamedTuple
 
 from screw_module_msgs.msg import (
-    EndpointSetpoint,
     EndpointState,
     TherapySlot,
     TherapyState,
@@ -29,12 +31,14 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
+from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol
 from screw_module_ros.therapy.line import PLANE
-from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol, protocol_text
+from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
-from screw_module_ros.therapy.wishes import WishGate, WishLimits
+from screw_module_ros.therapy.wishes import WishLimits
 
 from .recorder_client import RecorderClient
 from .support import qos
@@ -44,6 +48,7 @@ from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
+from .wish_relay import WishRelay
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
@@ -70,17 +75,19 @@ class TherapySessionNode(ModuleNode):
         super().__init__("therapy_session")
         self.parameters.declare(TherapySettings)
         self.parameters.declare(WishLimits, "wish")
+        self.parameters.declare(AssistanceLimits, "assistance")
+        self.parameters.declare(AttendanceSettings, "attendance")
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._patient = self._definition = ""
         self._recording = False
         self._sample: HandSample | None = None
         self._heard_ns: int | None = None
+        self._attendance = Attendance()
         self._recorder = RecorderClient(self, self.clock)
         self._slot = TherapySlot()
         self._state = TherapyState()
-        self._setpoint = EndpointSetpoint()
-        for message in (self._slot, self._state, self._setpoint):
+        for message in (self._slot, self._state):
             message.header.frame_id = "manus_base"
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
@@ -93,19 +100,26 @@ class TherapySessionNode(ModuleNode):
         """Make the topics."""
         inbox = self.new_inbox()
         self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
-        self._take_wish = inbox.subscribe(*requested(graph.THERAPY_WISH))
+        self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
+        self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
         self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
         self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
-        self._publish_setpoint = self.outlet(*offered(graph.SETPOINT))
 
     def begin(self) -> None:
         """Start without a session."""
         self._due = Due(_RENEW_HZ)
-        self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
+        self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._session, self._told, self._wish = None, None, None
         self._heard_ns = None
+        self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
+
+    def changed(self, kind: type) -> None:
+        """Take over live parameters; what a session may do counts from its start on."""
+        if kind is WishLimits and self.active:
+            with self._lock:
+                self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
         """End a session that runs, so that the hand is let go."""
@@ -125,7 +139,7 @@ class TherapySessionNode(ModuleNode):
                 self._take_sample(message, now_ns)
             self._watch(now_ns)
             self._follow_recorder(now_ns)
-            self._pass_on_wish(now_ns)
+            self._relay_wishes(now_ns)
             self._tell(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
@@ -143,10 +157,15 @@ class TherapySessionNode(ModuleNode):
             self._state.state_since = self._sample.sequence if self._sample else 0
 
     def _watch(self, now_ns: int) -> None:
-        """Pause a session whose samples have stopped."""
-        silent = self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
-        if silent and self._session is not None:
+        """Pause a session whose samples have stopped, or whose therapist's page is silent."""
+        if self._take_attendance() is not None:
+            self._attendance.hear(now_ns)
+        if self._session is None:
+            return
+        if self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS:
             self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
+        if reason := self._attendance.missed(now_ns):
+            self._change(self._session.pause, reason)
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
         """Let an operator's act change the session; return whether it did."""
@@ -218,35 +237,27 @@ class TherapySessionNode(ModuleNode):
             return 0
         return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
 
-    def _pass_on_wish(self, now_ns: int) -> None:
-        message = self._take_wish()
-        if message is None:
-            return
+    def _relay_wishes(self, now_ns: int) -> None:
         running = self._session is not None and self._session.state in (RUNNING, PAUSED)
-        if running or not self.parameters.read(TherapySettings).allow_wishes:
-            return
-        asked = (message.position.x, message.position.y, message.position.z)
-        hand = self._sample.position if self._sample else (math.nan,) * 3
-        self._ask_for(self._wishes.passed(asked, hand, now_ns))
-
-    def _ask_for(self, point: tuple[float, float, float]) -> None:
-        position = self._setpoint.position
-        position.x, position.y, position.z = point
-        self.stamp(self._setpoint.header)
-        self._publish_setpoint(self._setpoint)
+        allowed = not running and self.parameters.read(TherapySettings).allow_wishes
+        self._wishes.relay(allowed, self._sample and self._sample.position, now_ns)
 
     # Services ------------------------------------------------------------------------------
 
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
         name = self._named(request.protocol)
-        protocol, definition = load_protocol(name), protocol_text(name)
+        protocol, definition = allowed_protocol(
+            protocol_text(name), name, self.parameters.read(AssistanceLimits, "assistance"),
+            self.parameters.read(WishLimits, "wish"),
+        )  # fmt: skip
         with self._lock:
             running = self._session
             if running is not None and running.state in (RUNNING, PAUSED):
                 return f"a session of {self._patient} is {running.state}: call ~/abort first"
             if self._heard_ns is None:
                 return "no endpoint_state has come yet"
+            self._attendance.begin(self.clock.now_ns())
         with self._lock:
             self._patient, self._definition = patient, definition
             self._session, self._told, self._wish = Session(protocol), None, None
@@ -256,9 +267,7 @@ class TherapySessionNode(ModuleNode):
                 name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
                 self._recorder.start(name)
                 self._session.pause(_WAITS)
-            # Games' last set point is not to pull once the session lets go.
-            self._wishes = WishGate(self.parameters.read(WishLimits, "wish"))
-            self._ask_for((math.nan,) * 3)
+            self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""
 
     def _named(self, protocol: str) -> str:
@@ -279,6 +288,7 @@ class TherapySessionNode(ModuleNode):
     def _resume(self, request: Trigger.Request) -> str:
         if self._session is not None and self._session.reason == _WAITS:
             return _WAITS
+        self._attendance.begin(self.clock.now_ns())
         return self._act("resume")
 
     def health(self) -> Health:

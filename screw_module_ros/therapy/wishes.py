@@ -12,44 +12,61 @@ from .samples import Point
 
 _NS = 1e-9
 _LONGEST = 0.2  # [s] that count between two wishes: after a pause no large step is allowed
+_SILENT_NS = 1_000_000_000  # ours: a game that wishes nothing for so long has gone
 
 
 class WishLimits(NamedTuple):
     """How far and how fast a game may move the set point. The bounds are ours."""
 
-    half_width: Annotated[float, Setting("in x from the centre", "m", 0.0, 0.1905)] = 0.15
-    half_depth: Annotated[float, Setting("in y from the centre", "m", 0.0, 0.2286)] = 0.15
-    low: Annotated[float, Setting("lowest height", "m", 0.0, 0.36)] = 0.03
-    high: Annotated[float, Setting("greatest height", "m", 0.0, 0.36)] = 0.33
-    speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6)] = 0.3
+    half_width: Annotated[
+        float, Setting("in x from the centre", "m", 0.0, 0.1905, live=True)
+    ] = 0.15
+    half_depth: Annotated[
+        float, Setting("in y from the centre", "m", 0.0, 0.2286, live=True)
+    ] = 0.15
+    low: Annotated[float, Setting("lowest height", "m", 0.0, 0.36, live=True)] = 0.03
+    high: Annotated[float, Setting("greatest height", "m", 0.0, 0.36, live=True)] = 0.33
+    speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6, live=True)] = 0.3
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        """Return lowest and highest value of x, y and z [m]; `high` counts where it is lower."""
+        plane = (self.half_width, self.half_depth)
+        return (*((-half, half) for half in plane), (min(self.low, self.high), self.high))
 
 
 class WishGate:
-    """Passes on one wish after the other."""
+    """Passes on one wish after the other. limits: may be replaced at any time."""
 
     def __init__(self, limits: WishLimits):
-        self._limits = limits
+        self.limits = limits
         self._last: Point = (math.nan,) * 3
-        self._last_ns = 0
+        self._last_ns: int | None = None
 
     def passed(self, wish: Point, hand: Point, now_ns: int) -> Point:
         """Return the set point for a wish [m]; NaN leaves an axis alone.
 
         hand: where it is [m], from which an axis that had no set point starts.
         """
-        limits = self._limits
-        elapsed = min((now_ns - self._last_ns) * _NS, _LONGEST)
-        ranges = (
-            (-limits.half_width, limits.half_width),
-            (-limits.half_depth, limits.half_depth),
-            (limits.low, limits.high),
-        )
+        limits = self.limits
+        since = math.inf if self._last_ns is None else (now_ns - self._last_ns) * _NS
+        elapsed = min(since, _LONGEST)
+        ranges = limits.ranges()
         self._last_ns = now_ns
         self._last = tuple(
             _moved(asked, last if math.isfinite(last) else here, limits.speed * elapsed, *bounds)
             for asked, last, here, bounds in zip(wish, self._last, hand, ranges, strict=True)
         )
         return self._last
+
+    def released(self, hand: Point, now_ns: int) -> Point | None:
+        """Return the hand's place, once, when a game that wished has gone silent; else None.
+
+        A spring that a game has left behind would pull for ever.
+        """
+        if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
+            return None
+        self._last, self._last_ns = (math.nan,) * 3, None
+        return hand
 
 
 def _moved(asked: float, last: float, step: float, low: float, high: float) -> float:

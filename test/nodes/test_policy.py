@@ -73,7 +73,7 @@ def policy() -> dict[str, dict[str, Profile]]:
 def test_an_enclave_for_each_executable_and_no_other():
     found = policy()
     assert sorted(found) == sorted([*NODES, COMPOSED.executable, *BESIDE, *OTHERS])
-    for name in (*NODES, "therapy_session", *OTHERS):
+    for name in (*NODES, "therapy_session", "web_bridge", *OTHERS):
         assert list(found[name]) == [name]
     assert list(found["characterize"]) == ["characterize", "characterize_client"]
     parts = {name: found[name][name] for name in COMPOSED.parts}
@@ -102,6 +102,13 @@ def test_only_the_therapy_node_takes_the_slot():
     may = {node for enclave in found.values() for node, profile in enclave.items()
            if "/therapy/slot" in profile.publish}  # fmt: skip
     assert may == {"therapy_session"}
+
+
+def test_the_bridge_moves_nothing_and_switches_nothing_on():
+    bridge = policy()["web_bridge"]["web_bridge"]
+    moves = {"/setpoint", "/therapy/slot", "/screw/force_command"}
+    assert not bridge.publish & moves
+    assert not [name for name in bridge.request if name.endswith(("enable", "reset", "home"))]
 
 
 def test_who_asks_asks_what_is_offered():
@@ -157,14 +164,17 @@ def test_the_policy_is_the_running_graph():
     found, seen = policy(), {}
     with GraphRun() as graph:
         simulated = ["--ros-args", "-p", "use_sim_time:=true"]
-        ours = [bringup.Process(name, simulated) for name in BESIDE]
+        of_any_port = {"web_bridge": ["-p", "port:=0"]}
+        ours = [
+            bringup.Process(name, [*simulated, *of_any_port.get(name, [])]) for name in BESIDE
+        ]
         try:
             with Robot("operator", watch=graph.watch, simulated=True) as robot:
                 robot.wait_until_ready([*graph.names, *BESIDE])
                 robot.met(lambda: _all_seen(robot.node, found, seen), 20.0)
         finally:
             bringup.stop(ours)
-    for name in (*NODES, "therapy_session"):
+    for name in (*NODES, "therapy_session", "web_bridge"):
         allowed, has = found[name][name], seen[name]
         assert allowed.publish == has.publish, name
         assert allowed.reply == has.reply, name

@@ -30,7 +30,7 @@ class Kept:
 
     def __init__(self, full_name: str):
         """Name the file of the node `full_name` in the ROS domain of this process."""
-        folder = _state_folder()
+        folder = state_folder()
         self.path: Path | None = None
         self.place = f"no place for it: {STATE_VARIABLE} and HOME are unset or no absolute paths"
         if folder is not None:
@@ -92,7 +92,7 @@ class Kept:
         return self.path
 
 
-def _state_folder() -> Path | None:
+def state_folder() -> Path | None:
     """Return where programs keep their state, None without an absolute path for it.
 
     A relative XDG_STATE_HOME counts as unset, as its specification wants (XDG Base Directory 0.8):

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is let in: by which name the bridge was called, from which page, with which token.
+
+The name (Host) keeps out pages whose own name was made to lead here (DNS rebinding), the Origin all
+other pages that a browser of this machine shows, the token everybody else.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import secrets
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+from .tokens import Tokens
+
+_PORTS = {"http": 80, "https": 443}
+_EVERYWHERE = ("0.0.0.0", "::", "")
+
+
+class Refused(PermissionError):
+    """Somebody is not let in; the message says why."""
+
+
+class Door(NamedTuple):
+    """names: by which the bridge may be called, without port. port: that it listens on.
+
+    scheme: http or https. origins: of other pages that may connect, like `https://games.example`,
+    or `null` for pages opened from a file. tokens: one per role.
+    """
+
+    names: tuple[str, ...]
+    port: int
+    scheme: str
+    origins: tuple[str, ...]
+    tokens: Tokens
+
+    def check_host(self, host: str | None) -> None:
+        """Raise Refused unless the bridge was called by one of its names."""
+        if _split(f"{self.scheme}://{host or ''}") not in self._own():
+            raise Refused(
+                "the bridge does not know itself by that name: open it by the address that it "
+                "printed, or add the name to its parameter hosts"
+            )
+
+    def check_origin(self, origin: str | None) -> None:
+        """Raise Refused for a page from elsewhere; programs other than browsers tell no origin."""
+        if origin is None or origin in self.origins or _split(origin) in self._own():
+            return
+        raise Refused(
+            "pages from there may not connect: add their origin to the bridge's parameter origins"
+        )
+
+    def role_of(self, token: str | None) -> str:
+        """Return the role that a token gives. Raises Refused for none and for a wrong one."""
+        given = (token or "").encode()
+        for role, right in self.tokens._asdict().items():
+            if secrets.compare_digest(given, right.encode()):
+                return role
+        what = "wrong token" if token else "no token"
+        raise Refused(f"{what}: open the address that the bridge printed, which carries one")
+
+    def _own(self) -> list[tuple]:
+        return [(self.scheme, name.lower(), self.port) for name in self.names]
+
+
+def _split(address: str) -> tuple | None:
+    """Return scheme, host and port of an address, None when it is none or has more to it."""
+    try:
+        parts = urlsplit(address)
+        port = parts.port or _PORTS.get(parts.scheme)
+    except ValueError:
+        return None
+    if parts.path or parts.query or parts.fragment or "@" in parts.netloc:
+        return None
+    return parts.scheme, (parts.hostname or "").lower(), port
+
+
+def is_loopback(address: str) -> bool:
+    """Return whether only this machine reaches an address."""
+    if address == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return False
+
+
+def names_of(address: str, hosts: Sequence[str]) -> tuple[str, ...]:
+    """Return the names by which a bridge on an address may be called."""
+    own = () if address in _EVERYWHERE else (address,)
+    return tuple(dict.fromkeys(("127.0.0.1", "localhost", "::1", *own, *filter(None, hosts))))
+
+
+def token_in(query: Mapping[str, str], headers: Mapping[str, str]) -> str | None:
+    """Return the token of a request: `Authorization: Bearer TOKEN`, or `?token=` for roslibjs."""
+    scheme, _, token = headers.get("Authorization", "").partition(" ")
+    if scheme.lower() == "bearer" and token:
+        return token.strip()
+    return query.get("token")

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// A client of the bridge: the subset of rosbridge v2 that the pages need, which connects again by
+// itself. Subscriptions are made anew with each connection; what was asked for is not asked again.
+
+const FIRST_PAUSE_MS = 300;
+const LONGEST_PAUSE_MS = 4000;
+const ANSWER_MS = 10000;
+
+export class Bridge {
+  // changed(isOpen, sentence): called when the connection comes and goes.
+  constructor(token, changed = () => {}) {
+    this.token = token;
+    this.changed = changed;
+    this.isOpen = false;
+    this.topics = new Map();
+    this.calls = new Map();
+    this.count = 0;
+    this.pause = FIRST_PAUSE_MS;
+    this.sentence = "";
+  }
+
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const address = `${scheme}://${location.host}/ws?token=${encodeURIComponent(this.token)}`;
+    this.socket = new WebSocket(address);
+    this.socket.onopen = () => this.opened();
+    this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
+    this.socket.onclose = () => this.closed();
+  }
+
+  opened() {
+    this.isOpen = true;
+    this.pause = FIRST_PAUSE_MS;
+    this.sentence = "";
+    for (const [topic, { throttle }] of this.topics) this.ask(topic, throttle);
+    this.changed(true, "");
+  }
+
+  closed() {
+    const was = this.isOpen;
+    this.isOpen = false;
+    for (const { reject, timer } of this.calls.values()) {
+      clearTimeout(timer);
+      reject(new Error("the connection to the robot was lost"));
+    }
+    this.calls.clear();
+    this.changed(false, this.sentence);
+    setTimeout(() => this.connect(), was && !this.sentence ? FIRST_PAUSE_MS : this.pause);
+    this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
+  }
+
+  take(message) {
+    if (message.op === "publish") {
+      this.topics.get(message.topic)?.heard(message.msg);
+    } else if (message.op === "service_response") {
+      const call = this.calls.get(message.id);
+      this.calls.delete(message.id);
+      clearTimeout(call?.timer);
+      if (message.result) call?.resolve(message.values);
+      else call?.reject(new Error(String(message.values)));
+    } else if (message.op === "status" && message.level === "error") {
+      this.sentence = message.msg;
+      this.changed(this.isOpen, message.msg);
+    }
+  }
+
+  // heard(message): called with each message that comes, at most every `throttle` ms.
+  subscribe(topic, heard, throttle = 0) {
+    this.topics.set(topic, { heard, throttle });
+    if (this.isOpen) this.ask(topic, throttle);
+  }
+
+  ask(topic, throttle) {
+    this.send({ op: "subscribe", topic, throttle_rate: throttle });
+  }
+
+  publish(topic, msg) {
+    if (this.isOpen) this.send({ op: "publish", topic, msg });
+  }
+
+  // Returns a promise of the response's fields; it fails with an Error whose message is a sentence.
+  call(service, args = {}) {
+    if (!this.isOpen) return Promise.reject(new Error("there is no connection to the robot"));
+    const id = `call${++this.count}`;
+    return new Promise((resolve, reject) => {
+      const timer = setTimeout(() => {
+        this.calls.delete(id);
+        reject(new Error(`${service} did not answer`));
+      }, ANSWER_MS);
+      this.calls.set(id, { resolve, reject, timer });
+      this.send({ op: "call_service", service, args, id });
+    });
+  }
+
+  send(content) {
+    this.socket.send(JSON.stringify(content));
+  }
+}
+
+// Returns what the bridge tells of itself: role, robots, protocols. Throws as `fetched`.
+export function configuration(token) {
+  return fetched("/config.json", token);
+}
+
+// Returns the last messages of a topic of which each one counts, oldest first. Throws as `fetched`.
+export function history(token, topic) {
+  return fetched(`/history.json?topic=${encodeURIComponent(topic)}`, token);
+}
+
+// Returns what the bridge has at a path. Throws an Error whose message is a sentence; `final` on it:
+// it makes no sense to ask again.
+async function fetched(path, token) {
+  let answer;
+  try {
+    answer = await fetch(path, { headers: { Authorization: `Bearer ${token}` } });
+  } catch {
+    throw new Error("The bridge does not answer.");
+  }
+  if (!answer.ok) {
+    const error = new Error(`Not let in: ${(await answer.text()).trim()}`);
+    error.final = answer.status === 403;
+    throw error;
+  }
+  return answer.json();
+}
+
+// The same, asked again until there is an answer; told(sentence) hears what is wrong meanwhile.
+export async function configurationAtLast(token, told) {
+  for (;;) {
+    try {
+      return await configuration(token);
+    } catch (error) {
+      told(error.message);
+      if (error.final) throw error;
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+  }
+}
+
+export function named(robot, name) {
+  return `${robot === "/" ? "" : robot}/${name}`;
+}

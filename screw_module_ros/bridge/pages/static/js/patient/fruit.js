@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// Picking fruit in three dimensions. No clock runs against the patient: who is slow gets nearer and
+// larger fruit, who is quick gets them farther apart, swinging in the wind, and golden ones.
+
+import { INK } from "../colours.js";
+import { disc, text } from "../shapes.js";
+import { camera, drawFloor, drawStem, seen } from "./depth.js";
+import { drawFruit, KINDS } from "./fruit_shapes.js";
+import { drawHand } from "./marks.js";
+
+const FULL = 8; // fruit in a basket
+const SEASONS = [
+  ["Spring", "#e8f3e4", "#d3e6cc"], ["Summer", "#fdf3d3", "#f3e3ad"],
+  ["Autumn", "#f9e6d2", "#ecd0b0"], ["Winter", "#e6eff5", "#cfdfe9"],
+];
+const QUICK = 3.0, SLOW = 6.0; // time from fruit to fruit [s]
+const LEAST_REACH = 0.05, MOST_REACH = 0.17; // from the hand to the next fruit [m]
+const LEAST_RADIUS = 0.022, MOST_RADIUS = 0.04; // within which a fruit is picked [m]
+const ROOM = [[-0.13, 0.13], [-0.1, 0.13], [0.07, 0.29]]; // where fruit grows [m]
+const LEAVES = "#9fd3bf";
+const LEAD = 0.05; // how far ahead of the hand the wish pulls [m]
+
+export class FruitGame {
+  constructor(random = Math.random) {
+    this.random = random;
+    this.score = this.picked = this.streak = 0;
+    this.reach = 0.09;
+    this.radius = 0.032;
+    this.age = 0;
+    this.fruit = null;
+    this.flying = [];
+    this.sound = () => {};
+  }
+
+  get basket() {
+    return Math.floor(this.picked / FULL);
+  }
+
+  get season() {
+    return SEASONS[this.basket % SEASONS.length];
+  }
+
+  get wind() {
+    return this.basket < 2 ? 0 : Math.min(0.004 * (this.basket - 1), 0.02);
+  }
+
+  // Where the fruit is now [m]: it swings in the wind.
+  get place() {
+    const { at, phase } = this.fruit;
+    return [at[0] + this.wind * Math.sin(1.3 * this.age + phase), at[1], at[2]];
+  }
+
+  // Goes on by dt [s] with the hand at [x, y, z] [m], null where that is not known.
+  step(dt, hand) {
+    this.flying = this.flying.filter((each) => (each.age += dt) < 0.8);
+    if (!hand) return;
+    this.age += dt;
+    if (!this.fruit) this.grow(hand);
+    if (Math.hypot(...this.place.map((value, i) => value - hand[i])) < this.radius) this.pick(hand);
+  }
+
+  pick(hand) {
+    const took = this.age;
+    this.streak = took < SLOW ? this.streak + 1 : 0;
+    const worth = this.fruit.kind.worth + (this.streak >= 5 ? 1 : 0);
+    this.score += worth;
+    this.picked += 1;
+    this.flying.push({ from: this.place, kind: this.fruit.kind, worth, age: 0 });
+    this.adapt(took);
+    this.sound(this.picked % FULL === 0 ? "basket" : "pick");
+    this.grow(hand);
+  }
+
+  adapt(took) {
+    const way = took < QUICK ? 1 : took > SLOW ? -1 : 0;
+    this.reach = Math.min(Math.max(this.reach + 0.012 * way, LEAST_REACH), MOST_REACH);
+    this.radius = Math.min(Math.max(this.radius - 0.002 * way, LEAST_RADIUS), MOST_RADIUS);
+  }
+
+  grow(hand) {
+    const golden = this.picked > 3 && this.random() < 1 / 6;
+    const kind = golden ? KINDS.golden : Object.values(KINDS)[Math.floor(4 * this.random())];
+    this.fruit = { at: this.somewhere(hand), kind, phase: 6 * this.random() };
+    this.age = 0;
+  }
+
+  // A point about `reach` from the hand, within the room.
+  somewhere(hand) {
+    let best = null;
+    for (let tries = 0; tries < 12; tries++) {
+      const point = ROOM.map(([low, high]) => low + (high - low) * this.random());
+      const miss = Math.abs(Math.hypot(...point.map((v, i) => v - hand[i])) - this.reach);
+      if (!best || miss < best.miss) best = { point, miss };
+    }
+    return best.point;
+  }
+
+  // Where the robot is wished to pull [m]: a little ahead of the hand, towards the fruit.
+  wish(hand) {
+    if (!this.fruit || !hand) return null;
+    const way = this.place.map((value, i) => value - hand[i]);
+    const share = Math.min(1, LEAD / Math.max(Math.hypot(...way), 1e-9));
+    return hand.map((value, i) => value + share * way[i]);
+  }
+
+  draw({ ctx, width, height }, hand) {
+    const view = camera(width, height);
+    const [name, sky, ground] = this.season;
+    ctx.fillStyle = sky;
+    ctx.fillRect(0, 0, width, height);
+    drawFloor(ctx, view, ground, "rgb(255 255 255 / 70%)");
+    this.drawTree(ctx, view);
+    if (this.fruit) this.drawTheFruit(ctx, view);
+    if (hand) {
+      drawStem(ctx, view, hand, 0.02, "#0072b2");
+      const { x, y, scale } = seen(view, hand);
+      drawHand(ctx, x, y, 0.02 * scale);
+    }
+    for (const each of this.flying) this.drawPicked(ctx, view, each, width, height);
+    this.drawScore(ctx, width, height, name);
+  }
+
+  drawTree(ctx, view) {
+    const [foot, top] = [seen(view, [0, 0.19, 0]), seen(view, [0, 0.19, 0.3])];
+    ctx.strokeStyle = "#8a6a4f";
+    ctx.lineWidth = 0.035 * foot.scale;
+    ctx.lineCap = "round";
+    ctx.beginPath();
+    ctx.moveTo(foot.x, foot.y);
+    ctx.lineTo(top.x, top.y);
+    ctx.stroke();
+    for (const [x, z, size] of [[-0.1, 0.29, 0.08], [0.1, 0.29, 0.08], [0, 0.34, 0.1], [0, 0.25, 0.07]]) {
+      const leaf = seen(view, [x, 0.19, z]);
+      disc(ctx, leaf.x, leaf.y, size * leaf.scale, LEAVES);
+    }
+  }
+
+  drawTheFruit(ctx, view) {
+    const place = this.place;
+    drawStem(ctx, view, place, this.radius, this.fruit.kind.colour);
+    const { x, y, scale } = seen(view, place);
+    drawFruit(ctx, this.fruit.kind, x, y, this.radius * scale);
+  }
+
+  // A fruit on its way into the basket, with what it was worth.
+  drawPicked(ctx, view, { from, kind, worth, age }, width, height) {
+    const start = seen(view, from);
+    const share = Math.min(age / 0.8, 1);
+    const ease = share * share * (3 - 2 * share);
+    const x = start.x + (0.1 * width - start.x) * ease;
+    const y = start.y + (0.88 * height - start.y) * ease - 0.12 * height * Math.sin(Math.PI * share);
+    drawFruit(ctx, kind, x, y, 0.028 * start.scale * (1 - 0.5 * share));
+    text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * ease, 0.05 * height, INK);
+  }
+
+  drawScore(ctx, width, height, season) {
+    const size = Math.min(0.045 * height, 0.055 * width);
+    const [x, y] = [0.1 * width, 0.9 * height];
+    ctx.fillStyle = "#b98a5a";
+    ctx.beginPath();
+    ctx.moveTo(x - 1.6 * size, y - 0.5 * size);
+    ctx.lineTo(x + 1.6 * size, y - 0.5 * size);
+    ctx.lineTo(x + 1.1 * size, y + size);
+    ctx.lineTo(x - 1.1 * size, y + size);
+    ctx.fill();
+    text(ctx, `${this.picked % FULL}/${FULL}`, x, y + 0.25 * size, 0.8 * size, "#ffffff");
+    const row = this.streak >= 5 ? ` · ${this.streak} in a row, +1 each` : "";
+    const words = `${this.score} points · ${season}, basket ${this.basket + 1}${row}`;
+    ctx.fillStyle = "rgb(255 255 255 / 85%)";
+    ctx.fillRect(0, 0, width, 2 * size);
+    text(ctx, words, 0.5 * width, size, 1.05 * size, INK);
+  }
+}

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the patient is told, by what the robot tells.
+
+import {
+  ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, SAFETY_OK, WAIT,
+} from "../states.js";
+
+const DO = {
+  reach: "Move to the orange diamond", circle: "Draw circles along the orange line",
+  hold: "Hold your hand still", resisted: "Stay at the orange diamond",
+  strength: "Push in the direction of the arrow",
+};
+
+// What to do now in a session.
+export function task(state) {
+  if (state.phase === PREPARE) return "The robot brings your hand to the start";
+  if (state.phase === REACHED) return "Well done";
+  const lift = state.kind === "reach" && state.start.z !== state.target.z
+    && state.start.x === state.target.x && state.start.y === state.target.y;
+  const words = lift ? "Take the elevator to the marked floor" : DO[state.kind] ?? "";
+  if (state.phase === OVER_TIME) return `${words}: take your time`;
+  return state.phase === WAIT || state.phase === MOVING ? words : "";
+}
+
+// What covers the picture, [title, more]; null when nothing does.
+export function veil({ sentence, isOpen, isHeard, state, safety, reached, trials }) {
+  if (!isOpen) return ["One moment …", sentence || "Connecting to the robot"];
+  if (!isHeard) return ["One moment …", "The robot does not tell anything yet"];
+  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
+  if (safety !== SAFETY_OK) return ["The robot rests", "Your therapist knows what to do"];
+  if (state?.state === FINISHED) return ["Finished. Thank you!", `${reached} of ${trials} targets reached`];
+  if (state?.state === ABORTED) return ["The exercise has ended", ""];
+  return null;
+}

@@ -1,0 +1,6 @@
+// SPDX-License-Identifier: Apache-2.0
+// Constants of TherapyState.msg and SafetyState.msg.
+
+export const IDLE = 0, RUNNING = 1, PAUSED = 2, FINISHED = 3, ABORTED = 4;
+export const NONE = 0, PREPARE = 1, WAIT = 2, MOVING = 3, OVER_TIME = 4, REACHED = 5;
+export const SAFETY_OK = 0, SAFETY_WAITING = 1, SAFETY_STOPPED = 2;

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// States and reasons as sentences for the therapist.
+
+import {
+  ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
+  SAFETY_STOPPED, WAIT,
+} from "../states.js";
+
+const PHASES = {
+  [PREPARE]: "the robot brings the hand to the start", [WAIT]: "the target is shown",
+  [MOVING]: "the patient moves", [OVER_TIME]: "over time, the wall stiffens slowly",
+  [REACHED]: "reached",
+};
+
+export function sessionSentence(state, protocols) {
+  if (!state) return "The session node is silent.";
+  const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
+  const count = `movement ${state.trial} of ${state.trials}`;
+  switch (state.state) {
+    case RUNNING: {
+      const phase = PHASES[state.phase] ? `: ${PHASES[state.phase]}` : "";
+      return `${state.patient}: ${title}. Running, ${count}${phase}.`;
+    }
+    case PAUSED:
+      return `Paused, ${count}: ${state.reason}.`;
+    case FINISHED:
+      return `Finished: ${title}, ${state.trials} movements.`;
+    case ABORTED:
+      return `Ended before its time: ${state.reason}.`;
+    default:
+      return "No session.";
+  }
+}
+
+// What stands in the way of motion, [sentence, whether it is bad].
+export function safetySentence(safety, endpoint) {
+  if (!safety) return ["The supervisor says nothing: no motion is permitted.", true];
+  const reasons = safety.reasons.join("; ");
+  if (safety.level === SAFETY_STOPPED) {
+    const how = "To go on: remove the cause, then reset and enable at the robot's console.";
+    return [`Stopped: ${reasons || "no reason told"}. ${how}`, true];
+  }
+  if (safety.level !== SAFETY_OK) return [`Waiting: ${reasons || "no reason told"}.`, true];
+  if (!endpoint) return ["The robot's position is silent.", true];
+  const off = [["plane", 0], ["vertical", 1]].filter(([, i]) => !endpoint.enabled[i]);
+  if (off.length) return [`The torque is off: ${off.map(([name]) => name).join(" and ")}.`, true];
+  return ["The robot is ready, the torque is on.", false];
+}

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// Results of the movements and changes of the assistance, newest first. The bridge keeps them, so
+// that a reload or another device in mid-session shows them all; here nothing is stored.
+
+import { el, say } from "../elements.js";
+
+const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
+const CHANGES = 8;
+const COLUMNS = [
+  ["#", (r) => r.trial],
+  ["Reached", (r) => (r.reached ? "✓ yes" : "– no")],
+  ["Time [s]", (r) => fixed(r.duration, 2)],
+  ["Peak [cm/s]", (r) => fixed(100 * r.peak_speed, 1)],
+  ["Path error [mm]", (r) => fixed(1000 * r.path_error, 1)],
+  ["SPARC", (r) => fixed(r.sparc, 2)],
+  ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
+];
+const KEEP = ["trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+
+function fixed(value, digits) {
+  return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
+}
+
+function identity({ patient, protocol, trial, header }) {
+  return JSON.stringify([patient, protocol, trial, header]);
+}
+
+function seconds({ header }) {
+  return header ? header.stamp.sec + 1e-9 * header.stamp.nanosec : 0;
+}
+
+export class TrialsCard {
+  constructor() {
+    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
+    [this.newest, this.begun] = ["", 0];
+    this.summary = el("p", { className: "empty" });
+    this.body = el("tbody");
+    this.list = el("ul", { className: "changes" });
+    this.element = el("section", { className: "card results" }, el("h2", {}, "Movements"), this.summary,
+      el("div", { className: "scroll" }, el("table", {},
+        el("thead", {}, el("tr", {}, ...COLUMNS.map(([title]) => el("th", {}, title)))), this.body)),
+      el("h2", {}, "Assistance"), this.list);
+    this.show();
+  }
+
+  take(result) {
+    if (this.isAwaiting) this.live.push(result);
+    this.add(result);
+  }
+
+  add(result) {
+    const session = `${result.patient} ${result.protocol}`;
+    const last = this.trials.at(-1);
+    if (identity(result) === this.newest) return; // told before
+    this.newest = identity(result);
+    if (session !== this.session || (last && result.trial <= last.trial)) {
+      [this.session, this.trials, this.changes] = [session, [], []];
+    }
+    if (!this.trials.length) this.begun = seconds(result);
+    this.trials.push(Object.fromEntries(KEEP.map((name) => [name, result[name]])));
+    if (this.trials.length > KEPT) this.trials.shift();
+    this.isShown = false;
+  }
+
+  takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
+    const last = this.changes.at(-1);
+    if (last?.block === block && last?.circuit === circuit) return;
+    this.changes.push({ block, circuit, duration, side, reason });
+    if (this.changes.length > CHANGES) this.changes.shift();
+    this.isShown = false;
+  }
+
+  // Notes what comes from now on: the bridge is being asked for what was before.
+  await() {
+    [this.live, this.isAwaiting] = [[], true];
+  }
+
+  // Begins anew with what the bridge has kept, and what has come since it was asked.
+  begin(trials, changes) {
+    const told = new Set(trials.map(identity));
+    const since = this.live.filter((trial) => !told.has(identity(trial)));
+    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
+    this.newest = "";
+    [...trials, ...since].forEach((trial) => this.add(trial));
+    changes.filter((change) => seconds(change) >= this.begun)
+      .forEach((change) => this.takeChange(change));
+    this.isShown = this.isAwaiting = false;
+  }
+
+  show() {
+    if (this.isShown) return;
+    this.isShown = true;
+    const reached = this.trials.filter((trial) => trial.reached).length;
+    say(this.summary, this.trials.length
+      ? `${this.session.split(" ")[0]}: ${reached} of ${this.trials.length} targets reached`
+      : "No movement yet.");
+    this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
+      el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
+    this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
+      el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
+        + `${change.side.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+  }
+}

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robots as the bridge's clients reach them: topics and services of the graph.
+
+It takes no part in simulated time: a browser must not keep the robot waiting. The hot loop of the
+node polls the subscriptions, which hold the newest message alone, so a topic at 200 Hz costs what
+is shown of it; a message becomes JSON once, when the first client is sent it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import threading
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from screw_module_ros.bridge.conversion import fill, plain
+from screw_module_ros.bridge.rights import ASKED, HEARD, KEPT, SENT, Rights
+from screw_module_ros.clock import WallClock
+
+from .support import qos
+from .support.hot_topics import HotGroup
+from .support.timers import Timers
+
+_MOST_KEPT = 1100  # a session of the clock game has 1024 movements
+_CHECK_S = 0.1
+_FOUND_NS = 3_000_000_000  # in which a service that has just come is found
+
+
+def found_type(name: str) -> type:
+    """Return the class of a type, `package/msg/Name`, or `package/Name` of a message."""
+    package, _, rest = name.partition("/")
+    group, _, kind = rest.rpartition("/")
+    return getattr(importlib.import_module(f"{package}.{group or 'msg'}"), kind)
+
+
+def new_message(name: str) -> Any:
+    """Return a message of a type, `package/Name`."""
+    return found_type(name)()
+
+
+class HeardTopic:
+    """A subscription that is polled, and its newest message; `kept`: and the last ones before."""
+
+    def __init__(
+        self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup, kept: bool
+    ):
+        self.kept: deque[Any] = deque(maxlen=_MOST_KEPT if kept else 0)
+        self.kind = found_type(kind)
+        self.subscription = node.create_subscription(
+            self.kind, name, _never, profile, callback_group=group
+        )
+        self._newest: tuple[int, Any] | None = None
+        self._text: tuple[int, str] | None = None
+
+    def poll(self) -> None:
+        """Take what has come."""
+        while (taken := self.subscription.handle.take_message(self.kind, False)) is not None:
+            count = self._newest[0] if self._newest else 0
+            self._newest = (count + 1, taken[0])
+            self.kept.append(taken[0])
+
+    def newest(self) -> tuple[int, str] | None:
+        """Return the newest message as JSON, with its number from 1."""
+        newest = self._newest
+        if newest is not None and (self._text is None or self._text[0] != newest[0]):
+            self._text = (newest[0], _text(newest[1]))
+        return self._text
+
+    def history(self) -> list[str]:
+        """Return the last messages as JSON."""
+        return [_text(message) for message in tuple(self.kept)]
+
+
+def _text(message: Any) -> str:
+    return json.dumps(plain(message), allow_nan=False, separators=(",", ":"))
+
+
+class BridgeGateway:
+    """Topics and services of the robots that `rights` names; see `bridge.client.Gateway`.
+
+    answer_s: for how long a service may take [s].
+    """
+
+    def __init__(self, node: Node, rights: Rights, periodic: Timers, answer_s: float):
+        self._node, self._answer_ns = node, round(answer_s * 1e9)
+        self._clock = WallClock()
+        self._heard: dict[str, HeardTopic] = {}
+        self._publishers: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
+        self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
+        self._unsent: list[tuple[int, str, Callable[[], None], Callable[[Any, bool], None]]] = []
+        self._changing = threading.Lock()
+        group = HotGroup()
+        for place, kind in rights.places(HEARD):
+            kept = place.name in KEPT
+            profile = qos.STATE if kept else qos.SAMPLE
+            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group, kept)
+        for place, kind in rights.places(SENT):
+            self._publishers[place.full] = node.create_publisher(
+                found_type(kind), place.full, qos.COMMAND
+            )
+        for place, kind in rights.places(ASKED):
+            self._clients[place.full] = node.create_client(found_type(kind), place.full)
+        self._periodic = periodic
+        self._timer = periodic.every(self._clock, _CHECK_S, self._check_calls)
+
+    def close(self) -> None:
+        """Destroy topics and clients."""
+        self._periodic.cancel(self._timer)
+        for heard in self._heard.values():
+            self._node.destroy_subscription(heard.subscription)
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+        for client in self._clients.values():
+            self._node.destroy_client(client)
+
+    def poll(self, anybody: bool) -> None:
+        """Take what has come, from the node's loop; without `anybody` only what is to be kept."""
+        for heard in self._heard.values():
+            if anybody or heard.kept.maxlen:
+                heard.poll()
+
+    # Gateway: called from the server's thread ------------------------------------------------
+
+    def newest(self, topic: str) -> tuple[int, str] | None:
+        """Return a topic's newest message as JSON, with its number."""
+        return self._heard[topic].newest()
+
+    def history(self, topic: str) -> list[str]:
+        """Return the last messages of a topic that is kept, as JSON, oldest first."""
+        return self._heard[topic].history()
+
+    def publish(self, topic: str, content: dict) -> None:
+        """Publish a message. Raises ConversionError."""
+        publisher = self._publishers[topic]
+        message = fill(publisher.msg_type(), content, new_message)
+        publisher.publish(message)
+
+    def call(self, service: str, arguments: dict, answered: Callable[[Any, bool], None]) -> None:
+        """Call a service. Raises ConversionError."""
+        client = self._clients[service]
+        request = fill(client.srv_type.Request(), arguments, new_message)
+        if client.service_is_ready():
+            self._send(service, request, answered)
+            return
+        with self._changing:
+            due_ns = self._clock.now_ns() + _FOUND_NS
+            send = partial(self._send, service, request, answered)
+            self._unsent.append((due_ns, service, send, answered))
+
+    def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
+        client = self._clients[service]
+        future = client.call_async(request)
+
+        def given_up() -> None:
+            client.remove_pending_request(future)
+            answered(f"{service} did not answer within {self._answer_ns * 1e-9:g} s", False)
+
+        with self._changing:
+            self._waiting[future] = (self._clock.now_ns() + self._answer_ns, given_up)
+
+        def done(_: Any) -> None:
+            if self._taken(future):
+                error = future.exception()
+                answered(f"{service}: {error}" if error else plain(future.result()), not error)
+
+        future.add_done_callback(done)
+
+    def _taken(self, future: Any) -> bool:
+        """Take a call off the list; return whether it still was on it."""
+        with self._changing:
+            return self._waiting.pop(future, None) is not None
+
+    def _check_calls(self) -> None:
+        """Send what waited for its service; give up calls that have waited long enough."""
+        now_ns = self._clock.now_ns()
+        with self._changing:
+            unsent, self._unsent = self._unsent, []
+        for call in unsent:
+            due_ns, service, send, answered = call
+            if self._clients[service].service_is_ready():
+                send()
+            elif now_ns >= due_ns:
+                answered(f"nobody offers {service}: is its node running?", False)
+            else:
+                with self._changing:
+                    self._unsent.append(call)
+        with self._changing:
+            late = [(f, give_up) for f, (due, give_up) in self._waiting.items() if now_ns >= due]
+        for future, give_up in late:
+            if self._taken(future):
+                give_up()
+
+
+def _never(message) -> None:
+    raise AssertionError("a polled subscription is never served by the executor")

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`web_bridge`: pages for patient and therapist, and the robot for games written with roslibjs.
+
+One port serves the pages and a websocket; who may do what there is decided by `bridge/`, which
+knows no ROS. The node takes no part in simulated time. It moves nothing and stops nothing by
+itself: a session whose therapist's page is silent, for whatever reason, is paused by
+`therapy_session`.
+"""
+
+from __future__ import annotations
+
+import ssl
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
+
+from screw_module_ros.bridge.door import is_loopback
+from screw_module_ros.bridge.rights import Rights
+from screw_module_ros.bridge.server import Server
+from screw_module_ros.bridge.settings import Limits, Listening
+from screw_module_ros.bridge.tokens import tokens_in
+from screw_module_ros.clock import WallClock
+from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.screens import protocols_for_screens
+
+from .bridge_gateway import BridgeGateway
+from .support.below import root_folder
+from .support.kept import state_folder
+from .support.module_node import OK, Health, ModuleNode
+from .support.runtime import main as run_node
+
+_IDLE_S = 0.05
+
+
+class BridgeSettings(NamedTuple):
+    """Whose screens these are, and what the patient's token may do."""
+
+    robots: Annotated[
+        tuple[str, ...], Setting("namespaces of the robots, empty: its own", at_start=True)
+    ] = ("",)
+    folder: Annotated[
+        str, Setting("protocols of your own, as of therapy_session, ~ is the home folder",
+                     at_start=True),
+    ] = "~/protocols"  # fmt: skip
+    wishes: Annotated[
+        bool, Setting("the patient's token, which reads, may publish therapy/wish too", live=True)
+    ] = False
+
+
+class WebBridgeNode(ModuleNode):
+    """The loop's thread polls the topics; the server has a thread of its own."""
+
+    def __init__(self):
+        super().__init__("web_bridge")
+        self.parameters.declare(BridgeSettings)
+        self.parameters.declare(Listening)
+        self.parameters.declare(Limits, "limits")
+        self._wall = WallClock()
+        self._gateway: BridgeGateway | None = None
+        self._server: Server | None = None
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Find out whether we may listen there, and with which tokens; make the topics."""
+        listening, settings = self._listening(), self.parameters.read(BridgeSettings)
+        limits = self.parameters.read(Limits, "limits")
+        self._rights = Rights(self._robots(settings.robots), settings.wishes)
+        tokens = tokens_in(self._token_file(listening))
+        self._gateway = BridgeGateway(self, self._rights, self.periodic, limits.answer)
+        say = self.get_logger().warning
+        protocols = protocols_for_screens(root_folder(settings.folder), say)
+        config = {"robots": list(self._rights.robots), "protocols": protocols}
+        self._make_server = lambda: Server(
+            listening, limits, tokens, self._rights, self._gateway, self._wall, config, say
+        )  # fmt: skip
+        self._pause_s = 1.0 / limits.rate
+
+    def begin(self) -> None:
+        """Listen."""
+        server = self._make_server()
+        try:
+            server.start()
+        except ssl.SSLError as error:
+            raise OSError(f"certificate and key do not serve: {error}") from None
+        except OSError as error:
+            where = self.parameters.read(Listening)
+            raise OSError(
+                f"cannot listen on {where.address} port {where.port}: {error.strerror or error}; "
+                "end who listens there, or choose another port"
+            ) from None
+        self._server = server
+        self.get_logger().info(
+            f"pages at {server.address}; the tokens are in {self._token_file(self._listening())}"
+        )
+
+    def end(self) -> None:
+        """Let every page go."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def disconnect(self) -> None:
+        """Close the topics."""
+        if self._gateway is not None:
+            self._gateway.close()
+            self._gateway = None
+
+    def _listening(self) -> Listening:
+        """Return where to listen. Raises ValueError where that would be open to eavesdroppers."""
+        listening = self.parameters.read(Listening)
+        if not is_loopback(listening.address) and not listening.certificate:
+            raise ValueError(
+                f"address {listening.address}: other machines reach it, and so tokens and forces "
+                "would go over the network for all to read: name a certificate and its key, or "
+                "listen on 127.0.0.1"
+            )
+        for name in ("certificate", "key"):
+            file = getattr(listening, name)
+            if file and not Path(file).is_file():
+                raise ValueError(f"{name} {file}: there is no such file")
+        return listening
+
+    def _robots(self, names: tuple[str, ...]) -> list[str]:
+        """Return full namespaces. Raises ValueError for what is none, and for one named twice."""
+        found = []
+        for name in names or ("",):
+            full = f"/{name.strip('/')}" if name.strip("/") else self.get_namespace()
+            try:
+                validate_namespace(full)
+            except InvalidNamespaceException as error:
+                why = str(error).splitlines()[0].rstrip(":")
+                raise ValueError(f"robots: {name!r} is no namespace: {why}") from None
+            if full in found:
+                raise ValueError(f"robots: {full} is named twice")
+            found.append(full)
+        return found
+
+    def _token_file(self, listening: Listening) -> Path:
+        if listening.token_file:
+            return Path(listening.token_file).expanduser()
+        folder = state_folder()
+        if folder is None:
+            raise ValueError("no place for the tokens: set token_file, XDG_STATE_HOME or HOME")
+        return folder / "screw_module_ros" / "web_bridge" / "tokens.json"
+
+    def changed(self, kind: type) -> None:
+        """Take over live parameters."""
+        if kind is BridgeSettings and self._gateway is not None:
+            self._rights.wishes = self.parameters.read(BridgeSettings).wishes
+
+    # Loop ----------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Take the newest messages while anybody looks; by wall clock, as browsers live in it."""
+        self.clock.idle()
+        clients = self._server.clients
+        self._gateway.poll(anybody=clients > 0)
+        if clients:
+            self._server.look()
+            self._wall.sleep(self._pause_s)
+        else:
+            self.stopping.wait(_IDLE_S)
+
+    def health(self) -> Health:
+        """Say who is connected."""
+        server = self._server
+        values = {
+            "address": server.address, "clients": server.clients, "cut off": server.cut_off,
+            "refused": server.refused,
+        }  # fmt: skip
+        return Health(OK, f"pages at {server.address}", values)
+
+
+def main() -> int:
+    """Console entry point."""
+    return run_node(WebBridgeNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

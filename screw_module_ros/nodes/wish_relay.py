@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What games wish for, from `therapy/wish` to `setpoint`, within the therapist's limits."""
+
+from __future__ import annotations
+
+import math
+
+from screw_module_msgs.msg import EndpointSetpoint
+
+from screw_module_ros import graph
+from screw_module_ros.therapy.samples import Point
+from screw_module_ros.therapy.wishes import WishGate, WishLimits
+
+from .support.hot_topics import Inbox
+from .support.module_node import ModuleNode
+from .support.topics import offered, requested
+
+_NOWHERE: Point = (math.nan,) * 3
+
+
+class WishRelay:
+    """Subscribes wishes and publishes set points for the hot loop of a node."""
+
+    def __init__(self, node: ModuleNode, inbox: Inbox, limits: WishLimits):
+        self._node = node
+        self._take = inbox.subscribe(*requested(graph.THERAPY_WISH))
+        self._publish = node.outlet(*offered(graph.SETPOINT))
+        self._message = EndpointSetpoint()
+        self._message.header.frame_id = "manus_base"
+        self._gate = WishGate(limits)
+
+    def limit(self, limits: WishLimits) -> None:
+        """Take other limits from the next wish on."""
+        self._gate.limits = limits
+
+    def begin(self, limits: WishLimits) -> None:
+        """Forget all wishes; the last set point of a game is not to pull any more."""
+        self._gate = WishGate(limits)
+        self._ask_for(_NOWHERE)
+
+    def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
+        """Pass on the newest wish, if any; let the hand go where a game has gone silent.
+
+        hand: where it is [m], None where that is not known.
+        """
+        message = self._take()
+        if not allowed:
+            return
+        place = _NOWHERE if hand is None else hand
+        if message is not None:
+            wish = (message.position.x, message.position.y, message.position.z)
+            self._ask_for(self._gate.passed(wish, place, now_ns))
+        elif (point := self._gate.released(place, now_ns)) is not None:
+            self._ask_for(point)
+
+    def _ask_for(self, point: Point) -> None:
+        position = self._message.position
+        position.x, position.y, position.z = point
+        self._node.stamp(self._message.header)
+        self._publish(self._message)

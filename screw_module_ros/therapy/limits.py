@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a therapist allows a session: no wall stiffer, no target farther than that.
+
+A session is limited before it starts, by limiting its protocol: what is recorded is then what was
+done, and a replay computes it again.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, NamedTuple
+
+import yaml
+
+from ..settings import Setting
+from .line import PLANE, SPACE, VERTICAL
+from .protocol import Protocol, ways
+from .protocol_file import parse_protocol
+from .wishes import WishLimits
+
+_SOFTEST_SHARE = 0.5  # of the stiffest walls, where those are softer than the protocol's softest
+_ROUNDING = 1e-9  # [m] sines of whole turns
+_AXES = {
+    PLANE: (True, True, False), VERTICAL: (False, False, True), SPACE: (True, True, True)
+}  # fmt: skip
+
+
+class AssistanceLimits(NamedTuple):
+    """How much a session may help, whatever its protocol asks for. The default limits nothing."""
+
+    stiffness: Annotated[
+        float, Setting("stiffest wall of the next session", "N/m", 0.0, 800.0, live=True)
+    ] = 800.0
+
+
+def limited_text(text: str, limits: AssistanceLimits) -> str:
+    """Return a protocol's YAML with no wall stiffer than allowed; unchanged where none is."""
+    content = yaml.safe_load(text)
+    if not _limit(content, limits.stiffness):
+        return text
+    return yaml.safe_dump(content, sort_keys=False)
+
+
+def _limit(content: dict[str, Any], stiffest: float) -> bool:
+    """Limit every stiffness of a valid protocol in place; return whether one was too large."""
+    sections = [(content["guidance"], ("back_stiffness", "side_stiffness"))]
+    sections.append((content["rules"], ("prepare_stiffness",)))
+    sections.append((content.get("adaptation") or {}, ("stiffest",)))
+    sections += [(block, ("stiffness",)) for block in content["blocks"]]
+    found = False
+    for section, names in sections:
+        for name in names:
+            if section.get(name, 0.0) > stiffest:
+                section[name], found = stiffest, True
+    if found:
+        _make_fit(content, stiffest)
+    return found
+
+
+def _make_fit(content: dict[str, Any], stiffest: float) -> None:
+    """Make what goes with the stiffness fit again: the softest walls, and what could grow."""
+    if stiffest == 0.0:
+        content["guidance"]["growth"] = 0.0
+        content.pop("adaptation", None)  # of no walls
+    bounds = content.get("adaptation")
+    if bounds and bounds["softest"] >= bounds["stiffest"]:
+        bounds["softest"] = _SOFTEST_SHARE * bounds["stiffest"]
+
+
+def allowed_protocol(
+    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits
+) -> tuple[Protocol, str]:
+    """Return the protocol of a YAML text as it may be carried out, and the YAML of that.
+
+    Raises ProtocolError for what is no protocol, ValueError for a target outside the workspace.
+    """
+    parse_protocol(text, name)
+    text = limited_text(text, assistance)
+    protocol = parse_protocol(text, name)
+    _check_workspace(protocol, workspace)
+    return protocol, text
+
+
+def _check_workspace(protocol: Protocol, workspace: WishLimits) -> None:
+    visited = {
+        point for block in protocol.blocks for way in ways(protocol, block) for point in way
+    }
+    used, ranges = _AXES[protocol.space], workspace.ranges()
+    for point in sorted(visited):
+        for counts, axis, value, (low, high) in zip(used, "xyz", point, ranges, strict=True):
+            if counts and not low - _ROUNDING <= value <= high + _ROUNDING:
+                raise ValueError(
+                    f"{protocol.name}: the target at {axis} = {value:.3f} m lies outside the "
+                    f"workspace allowed, {low:g} to {high:g} m: widen it, or choose another "
+                    "protocol"
+                )

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is let in: Host, Origin and token, and the file of tokens."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+
+import pytest
+
+from screw_module_ros.bridge.door import Door, Refused, is_loopback, names_of, token_in
+from screw_module_ros.bridge.tokens import TokenError, Tokens, tokens_in
+
+TOKENS = Tokens("p" * 32, "t" * 32)
+
+
+def door(origins=(), scheme="http", port=8090, hosts=(), address="127.0.0.1"):
+    return Door(names_of(address, hosts), port, scheme, tuple(origins), TOKENS)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8090", "localhost:8090", "LOCALHOST:8090",
+                                  "[::1]:8090"])  # fmt: skip
+def test_own_names_are_known(host):
+    door().check_host(host)
+
+
+@pytest.mark.parametrize("host", [
+    None, "", "evil.example", "evil.example:8090", "127.0.0.1", "127.0.0.1:8091",
+    "127.0.0.1.evil.example:8090", "localhost:8090/x", "user@localhost:8090", "localhost:99999",
+    "[::1", "0.0.0.0:8090",
+])  # fmt: skip
+def test_other_names_are_refused(host):
+    with pytest.raises(Refused):
+        door().check_host(host)
+
+
+def test_names_may_be_added_and_the_usual_port_left_out():
+    given = door(scheme="https", port=443, hosts=("robot.example", ""), address="0.0.0.0")
+    given.check_host("robot.example")
+    given.check_origin("https://robot.example")
+    with pytest.raises(Refused):
+        given.check_origin("http://robot.example")
+
+
+@pytest.mark.parametrize("origin", [
+    "null", "http://evil.example", "http://127.0.0.1", "https://127.0.0.1:8090",
+    "http://127.0.0.1:8090.evil.example", "http://evil.example#http://127.0.0.1:8090", "",
+    "file://",
+])  # fmt: skip
+def test_foreign_pages_are_refused(origin):
+    with pytest.raises(Refused):
+        door().check_origin(origin)
+
+
+def test_own_pages_programs_and_named_pages_come_in():
+    door().check_origin("http://127.0.0.1:8090")
+    door().check_origin(None)
+    door(origins=["null", "https://games.example"]).check_origin("null")
+    door(origins=["null", "https://games.example"]).check_origin("https://games.example")
+
+
+def test_a_token_gives_its_role():
+    assert door().role_of("p" * 32) == "patient"
+    assert door().role_of("t" * 32) == "therapist"
+    for wrong in (None, "", "p" * 31, "q" * 32, "ü" * 32):
+        with pytest.raises(Refused) as error:
+            door().role_of(wrong)
+        assert not wrong or wrong not in str(error.value)
+
+
+def test_where_a_token_may_stand():
+    assert token_in({"token": "a"}, {}) == "a"
+    assert token_in({"token": "a"}, {"Authorization": "Bearer b"}) == "b"
+    assert token_in({}, {"Authorization": "Basic b"}) is None
+
+
+@pytest.mark.parametrize(("address", "local"), [
+    ("127.0.0.1", True), ("127.3.2.1", True), ("::1", True), ("localhost", True),
+    ("0.0.0.0", False), ("::", False), ("192.168.0.5", False), ("robot.example", False),
+    ("", False),
+])  # fmt: skip
+def test_what_others_reach_is_known(address, local):
+    assert is_loopback(address) is local
+
+
+# The file ----------------------------------------------------------------------------------
+
+
+def test_tokens_are_made_once_for_the_owner_alone(tmp_path):
+    file = tmp_path / "state" / "bridge" / "tokens.json"
+    before = os.umask(0)
+    try:
+        tokens = tokens_in(file)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+    assert tokens_in(file) == tokens
+    assert len(set(tokens)) == 2 and min(map(len, tokens)) >= 32
+    assert tokens_in(tmp_path / "other" / "tokens.json") != tokens
+
+
+@pytest.mark.parametrize(("mode", "folder"), [(0o640, 0o700), (0o604, 0o700), (0o600, 0o755)])
+def test_a_file_that_others_reach_is_refused(tmp_path, mode, folder):
+    file = tmp_path / "state" / "tokens.json"
+    tokens_in(file)
+    file.chmod(mode)
+    file.parent.chmod(folder)
+    with pytest.raises(TokenError, match="chmod"):
+        tokens_in(file)
+
+
+@pytest.mark.parametrize("content", [
+    b"", b"{}", b"[]", b'{"patient": "", "therapist": ""}', b"\xff",
+    json.dumps({"patient": "a" * 32, "therapist": "a" * 32}).encode(),
+    json.dumps({"patient": "a" * 32, "therapist": "b" * 32, "admin": "c" * 32}).encode(),
+    json.dumps({"patient": 5, "therapist": "b" * 32}).encode(),
+])  # fmt: skip
+def test_a_file_without_two_tokens_is_refused(tmp_path, content):
+    file = tmp_path / "state" / "tokens.json"
+    tokens_in(file)
+    file.write_bytes(content)
+    with pytest.raises(TokenError, match="remove it"):
+        tokens_in(file)
+
+
+def test_a_place_where_nothing_can_be_kept_is_told(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TokenError, match="cannot be kept"):
+        tokens_in(tmp_path / "file" / "tokens.json")

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pages in a real browser, against the real server and a robot that is played here."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+
+import pytest
+from fake_gateway import FakeGateway
+
+from screw_module_ros.bridge.rights import KEPT, Rights
+from screw_module_ros.bridge.server import Server
+from screw_module_ros.bridge.settings import Limits, Listening
+from screw_module_ros.bridge.tokens import Tokens
+from screw_module_ros.clock import WallClock
+from screw_module_ros.therapy.screens import protocols_for_screens
+
+TOKENS = Tokens("p" * 32, "t" * 32)
+DEADLINE_MS = 60_000
+PAUSED, RUNNING, FINISHED = 2, 1, 3
+RANGES = {"assistance.stiffness": 800.0, "wish.half_width": 0.1905, "wish.half_depth": 0.2286,
+          "wish.low": 0.36, "wish.high": 0.36, "wish.speed": 0.6}  # fmt: skip
+VALUES = {"assistance.stiffness": 800.0, "wish.half_width": 0.15, "wish.half_depth": 0.15,
+          "wish.low": 0.03, "wish.high": 0.33, "wish.speed": 0.3}  # fmt: skip
+
+
+class PlayedRobot(FakeGateway):
+    """Robots that tell what a test sets, and answer like the session's node."""
+
+    def __init__(self, robots):
+        super().__init__()
+        self.values = {robot: dict(VALUES) for robot in robots}
+        self.robots, self.at = robots, 0
+        self.kept = {}
+
+    def tell(self, topic, content):
+        super().tell(topic, content)
+        if topic.endswith(KEPT):
+            self.kept.setdefault(topic, []).append(json.dumps(content))
+
+    def history(self, topic):
+        return list(self.kept.get(topic, []))
+
+    def call(self, service, arguments, answered):
+        self.calls.append((service, arguments, answered))
+        robot, _, name = service.rpartition("/therapy_session/")
+        values = self.values.get(robot or "/", {})
+        if name == "describe_parameters":
+            answered({"descriptors": [{
+                "name": each, "description": f"{each} [{'N/m' if 'stiff' in each else 'm'}].",
+                "floating_point_range": [{"from_value": 0.0, "to_value": RANGES[each]}],
+            } for each in arguments["names"]]}, True)  # fmt: skip
+        elif name == "get_parameters":
+            found = [{"type": 3, "double_value": values[each]} for each in arguments["names"]]
+            answered({"values": found}, True)
+        elif name == "set_parameters":
+            (parameter,) = arguments["parameters"]
+            values[parameter["name"]] = parameter["value"]["double_value"]
+            answered({"results": [{"successful": True, "reason": ""}]}, True)
+        else:
+            answered({"success": True, "message": ""}, True)
+
+    def move(self, **state):
+        """Tell a moment of all topics of all robots; state: fields of therapy/state."""
+        self.at += 1
+        angle = 0.1 * self.at
+        across, away = math.sin(angle), math.cos(angle)
+        hand = {"x": 0.1 * across, "y": 0.1 * away, "z": 0.18 + 0.05 * across}
+        stamp = {"stamp": {"sec": self.at // 20, "nanosec": self.at % 20 * 50_000_000}}
+        for robot in self.robots:
+            above = robot.rstrip("/")
+            self.tell(f"{above}/endpoint_state", {
+                "header": stamp, "position": hand, "velocity": hand,
+                "force": {"x": 8 * away, "y": -6 * across, "z": 2.0},
+                "valid": [True] * 3, "enabled": [True] * 2, "safety": 0,
+            })  # fmt: skip
+            self.tell(f"{above}/safety_state", {"level": 0, "reasons": []})
+            self.tell(f"{above}/therapy/state", {
+                "state": 0, "reason": "", "patient": "P-7K3QX", "protocol": "", "trial": 0,
+                "trials": 0, "circuit": 1, "block": "", "kind": "reach", "assisted": True,
+                "phase": 0, "start": {"x": 0, "y": 0, "z": 0.18},
+                "target": {"x": 0, "y": 0.14, "z": 0.18}, "hit_radius": 0.01, "since": None,
+                "duration": 1.4, "side_stiffness": 100.0, **state,
+            })  # fmt: skip
+
+    def finish(self, trial):
+        """Tell the result of a movement of all robots."""
+        for robot in self.robots:
+            self.tell(f"{robot.rstrip('/')}/therapy/trial", {
+                "patient": "P-7K3QX", "protocol": "elevator", "trial": trial, "block": 1,
+                "circuit": 1, "reached": trial % 5 != 0, "duration": 1.2, "peak_speed": 0.21,
+                "path_error": 0.0031, "sparc": -1.52, "robot_share": None,
+            })  # fmt: skip
+
+
+class Serving:
+    """The server with robots that move on with each look."""
+
+    def __init__(self, robots=("/",)):
+        self.robot = PlayedRobot(robots)
+        self.state = {}
+        self._make(0)
+
+    def _make(self, port):
+        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens()}
+        rights = Rights(self.robot.robots, wishes=True)
+        self.server = Server(Listening(port=port), Limits(), TOKENS, rights, self.robot,
+                             WallClock(), config)  # fmt: skip
+        self.server.start()
+
+    def restart(self):
+        """End the server, and start another one on its port."""
+        port = int(self.server.address.rpartition(":")[2])
+        self.server.close()
+        return lambda: self._make(port)
+
+    def look(self):
+        self.robot.move(**self.state)
+        self.server.look()
+
+    def until(self, page, script):
+        """Let robots and pages go on until a script in the page gives true."""
+        for _ in range(DEADLINE_MS // 20):
+            self.look()
+            if page.evaluate(script):
+                return
+            page.wait_for_timeout(20)
+        pytest.fail(f"{script} did not come true; the page shows {page.inner_text('body')[:600]}")
+
+    def until_text(self, page, text):
+        self.until(page, f"document.body.innerText.includes({text!r})")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed: see CONTRIBUTING.md"
+    )
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        pytest.skip("Chromium is not installed: see CONTRIBUTING.md")
+    arguments = ["--no-sandbox"] if os.getuid() == 0 else []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def serving():
+    made = []
+
+    def serve(*robots):
+        made.append(Serving(robots or ("/",)))
+        return made[-1]
+
+    yield serve
+    for each in made:
+        each.server.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    pages, errors = [], []
+
+    def make(serving, role, query="", size=(820, 700)):
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+        page.set_default_timeout(DEADLINE_MS)
+        page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
+        page.goto(f"{serving.server.address}/{role}{query}#token={getattr(TOKENS, role)}")
+        pages.append(page)
+        return page
+
+    yield make
+    for page in pages:
+        page.close()
+    assert errors == []
+
+
+SCENES = [
+    ("clock_adaptive", {"x": 0, "y": 0.14, "z": 0.18}, "plane", "Move to the orange diamond"),
+    ("elevator", {"x": 0, "y": 0, "z": 0.32}, "vertical", "Take the elevator to the marked floor"),
+    ("reach_3d", {"x": 0.1, "y": 0.1, "z": 0.26}, "space", "Move to the orange diamond"),
+]
+
+
+@pytest.mark.parametrize(("protocol", "target", "scene", "task"), SCENES)
+def test_each_protocol_has_its_picture(serving, open_page, protocol, target, scene, task):
+    given = serving()
+    page = open_page(given, "patient")
+    given.state = {"state": RUNNING, "protocol": protocol, "target": target, "phase": 3,
+                   "trial": 3, "trials": 16, "since": 0.4}  # fmt: skip
+    given.until(page, f"document.body.dataset.shown === '{scene}'")
+    given.until_text(page, task)
+    given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
+    given.until_text(page, "The therapist goes on in a moment")
+
+
+def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until):
+    given = serving()
+    page = open_page(given, "therapist")
+    given.until_text(page, "The robot is ready")
+    field = page.get_by_label("Pseudonym of the patient")
+    field.fill("Erika Musterfrau")
+    assert field.input_value() == "P-ERKAM"  # what a name leaves is no name
+    field.fill("")
+    page.get_by_role("button", name="Start").click()
+    given.until_text(page, "A pseudonym like P-7K3QX is wanted")
+    assert not [service for service, *_ in given.robot.calls if service.endswith("/start")]
+    page.get_by_role("button", name="New").click()
+    page.get_by_role("button", name="Start").click()
+    wait_until(lambda: [service for service, *_ in given.robot.calls if service.endswith("/start")])
+    (start,) = [call for call in given.robot.calls if call[0].endswith("/start")]
+    assert start[1]["patient"] == field.input_value()
+    assert start[1]["record"] is True
+
+
+def test_two_robots_on_one_page(serving, open_page, wait_until):
+    given = serving("/left", "/right")
+    page = open_page(given, "therapist", size=(1400, 900))
+    given.state = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 2, "trials": 9}
+    given.until_text(page, "Robot right")
+    right = page.locator("#robot-right")
+    right.get_by_role("button", name="Software stop").click()
+    right.get_by_role("button", name="Pause").click()
+
+    def asked():
+        return [service for service, *_ in given.robot.calls if "parameters" not in service]
+
+    wait_until(lambda: len(asked()) >= 2)
+    assert asked() == ["/right/supervisor/estop", "/right/therapy_session/pause"]
+    attended = {"/left/therapy/attendance", "/right/therapy/attendance"}
+    wait_until(lambda: {topic for topic, _ in given.robot.published} == attended)
+    screen = open_page(given, "patient", "?robot=/right")
+    given.until(screen, "document.body.dataset.shown === 'vertical'")
+
+
+def test_limits_are_set_within_the_nodes_bounds(serving, open_page):
+    given = serving()
+    page = open_page(given, "therapist")
+    slider = page.get_by_label("Workspace, greatest height")
+    given.until(page, "document.querySelectorAll('.limit').length === 6")
+    assert slider.get_attribute("max") == "0.36"
+    slider.fill("0.252")
+    given.until_text(page, "Workspace, greatest height: set.")
+    assert given.robot.values["/"]["wish.high"] == pytest.approx(0.252)
+
+
+def test_pages_connect_again_by_themselves(serving, open_page):
+    given = serving()
+    page, screen = open_page(given, "therapist"), open_page(given, "patient")
+    given.until_text(page, "The robot is ready")
+    given.until_text(screen, "Pick fruit")
+    start_again = given.restart()
+    page.get_by_text("The connection is lost").wait_for()
+    screen.get_by_role("heading", name="One moment").wait_for()
+    start_again()
+    given.until(page, "document.body.dataset.open === 'true'")
+    given.until_text(page, "The robot is ready")
+    given.until_text(screen, "Pick fruit")
+
+
+def test_results_come_into_the_table(serving, open_page):
+    given = serving()
+    page = open_page(given, "therapist")
+    given.until_text(page, "No movement yet.")
+    for trial in range(1, 6):
+        given.robot.finish(trial)
+        given.until(page, f"document.querySelectorAll('.results tbody tr').length === {trial}")
+    given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    page.reload()
+    given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    given.robot.finish(6)
+    given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
+
+
+@pytest.mark.parametrize("size", [(390, 844), (820, 1180), (3840, 2160)])
+def test_nothing_sticks_out_of_the_screen(serving, open_page, size):
+    given = serving()
+    page, screen = open_page(given, "therapist", size=size), open_page(given, "patient", size=size)
+    given.until_text(page, "The robot is ready")
+    given.until_text(screen, "Pick fruit")
+    for each in (page, screen):
+        assert each.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        small = each.evaluate(
+            "[...document.querySelectorAll('button')].filter((b) => b.offsetParent)"
+            ".filter((b) => b.offsetHeight < 40 || b.offsetWidth < 40).map((b) => b.innerText)"
+        )
+        assert small == []
+    stop = page.get_by_role("button", name="Software stop")
+    assert stop.is_visible()
+    page.mouse.wheel(0, 5000)
+    box = stop.bounding_box()
+    assert 0 <= box["y"] and box["y"] + box["height"] <= size[1]  # wherever one has scrolled to

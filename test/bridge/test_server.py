@@ -1,0 +1,390 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The real server attacked over real sockets; the robot behind it is a fake."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import json
+import socket
+import ssl
+import subprocess
+import sys
+import threading
+import weakref
+
+import aiohttp
+import pytest
+
+from screw_module_ros.bridge.client import Client
+from screw_module_ros.bridge.pages import FOLDER
+from screw_module_ros.bridge.rights import Rights
+from screw_module_ros.bridge.server import Connection, Server
+from screw_module_ros.bridge.settings import Limits, Listening
+from screw_module_ros.bridge.tokens import Tokens
+from screw_module_ros.clock import WallClock
+
+TOKENS = Tokens("p" * 32, "t" * 32)
+PATIENT, THERAPIST = TOKENS
+CONFIG = {"robots": ["/"], "protocols": []}
+DEADLINE_S = 20.0
+
+
+def make_server(gateway, limits=None, **listening):
+    rights = Rights(["/"])
+    return Server(
+        Listening(port=0, **listening), limits or Limits(), TOKENS, rights, gateway, WallClock(),
+        CONFIG,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def server(gateway):
+    server = make_server(gateway, limits=Limits(clients=4, patience=0.3))
+    server.start()
+    yield server
+    server.close()
+
+
+def run(coroutine):
+    return asyncio.run(asyncio.wait_for(coroutine, DEADLINE_S))
+
+
+async def answer(server, path, token=None, **headers):
+    if token:
+        headers["Authorization"] = f"Bearer {token}"
+    async with aiohttp.ClientSession() as session:
+        async with session.get(server.address + path, headers=headers) as response:
+            return response.status, await response.text(), response.headers
+
+
+async def refusal(server, query, **headers):
+    """Return the status with which a websocket is refused."""
+    async with aiohttp.ClientSession() as session:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as error:
+            await session.ws_connect(f"{server.address}/ws{query}", headers=headers)
+        return error.value.status
+
+
+async def until(server, condition):
+    """Poll, as the node's loop does, until the condition holds."""
+    while not condition():
+        server.look()
+        await asyncio.sleep(0.01)
+
+
+# Who is let in -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("query", "headers"), [
+    ("", {}),
+    ("?token=", {}),
+    ("?token=" + "x" * 32, {}),
+    (f"?token={THERAPIST}", {"Origin": "http://evil.example"}),
+    (f"?token={THERAPIST}", {"Origin": "null"}),
+    (f"?token={THERAPIST}", {"Host": "evil.example"}),
+    (f"?token={THERAPIST}", {"Host": "evil.example:80", "Origin": "http://evil.example:80"}),
+])  # fmt: skip
+def test_strangers_are_refused(server, query, headers):
+    assert run(refusal(server, query, **headers)) == 403
+    assert server.clients == 0
+    assert server.refused == 1
+
+
+def test_pages_come_with_the_headers_that_keep_them_apart(server):
+    for path in ("/", "/patient", "/therapist", "/static/js/bridge.js"):
+        status, _, headers = run(answer(server, path))
+        assert status == 200, path
+        assert "default-src 'none'" in headers["Content-Security-Policy"]
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+    assert run(answer(server, "/patient", Host="evil.example"))[0] == 403
+    assert run(answer(server, "/patient", Origin="http://evil.example"))[0] == 403
+
+
+@pytest.mark.parametrize("path", [
+    "/static/../server.py", "/static/%2e%2e/%2e%2e/server.py", "/static//etc/passwd", "/static/",
+    "/static/js", "/tokens.json",
+])  # fmt: skip
+def test_nothing_but_the_pages_is_served(server, path):
+    status, text, _ = run(answer(server, path))
+    assert status in (403, 404)
+    assert "class Server" not in text and "root:" not in text
+
+
+def test_the_configuration_needs_a_token(server):
+    assert run(answer(server, "/config.json"))[0] == 403
+    status, text, _ = run(answer(server, "/config.json", token=PATIENT))
+    assert status == 200
+    assert json.loads(text) == {**CONFIG, "role": "patient", "wishes": False}
+
+
+def test_what_was_before_is_told_to_who_may_hear_it(server):
+    assert run(answer(server, "/history.json?topic=/therapy/trial"))[0] == 403
+    status, text, _ = run(answer(server, "/history.json?topic=/therapy/trial", token=PATIENT))
+    assert (status, json.loads(text)) == (200, [{"trial": 1}, {"trial": 2}, {"trial": 3}])
+    denied = "/history.json?topic=/therapy/assistance"
+    assert run(answer(server, denied, token=PATIENT))[0] == 403
+    assert run(answer(server, denied, token=THERAPIST))[0] == 200
+    for nothing in ("", "?topic=", "?topic=/setpoint"):
+        assert run(answer(server, f"/history.json{nothing}", token=THERAPIST))[0] == 403
+    assert run(answer(server, "/history.json?topic=/endpoint_state", token=THERAPIST))[1] == "[]"
+
+
+def test_no_more_clients_than_allowed(server):
+    async def crowd():
+        async with aiohttp.ClientSession() as session:
+            address = f"{server.address}/ws?token={PATIENT}"
+            pages = [await session.ws_connect(address) for _ in range(4)]
+            refused = await refusal(server, f"?token={PATIENT}")
+            return refused, [page.closed for page in pages]
+
+    assert run(crowd()) == (503, [False] * 4)
+
+
+def test_it_listens_on_this_machine_alone(server):
+    assert server.address.startswith("http://127.0.0.1:")
+    port = int(server.address.rpartition(":")[2])
+    with socket.socket() as probe:  # all of 127/8 is this machine; we listen on one address of it
+        assert probe.connect_ex(("127.0.0.2", port)) != 0
+
+
+def test_a_port_that_is_taken_is_told(server, gateway):
+    other = make_server(gateway)
+    other._listening = other._listening._replace(port=int(server.address.rpartition(":")[2]))
+    with pytest.raises(OSError, match="address already in use"):
+        other.start()
+
+
+# What clients cost -------------------------------------------------------------------------
+
+
+def test_a_subscription_brings_samples(server, gateway):
+    async def play():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
+            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
+            numbers = []
+            for number in range(3):
+                gateway.tell("/endpoint_state", {"number": number})
+                while number not in numbers:
+                    server.look()
+                    try:
+                        message = await page.receive_json(timeout=0.05)
+                    except asyncio.TimeoutError:
+                        continue
+                    numbers.append(message["msg"]["number"])
+            return numbers
+
+    assert run(play()) == [0, 1, 2]
+
+
+def test_a_flooding_client_is_cut_off_with_a_sentence(server, gateway):
+    async def flood():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
+            for _ in range(400):
+                await page.send_str('{"op":"publish","topic":"/therapy/attendance","msg":{}}')
+            told = [message async for message in page]
+            return told, page.close_code
+
+    told, code = run(flood())
+    assert "messages a second" in told[-1].json()["msg"]
+    assert code == 1008
+    assert len(gateway.published) < 300
+
+
+@pytest.mark.parametrize("payload", ["x" * 20_000, "[" * 20_000])
+def test_a_message_too_large_ends_the_connection(server, payload):
+    async def send():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
+            await page.send_str(payload)
+            async for _ in page:
+                pass
+            return page.close_code
+
+    assert run(send()) == 1009
+
+
+def test_binary_messages_are_refused(server):
+    async def send():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
+            await page.send_bytes(b"\0")
+            return (await page.receive_json(timeout=5))["msg"]
+
+    assert "JSON texts are wanted" in run(send())
+
+
+def slow_client(address, topic):
+    """Return a socket that has subscribed and reads nothing more."""
+    host, _, port = address.removeprefix("http://").rpartition(":")
+    sleeper = socket.socket()
+    sleeper.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    sleeper.connect((host, int(port)))
+    sleeper.sendall((
+        f"GET /ws?token={PATIENT} HTTP/1.1\r\nHost: {host}:{port}\r\nUpgrade: websocket\r\n"
+        "Connection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        "Sec-WebSocket-Version: 13\r\n\r\n"
+    ).encode())  # fmt: skip
+    assert b"101" in sleeper.recv(64)
+    payload = json.dumps({"op": "subscribe", "topic": topic}).encode()
+    sleeper.sendall(bytes([0x81, 0x80 | len(payload), 0, 0, 0, 0]) + payload)  # mask of zeros
+    return sleeper
+
+
+def test_a_slow_client_holds_nobody_up_and_is_cut_off(server, gateway):
+    sleeper = slow_client(server.address, "/endpoint_state")
+    large = "x" * 100_000
+
+    async def play():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
+            await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
+            got = 0
+            while server.clients > 1:
+                gateway.tell("/endpoint_state", {"large": large})
+                server.look()
+                try:
+                    await page.receive(timeout=0.05)
+                    got += 1
+                except asyncio.TimeoutError:
+                    pass
+            return got
+
+    assert run(play()) > 10  # the other one went on meanwhile
+    assert server.cut_off == 1
+    sleeper.close()
+
+
+def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
+    made = weakref.WeakSet()
+    original = Client.__init__
+
+    def init(self, *args, **kwargs):
+        original(self, *args, **kwargs)
+        made.add(self)
+
+    async def come_and_go():
+        async with aiohttp.ClientSession() as session:
+            for _ in range(60):
+                page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
+                await page.send_json({"op": "subscribe", "topic": "/endpoint_state"})
+                await page.send_json({"op": "call_service", "service": "/supervisor/estop"})
+                gateway.tell("/endpoint_state", {})
+                server.look()
+                await page.receive_json(timeout=5)
+                page._response.connection.transport.abort()  # a tab that is gone
+            await until(server, lambda: server.clients == 0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Client, "__init__", init)
+        run(come_and_go())
+    assert len(gateway.calls) >= 60
+    gateway.calls.clear()  # the robot has answered, or given up
+    for _ in range(3):
+        gc.collect()
+    assert len(made) == 0
+    assert sum(type(each) is Connection for each in gc.get_objects()) == 0
+
+
+def test_closing_ends_connections_and_the_thread(server, gateway):
+    async def play():
+        async with aiohttp.ClientSession() as session:
+            page = await session.ws_connect(f"{server.address}/ws?token={PATIENT}")
+            await until(server, lambda: server.clients == 1)
+            await asyncio.get_running_loop().run_in_executor(None, server.close)
+            return (await page.receive(timeout=5)).type
+
+    kind = run(play())
+    assert kind in (aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR)
+    assert not [thread for thread in threading.enumerate() if thread.name == "bridge"]
+    server.close()
+    server.look()
+
+
+# TLS ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    """Return the files of a certificate for 127.0.0.1 and its key."""
+    folder = tmp_path_factory.mktemp("tls")
+    files = folder / "certificate.pem", folder / "key.pem"
+    command = [
+        "openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
+        "-nodes", "-keyout", str(files[1]), "-out", str(files[0]), "-days", "2",
+        "-subj", "/CN=robot", "-addext", "subjectAltName=IP:127.0.0.1",
+    ]  # fmt: skip
+    try:
+        subprocess.run(command, check=True, capture_output=True)
+    except FileNotFoundError:
+        pytest.skip("openssl is not installed: apt install openssl")
+    return files
+
+
+def test_with_a_certificate_it_speaks_tls_alone(gateway, certificate):
+    server = make_server(gateway, certificate=str(certificate[0]), key=str(certificate[1]))
+    server.start()
+    try:
+        assert server.address.startswith("https://")
+        trusted = ssl.create_default_context(cafile=str(certificate[0]))
+
+        async def play():
+            connector = aiohttp.TCPConnector(ssl=trusted)
+            async with aiohttp.ClientSession(connector=connector) as session:
+                address = f"{server.address}/ws?token={PATIENT}"
+                page = await session.ws_connect(address, origin=server.address)
+                await page.send_json({"op": "subscribe", "topic": "/setpoint"})
+                told = (await page.receive_json(timeout=5))["msg"]
+            plain = server.address.replace("https", "http")
+            async with aiohttp.ClientSession() as session:
+                with pytest.raises(aiohttp.ClientError):
+                    await session.get(plain)
+            return told
+
+        assert "may not hear" in run(play())
+    finally:
+        server.close()
+
+
+def test_a_key_that_does_not_fit_is_told(gateway, certificate, tmp_path):
+    (tmp_path / "key.pem").write_text("no key")
+    server = make_server(gateway, certificate=str(certificate[0]), key=str(tmp_path / "key.pem"))
+    with pytest.raises((ssl.SSLError, OSError)):
+        server.start()
+
+
+# The pages ---------------------------------------------------------------------------------
+
+
+def test_the_pages_load_nothing_from_elsewhere():
+    files = [file for file in FOLDER.rglob("*.*") if "vendor" not in file.parts]
+    assert len(files) > 20
+    for file in files:
+        text = file.read_text("utf-8")
+        for word in ("http://", "https://", "//cdn", "@import", "eval(", "innerHTML", " style="):
+            assert word not in text, f"{file.name}: {word}"
+        if file.suffix == ".html":
+            assert "<script>" not in text
+
+
+def test_every_module_that_is_imported_is_there():
+    for file in FOLDER.rglob("*.js"):
+        if "vendor" in file.parts:
+            continue
+        for line in file.read_text("utf-8").splitlines():
+            if " from \"" in line:
+                name = line.split(" from \"")[1].split('"')[0]
+                assert (file.parent / name).resolve().is_file(), f"{file.name}: {name}"
+
+
+def test_the_foreign_library_comes_with_its_licence():
+    assert "MIT License" in (FOLDER / "vendor/uplot/LICENSE").read_text("utf-8")
+
+
+def test_nothing_here_needs_ros():
+    code = "import sys, screw_module_ros.bridge.server; print('rclpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

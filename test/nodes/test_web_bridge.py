@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages at the running graph: by websocket and, where there is Chromium, in a real browser."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+from screw_module_msgs.msg import TherapyState
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped
+
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
+
+IDLE, RUNNING, PAUSED = TherapyState.IDLE, TherapyState.RUNNING, TherapyState.PAUSED
+SILENT = "the therapist's page has been silent for 2 s"
+DEADLINE_MS = 170_000  # beside other work the robot's time may pass ten times slower
+BOUNDS = {"x": (-0.15, 0.15), "y": (-0.15, 0.15), "z": (0.03, 0.33)}
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory):
+    with Stage(tmp_path_factory.mktemp("therapy")) as stage:
+        yield stage
+
+
+def run(coroutine):
+    return asyncio.run(asyncio.wait_for(coroutine, 180.0))
+
+
+@contextlib.asynccontextmanager
+async def attending(page):
+    """Attend a session, as the therapist's page does twice a second."""
+    async def go_on():
+        while True:
+            await page.attend()
+            await asyncio.sleep(0.3)
+
+    task = asyncio.create_task(go_on())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+async def elsewhere(function, *given):
+    """Call what blocks without keeping the page from attending."""
+    return await asyncio.get_running_loop().run_in_executor(None, function, *given)
+
+
+def therapist(stage):
+    return Page(stage.address, stage.tokens.therapist)
+
+
+def start(page):
+    return page.call(
+        "/therapy_session/start", protocol=PROTOCOL, patient=PATIENT, record=False
+    )
+
+
+async def resume(page):
+    """Resume, as soon as a bridge that was just started has found the session."""
+    while True:
+        answer = await page.call("/therapy_session/resume")
+        if answer["result"]:
+            assert answer["values"]["success"], answer
+            return
+        assert "nobody offers" in answer["values"]
+
+
+def test_the_hand_is_seen_and_a_wish_is_bounded(stage):
+    async def play():
+        async with Page(stage.address, stage.tokens.patient) as page:
+            await page.send(op="subscribe", topic="/endpoint_state", throttle_rate=50)
+            seen = await page.until(lambda message: message["op"] == "publish")
+            await page.send(op="publish", topic="/setpoint", msg={"position": {"x": 0.1}})
+            refused = await page.until(lambda message: message["op"] == "status")
+            while len(stage.setpoints) < 20:
+                wish = {"position": {"x": 5.0, "y": -5.0, "z": 5.0}}
+                await page.send(op="publish", topic="/therapy/wish", msg=wish)
+                await asyncio.sleep(0.02)
+            return seen["msg"], refused["msg"]
+
+    stage.plays = False
+    try:
+        endpoint, refused = run(play())
+        wished = stage.setpoints[-1].position
+        stage.ask(lambda robot: robot.wait_until(
+            lambda: abs(stage.setpoints[-1].position.x - wished.x) > 1e-3, 20.0,
+            "nobody lets the hand go once the game is silent"))  # fmt: skip
+    finally:
+        stage.plays = True
+    assert endpoint["valid"] == [True] * 3
+    assert 0.1 < endpoint["position"]["z"] < 0.3
+    assert "nobody publishes set points" in refused
+    *asked, released = stage.setpoints
+    assert abs(released.position.x) < 0.15  # where the hand is: the spring pulls no more
+    for setpoint in asked:
+        for axis, (low, high) in BOUNDS.items():
+            assert low <= getattr(setpoint.position, axis) <= high
+    steps = [abs(b.position.x - a.position.x)
+             for a, b in zip(asked, asked[1:], strict=False)]  # fmt: skip
+    assert max(steps) <= 0.3 * 0.2 + 1e-9  # the speed allowed, over the longest time that counts
+
+
+def test_a_silent_page_pauses_the_session_and_the_therapist_resumes(stage):
+    async def play():
+        async with therapist(stage) as page:
+            async with attending(page):
+                answer = await start(page)
+                assert answer["values"] == {"success": True, "message": ""}, answer
+                await elsewhere(stage.wait_for_state, RUNNING)
+            await elsewhere(stage.wait_for_state, PAUSED, SILENT)  # the connection is still there
+            async with attending(page):
+                await resume(page)
+                await elsewhere(stage.wait_for_state, RUNNING)
+                return await page.call("/therapy_session/abort")
+
+    assert run(play())["values"]["success"]
+
+
+def test_a_lost_bridge_pauses_the_session_and_pages_come_back(stage, kill_9):
+    async def before():
+        async with therapist(stage) as page, attending(page):
+            assert (await start(page))["values"]["success"]
+            await elsewhere(stage.wait_for_state, RUNNING)
+            await elsewhere(kill_9, stage.bridge.pid)
+
+    with contextlib.suppress(ConnectionError):
+        run(before())
+    stage.wait_for_state(PAUSED, SILENT)
+    tokens = stage.tokens
+    stage.restart_bridge()
+    assert stage.tokens == tokens
+
+    async def after():
+        async with therapist(stage) as page, attending(page):
+            await resume(page)
+            await elsewhere(stage.wait_for_state, RUNNING)
+            return await page.call("/therapy_session/abort")
+
+    assert run(after())["values"]["success"]
+
+
+def test_names_are_refused_and_limits_are_the_nodes(stage):
+    async def ask():
+        async with therapist(stage) as page:
+            name = await page.call("/therapy_session/start", protocol=PROTOCOL, patient="Erika M.")
+            parameters = [{"name": "wish.high", "value": {"type": 3, "double_value": 0.9}}]
+            high = await page.call("/therapy_session/set_parameters", parameters=parameters)
+            parameters[0]["value"]["double_value"] = 0.30
+            good = await page.call("/therapy_session/set_parameters", parameters=parameters)
+            parameters[0]["value"]["double_value"] = 0.33
+            await page.call("/therapy_session/set_parameters", parameters=parameters)
+            return name["values"], high["values"]["results"][0], good["values"]["results"][0]
+
+    name, high, good = run(ask())
+    assert not name["success"] and "no pseudonym" in name["message"]
+    assert "Erika" not in name["message"]
+    assert not high["successful"] and "wish.high" in high["reason"]
+    assert good["successful"]
+
+
+# In a real browser -------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed: see CONTRIBUTING.md"
+    )
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        pytest.skip("Chromium is not installed: see CONTRIBUTING.md")
+    arguments = ["--no-sandbox"] if os.getuid() == 0 else []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+def open_page(browser, stage, role, errors):
+    page = browser.new_page(viewport={"width": 820, "height": 600})
+    page.set_default_timeout(DEADLINE_MS)
+    page.on("pageerror", lambda error: errors.append(f"{role}: {error}"))
+    page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
+    page.goto(f"{stage.address}/{role}#token={getattr(stage.tokens, role)}")
+    return page
+
+
+def start_on(page):
+    page.get_by_role("button", name="New").click()
+    page.get_by_label("Protocol", exact=True).select_option(PROTOCOL)
+    page.get_by_label("Record").uncheck()
+    page.get_by_role("button", name="Start").click()
+
+
+def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
+    errors = []
+    screen = open_page(browser, stage, "patient", errors)
+    page = open_page(browser, stage, "therapist", errors)
+    page.get_by_text("The robot is ready, the torque is on.").wait_for()
+    screen.get_by_role("button", name="Pick fruit").wait_for()
+    assert page.evaluate("location.hash") == ""  # the token stands in no address bar
+    start_on(page)
+
+    # 16 movements, with a reload in their midst: the session goes on, no result is lost.
+    rows = page.locator(".results tbody tr")
+    rows.nth(2).wait_for()
+    page.reload()
+    rows.nth(MOVEMENTS - 1).wait_for()
+    assert screen.evaluate("document.body.dataset.shown") in ("plane", "veil")
+    page.get_by_text(f"Finished: Quick clock, {MOVEMENTS} movements.").wait_for()
+    screen.get_by_role("heading", name="Finished. Thank you!").wait_for()
+    cells = page.locator(".results tbody td:first-child").all_inner_texts()
+    assert [int(text) for text in cells] == list(range(MOVEMENTS, 0, -1))
+    assert page.get_by_text(f"of {MOVEMENTS} targets reached").count() == 1
+
+    # The software stop stops.
+    start_on(page)
+    page.get_by_text("movement 1 of 16").wait_for()
+    page.get_by_role("button", name="Software stop (not the emergency stop)").click()
+    stage.ask(lambda robot: robot.wait_until(lambda: stopped(robot), 10.0, "nothing stops"))
+    page.get_by_text("Paused, movement").wait_for()
+    page.get_by_text("Stopped: emergency stop").wait_for()
+    screen.get_by_role("heading", name="Pause").wait_for()
+    stage.switch_on()
+    page.get_by_role("button", name="Resume").click()
+    page.get_by_text("Running, movement").wait_for()
+
+    # A tab that is closed pauses the session.
+    page.close()
+    stage.wait_for_state(PAUSED, SILENT)
+    page = open_page(browser, stage, "therapist", errors)
+    page.get_by_role("button", name="End session").click()
+    page.get_by_text("Ended before its time").wait_for()
+    assert errors == []
+    page.close()
+    screen.close()
+
+
+def test_a_page_with_the_wrong_token_says_so(stage, browser):
+    page = browser.new_page()
+    page.goto(f"{stage.address}/therapist#token=wrong")
+    page.get_by_text("Not let in: wrong token").wait_for(timeout=DEADLINE_MS)
+    page.goto(f"{stage.address}/therapist#token={stage.tokens.patient}")
+    page.reload()
+    page.get_by_text("This token is the patient's").wait_for(timeout=DEADLINE_MS)
+    page.close()
+
+
+def test_a_foreign_page_reaches_nothing(stage, browser):
+    page = browser.new_page()
+    page.goto("data:text/html,<title>foreign</title>")
+    address = stage.address.replace("http", "ws")
+    closed = page.evaluate(
+        "(url) => new Promise((done) => { const socket = new WebSocket(url);"
+        " socket.onopen = () => done('open'); socket.onclose = () => done('closed'); })",
+        f"{address}/ws?token={stage.tokens.therapist}",
+    )
+    assert closed == "closed"
+    page.close()
+
+
+def test_the_patients_game_plays(stage, browser, wait_until):
+    errors = []
+    screen = open_page(browser, stage, "patient", errors)
+    screen.get_by_role("button", name="Pick fruit").click()
+    wait_until(lambda: int(screen.locator("body").get_attribute("data-score")) >= 2,
+               DEADLINE_MS * 1e-3, "picking two fruit")  # fmt: skip
+    screen.get_by_role("button", name="Sound: off").click()
+    screen.get_by_role("button", name="Sound: on").wait_for()
+    screen.get_by_role("button", name="Back").click()
+    screen.get_by_role("button", name="Pick fruit").wait_for()
+    assert errors == []
+    screen.close()

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How `web_bridge` starts, and when it refuses to."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import stat
+
+import aiohttp
+import pytest
+from screw_module_msgs.msg import EndpointState, TrialResult
+from std_msgs.msg import Empty
+
+from screw_module_ros.nodes.support.parameters import ParameterError
+
+
+@pytest.fixture
+def refused(make_node):
+    """Return `refused(*ros_args)`: the sentence with which configuring is refused."""
+
+    def refuse(*ros_args):
+        node = make_node("web_bridge", *ros_args)
+        with pytest.raises((ValueError, OSError)) as error:
+            node.connect()
+        node.disconnect()
+        return str(error.value)
+
+    return refuse
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.7.7", "'::'", "robot.example"])
+def test_no_other_address_without_tls(refused, address):
+    told = refused("-p", f"address:={address}")
+    assert "name a certificate and its key, or listen on 127.0.0.1" in told
+
+
+def test_a_certificate_that_is_not_there_is_named(refused, tmp_path):
+    told = refused("-p", "address:=0.0.0.0", "-p", f"certificate:={tmp_path}/none.pem")
+    assert "none.pem: there is no such file" in told
+
+
+@pytest.mark.parametrize(("robots", "told"), [
+    ("[left, /left/]", "/left is named twice"), ("['1 2']", "is no namespace"),
+])  # fmt: skip
+def test_robots_that_cannot_be_are_named(refused, robots, told):
+    assert told in refused("-p", f"robots:={robots}")
+
+
+def test_tokens_that_others_can_read_are_refused(refused, tmp_path):
+    (tmp_path / "open").mkdir(mode=0o755)
+    (tmp_path / "open").chmod(0o755)
+    file = tmp_path / "open" / "tokens.json"
+    file.write_text("{}")
+    assert "chmod 700" in refused("-p", f"token_file:={file}")
+
+
+@pytest.mark.parametrize("given", ["port:=70000", "limits.rate:=1000.0", "limits.size:=1"])
+def test_values_out_of_range_are_refused(make_node, given):
+    with pytest.raises(ParameterError, match=given.split(":=")[0]):
+        make_node("web_bridge", "-p", given)
+
+
+def test_it_serves_while_it_is_active_and_only_then(make_node, tmp_path):
+    file = tmp_path / "state" / "tokens.json"
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={file}")
+    node.connect()
+    node.begin()
+    address = node._server.address
+    assert address.startswith("http://127.0.0.1:")
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    health = node.health()
+    assert health.values["address"] == address
+    node.end()
+    node.disconnect()
+    assert node._server is None
+
+    async def ask():
+        async with aiohttp.ClientSession() as session:
+            await session.get(address)
+
+    with pytest.raises(aiohttp.ClientConnectionError):
+        asyncio.run(ask())
+
+
+def test_a_port_that_is_taken_is_told_with_the_way_out(make_node, tmp_path):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        node = make_node(
+            "web_bridge", "-p", f"port:={port}", "-p", f"token_file:={tmp_path}/s/tokens.json"
+        )
+        node.connect()
+        with pytest.raises(OSError, match=f"port {port}: .*choose another port"):
+            node.begin()
+        node.end()
+        node.disconnect()
+
+
+def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
+    node = make_node(
+        "web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json",
+        "-p", "robots:=[left, right]",
+    )  # fmt: skip
+    node.connect()
+    gateway = node._gateway
+    publisher = node.create_publisher(EndpointState, "/right/endpoint_state", 1)
+
+    def seen():
+        publisher.publish(EndpointState(sequence=7))
+        gateway.poll(anybody=True)
+        return gateway.newest("/right/endpoint_state")
+
+    wait_until(seen)
+    assert json.loads(seen()[1])["sequence"] == 7
+    assert gateway.newest("/left/endpoint_state") is None
+    heard = node.create_subscription(Empty, "/left/therapy/attendance", lambda _: None, 1)
+
+    def attended():
+        gateway.publish("/left/therapy/attendance", {})
+        return heard.handle.take_message(Empty, False)
+
+    wait_until(attended)
+    node.disconnect()
+
+
+def test_a_service_that_nobody_offers_is_told(make_node, tmp_path, wait_until):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    told = []
+    node._gateway.call("/supervisor/estop", {}, lambda *answer: told.append(answer))
+    wait_until(lambda: node.periodic.run() or told, 20.0)
+    assert told == [("nobody offers /supervisor/estop: is its node running?", False)]
+    node.disconnect()
+
+
+def test_the_results_of_a_session_are_kept(make_node, tmp_path, wait_until):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    gateway = node._gateway
+    publisher = node.create_publisher(TrialResult, "/therapy/trial", 10)
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for trial in (1, 2, 3):
+        publisher.publish(TrialResult(trial=trial))
+
+    def kept():
+        gateway.poll(anybody=False)  # nobody looks
+        return [json.loads(text)["trial"] for text in gateway.history("/therapy/trial")]
+
+    wait_until(lambda: len(kept()) == 3)
+    assert kept() == [1, 2, 3]
+    node.disconnect()
+
+
+def test_wishes_of_the_patient_can_be_allowed_and_taken_back(make_node, tmp_path):
+    node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
+    node.connect()
+    assert not node._rights.wishes
+    assert node.parameters.write(wishes=True) == ""
+    assert node._rights.wishes
+    assert node.parameters.write(wishes=False) == ""
+    assert not node._rights.wishes
+    assert "fixed once the node has started" in node.parameters.write(address="0.0.0.0")
+    node.disconnect()

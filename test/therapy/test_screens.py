@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What screens are told of the protocols."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
+from screw_module_ros.therapy.screens import protocols_for_screens
+
+
+def test_the_package_protocols_are_offered_with_their_targets():
+    offered = {each["name"]: each for each in protocols_for_screens()}
+    assert list(offered) == list(SHIPPED)
+    assert offered["clock_adaptive"]["trials"] == 1024
+    assert len(offered["clock_adaptive"]["targets"]) == 8
+    assert offered["elevator"]["targets"] == [
+        pytest.approx((0.0, 0.0, 0.04)), pytest.approx((0.0, 0.0, 0.32))
+    ]  # fmt: skip
+    json.dumps(offered, allow_nan=False)
+
+
+def test_protocols_of_ones_own_are_offered_and_bad_ones_told(tmp_path):
+    (tmp_path / "mine.yaml").write_text(protocol_text("elevator"))
+    (tmp_path / "bad.yaml").write_text("dance: true")
+    told = []
+    names = [each["name"] for each in protocols_for_screens(tmp_path, told.append)]
+    assert names == [*SHIPPED, "mine.yaml"]
+    assert len(told) == 1 and "bad.yaml" in told[0]
+    assert len(protocols_for_screens(tmp_path / "nowhere")) == len(SHIPPED)
