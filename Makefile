@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo therapy faults bench soak reproduce test lint shell clean
+.PHONY: help build demo therapy faults fuzz bench soak reproduce test lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
@@ -25,6 +25,9 @@ therapy: build  ## session, patient's and therapist's page in the browser; ARGS=
 
 faults: build  ## every fault of docs/faults.md, carried out in simulated time; ARGS="--row drive" is short
 	@tools/run faults $(ARGS)
+
+fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yaml --seconds 600 --seed 1"
+	@tools/run python test/fuzz/fuzz.py $(ARGS)
 
 bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
 	@tools/run bench $(ARGS)

@@ -10,6 +10,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
+from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import PACKAGE
 from screw_module_ros.nodes.robot_description import robot_description
 from screw_module_ros.nodes.support.plan import plan
@@ -40,6 +41,7 @@ ARGUMENTS = (
 
 def nodes(context):
     """Return the actions the launch arguments ask for."""
+    domain_id()  # raises where ROS_DOMAIN_ID is none
     value = {a.name: LaunchConfiguration(a.name).perform(context).strip() for a in ARGUMENTS}
     bench, composed, wall_clock, network, rviz = (
         _is_true(name, value[name])

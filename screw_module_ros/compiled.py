@@ -212,7 +212,7 @@ def _folder(fingerprint: str) -> Path:
 
 
 def _private_folder(fingerprint: str) -> Path:
-    """Return a folder in the temporary directory that nobody else can write into."""
+    """Return a folder in the temporary directory that no other user can write into."""
     base = Path(tempfile.gettempdir()) / f"{PACKAGE}-{os.getuid()}"
     base.mkdir(mode=0o700, exist_ok=True)
     state = base.lstat()

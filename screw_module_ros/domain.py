@@ -5,19 +5,25 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 
 VARIABLE = "ROS_DOMAIN_ID"
 _DEFAULT = 0
 # As rcl reads it (rcl_get_default_domain_id): C's strtoul with base 0.
 _NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|[0-9]+)\s*", re.ASCII)
 _LONGEST = 20
+_HIGHEST = 232  # beyond it the UDP ports end (DDSI-RTPS 2.5, section 9.6.2.3)
+
+
+class DomainError(ValueError):
+    """ROS_DOMAIN_ID holds no number of a domain; the message says what is wanted."""
 
 
 def domain_id() -> int:
     """Return the number of the ROS domain: 07 is 7, and an empty or missing variable is 0.
 
     What names something of a graph on this machine, a lock, a file or the page of simulated time,
-    names it by this number. Raises ValueError for a value that is no number.
+    names it by this number. Raises DomainError for a value that is none.
     """
     value = os.environ.get(VARIABLE, "")
     if not value:
@@ -26,8 +32,21 @@ def domain_id() -> int:
     digits = found.group(1) if found else "x"
     base = 16 if digits[:2].lower() == "0x" else 8 if digits[0] == "0" else 10
     try:
-        return int(digits, base)
+        number = int(digits, base)
     except ValueError:
-        raise ValueError(
-            f"{VARIABLE} = {value[:_LONGEST]!r} is no number: 0 to 232 is wanted"
-        ) from None
+        number = None
+    if number is None or number > _HIGHEST:
+        raise DomainError(
+            f"{VARIABLE} = {value[:_LONGEST]!r} is no ROS domain: a number from 0 "
+            f"to {_HIGHEST} is wanted"
+        )
+    return number
+
+
+def end_without_domain(program: str) -> None:
+    """End the program with exit code 2 and a sentence where ROS_DOMAIN_ID is no domain."""
+    try:
+        domain_id()
+    except DomainError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        raise SystemExit(2) from None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML from others: mappings, lists and scalars, and nothing of YAML that goes beyond.
 
-No aliases and no merge keys, with which a few hundred bytes stand for gigabytes; no tags, which
-name Python's classes; no key twice, no deep nesting. Every problem is told in one short sentence
-that names the key it stands under and the line.
+No merge keys and, unless they are asked for, no aliases, with which a few hundred bytes stand for
+gigabytes; no tags, which name Python's classes; no key twice, no deep nesting. Every problem is
+one short sentence that names key and line.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from .quoting import LONGEST, quoted
 LARGEST = 1_000_000
 """Characters of a text that is parsed at all; what we read has a few thousand."""
 _DEEPEST = 20
+_MOST_VALUES = 100_000  # of a text with aliases, each written out
 _SCALARS = frozenset(
     f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "timestamp")
 )
@@ -29,12 +30,12 @@ class PlainYamlError(ValueError):
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes without aliases, down to a bounded depth."""
+    """Composes nodes down to a bounded depth; aliases: whether there may be some."""
 
-    depth = 0
+    depth, aliases = 0, False
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
+        if self.check_event(yaml.AliasEvent) and not self.aliases:
             event = self.peek_event()
             raise yaml.composer.ComposerError(
                 None, None, f"alias *{event.anchor[:LONGEST]}: write it out", event.start_mark
@@ -48,15 +49,17 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-def load_plain_yaml(text: str, largest: int = LARGEST) -> Any:
+def load_plain_yaml(text: str, largest: int = LARGEST, aliases: bool = False) -> Any:
     """Return the content of a YAML text: dict, list, str, int, float, bool, date or None.
 
-    largest: text that is parsed at all [characters]. Raises PlainYamlError.
+    largest: text that is parsed at all [characters]. aliases: parts may be named and used again;
+    the whole has a bounded number of values all the same. Raises PlainYamlError.
     """
     if len(text) > largest:
         raise PlainYamlError(f"longer than {largest} characters")
     try:
         loader = _Loader(text)
+        loader.aliases = aliases
         try:
             node = loader.get_single_node()
         finally:
@@ -68,34 +71,50 @@ def load_plain_yaml(text: str, largest: int = LARGEST) -> Any:
         raise PlainYamlError(_sentence("", sentence, mark)) from None
     except yaml.YAMLError as error:  # of characters that YAML does not have
         raise PlainYamlError(_sentence("", str(error), None)) from None
-    return None if node is None else _value(node, "")
+    if node is None:
+        return None
+    return _Reading(_MOST_VALUES if aliases else len(text) + 1).value(node)
 
 
-def _value(node: yaml.Node, where: str) -> Any:
-    if isinstance(node, yaml.MappingNode) and node.tag == _MAP:
-        return _mapping(node, where)
-    if isinstance(node, yaml.SequenceNode) and node.tag == _SEQUENCE:
-        return [_value(part, f"{where}[{number}]") for number, part in enumerate(node.value)]
-    if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
-        return _scalar(node, where)
-    sentence = f"tag {node.tag[:LONGEST]} is not taken"
-    raise PlainYamlError(_sentence(where, sentence, node.start_mark))
+class _Reading:
+    """Makes values of nodes; an alias is its node again. most: values that are made at all."""
 
+    def __init__(self, most: int):
+        self._left, self._deep = most, 0
 
-def _mapping(node: yaml.MappingNode, where: str) -> dict[Any, Any]:
-    found: dict[Any, Any] = {}
-    for key_node, value_node in node.value:
-        name = quoted(key_node.value)[1:-1] if isinstance(key_node.value, str) else ""
-        if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in _SCALARS:
-            sentence = f"key {name or 'that is no name'} is not taken"
-            raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
-        inner = f"{where}.{name}" if where else name
-        key = _scalar(key_node, inner)
-        if key in found:
-            sentence = f"key {quoted(key)} is written twice"
-            raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
-        found[key] = _value(value_node, inner)
-    return found
+    def value(self, node: yaml.Node, where: str = "") -> Any:
+        """Return the value of a node; where: the key it stands under."""
+        self._left -= 1
+        if self._left < 0 or self._deep > _DEEPEST:
+            sentence = "its aliases stand for too many values"
+            raise PlainYamlError(_sentence(where, sentence, node.start_mark))
+        if isinstance(node, yaml.ScalarNode) and node.tag in _SCALARS:
+            return _scalar(node, where)
+        self._deep += 1
+        try:
+            if isinstance(node, yaml.MappingNode) and node.tag == _MAP:
+                return self._mapping(node, where)
+            if isinstance(node, yaml.SequenceNode) and node.tag == _SEQUENCE:
+                return [self.value(part, f"{where}[{n}]") for n, part in enumerate(node.value)]
+        finally:
+            self._deep -= 1
+        sentence = f"tag {node.tag[:LONGEST]} is not taken"
+        raise PlainYamlError(_sentence(where, sentence, node.start_mark))
+
+    def _mapping(self, node: yaml.MappingNode, where: str) -> dict[Any, Any]:
+        found: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            name = quoted(key_node.value)[1:-1] if isinstance(key_node.value, str) else ""
+            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag not in _SCALARS:
+                sentence = f"key {name or 'that is no name'} is not taken"
+                raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
+            inner = f"{where}.{name}" if where else name
+            key = _scalar(key_node, inner)
+            if key in found:
+                sentence = f"key {quoted(key)} is written twice"
+                raise PlainYamlError(_sentence(where, sentence, key_node.start_mark))
+            found[key] = self.value(value_node, inner)
+        return found
 
 
 def _scalar(node: yaml.ScalarNode, where: str) -> Any:

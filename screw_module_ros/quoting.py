@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values in error messages: short, whatever they are.
 
-`repr` of a value that somebody else chose may take minutes and hundreds of megabytes: a list of
-lists of the same lists, a text of a million characters, an integer that Python refuses to print.
+`repr` of a foreign value may take minutes and hundreds of megabytes: a list of lists of the same
+lists, a text of a million characters, an integer that Python refuses to print.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that somebody else named: nothing but regular ones of a bounded size is read.
+"""Reads files of foreign names: only regular ones of bounded size.
 
 A FIFO blocks who opens it, a device may act on it or never end, and a large file fills the memory.
 """

@@ -16,8 +16,8 @@ class ResourceError(FileNotFoundError):
 def resource_path(name: str) -> Path:
     """Return the path of a file of the package, for example `params/plant.yaml`.
 
-    Looked for in the Python package, in the source tree it lies in, and in `share/screw_module_ros`
-    of each prefix in AMENT_PREFIX_PATH. Raises ResourceError naming the places.
+    Looked for in the Python package, in its source tree, and in `share/screw_module_ros` of each
+    prefix in AMENT_PREFIX_PATH. Raises ResourceError naming the places.
     """
     package = Path(__file__).resolve().parent
     folders = [package]

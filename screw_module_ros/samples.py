@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Samples that cross from the device drivers to the laws, in SI units with stamps in integer ns.
 
-Units end at the drivers: above them nobody sees a raw sensor word. Every sample carries the number
-of the tick it was asked for. All nodes that poll or send SYNC tick at whole multiples of their
-period of CLOCK_MONOTONIC, so the tick number of one instant is the same in every process of a
-machine, and samples of different devices line up without a clock server.
+Units end at the drivers: above them there is no raw sensor word. Every sample carries the number of
+the tick it was asked for. All nodes that poll or send SYNC tick at whole multiples of their period
+of CLOCK_MONOTONIC, so the tick number of one instant is the same in every process of a machine, and
+samples of different devices line up without a clock server.
 """
 
 from __future__ import annotations

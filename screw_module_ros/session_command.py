@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session`: look at, audit and repair recorded bags, and what therapy sessions tell; no ROS."""
+"""`session`: look at, audit and repair recorded bags, and evaluate therapy sessions; no ROS."""
 
 from __future__ import annotations
 

@@ -122,3 +122,11 @@ def test_links_lead_somewhere():
             if not (document.parent / target).exists():
                 broken.append(f"{document.name}: {target}")
     assert broken == []
+
+
+@pytest.mark.parametrize("folder", ["", "msg_defs"])
+def test_a_package_says_where_it_lives_and_whom_to_ask(folder):
+    package = (ROOT / folder / "package.xml").read_text(encoding="utf-8")
+    for kind in ("repository", "bugtracker"):
+        assert re.search(rf'<url type="{kind}">https://\S+</url>', package)
+    assert ".invalid" not in package

@@ -25,7 +25,9 @@ def test_without_the_variable_it_is_0(monkeypatch):
     assert domain_id() == 0
 
 
-@pytest.mark.parametrize("told", ["seven", "7th", "08", "-1", "0x", "1.0", "9" * 1000, "٣"])
+@pytest.mark.parametrize(
+    "told", ["seven", "7th", "08", "-1", "0x", "1.0", "9" * 1000, "٣", "233", "0xE9"]
+)
 def test_what_is_no_number_is_named(monkeypatch, told):
     monkeypatch.setenv("ROS_DOMAIN_ID", told)
     with pytest.raises(ValueError, match="ROS_DOMAIN_ID") as raised:

@@ -80,3 +80,17 @@ def test_what_goes_beyond_is_refused_in_a_short_sentence(text, told):
         load_plain_yaml(text)
     assert len(str(raised.value)) < 400
     assert "\n" not in str(raised.value)
+
+
+def test_aliases_where_they_are_wanted():
+    text = "a: &a {x: [1, 2]}\nb: *a\nc: [*a, *a]\n"
+    assert load_plain_yaml(text, aliases=True) == {
+        "a": {"x": [1, 2]}, "b": {"x": [1, 2]}, "c": [{"x": [1, 2]}] * 2
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("text", [LAUGHS, MERGES, "a: &a [*a]", "&a {b: *a}", "a: *nobody"])
+def test_aliases_cost_no_more_than_what_they_stand_for(text):
+    with pytest.raises(PlainYamlError) as refused:
+        load_plain_yaml(text, aliases=True)
+    assert len(str(refused.value)) < 400

@@ -12,7 +12,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = "screw_module_ros"
+import rules
+
 TAKES_TIME = ("monotonic", "monotonic_ns", "sleep", "perf_counter", "perf_counter_ns")
 EXEMPT = {
     "clock.py": "is the clock",
@@ -56,15 +57,9 @@ def uses(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 def main() -> int:
     """Check the package beside this folder; return the exit code."""
-    package = Path(__file__).resolve().parent.parent / PACKAGE
-    found = list(violations(package))
-    gone = [name for name in EXEMPT if not (package / name).exists()]
-    found += [f"tools/clock_rule.py: {name} is gone" for name in gone]
-    for sentence in found:
-        print(sentence, file=sys.stderr)
-    if not found:
-        print("Clock rule: time comes from one place.")
-    return 1 if found else 0
+    gone = [name for name in EXEMPT if not (rules.FOLDER / name).exists()]
+    found = [*violations(rules.FOLDER), *(f"tools/clock_rule.py: {name} is gone" for name in gone)]
+    return rules.verdict(found, "Clock rule: time comes from one place.")
 
 
 if __name__ == "__main__":

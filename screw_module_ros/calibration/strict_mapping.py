@@ -84,7 +84,7 @@ class Section:
         return [str(key) for key in self._left]
 
     def finish(self) -> None:
-        """Refuse keys that nobody asked for: a misspelt key must not be ignored."""
+        """Refuse keys that were not read: a misspelt key must not be ignored."""
         for key in self._left:
             self.fail(str(key), "unknown key", "correct its spelling or remove it")
 

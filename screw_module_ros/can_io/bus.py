@@ -95,7 +95,7 @@ def _opened(settings: BusSettings) -> can.BusABC:
 
 
 def _tune_multicast(bus: can.BusABC) -> None:
-    """Enlarge the receive buffer and hear no group but our own; both are best effort."""
+    """Enlarge the receive buffer and receive no group but our own; both are best effort."""
     # A duplicate descriptor reaches the socket without touching python-can's private fields.
     with socket.socket(fileno=os.dup(bus.fileno())) as duplicate:
         for level, option, value in (

@@ -5,7 +5,8 @@ Each costs as much to read as a device's answer and wakes the loop, and there ar
 receiver replaces the time stamp in a datagram by the kernel's, so our own stamp in it is free to
 mark it, at a fixed place: a socket filter drops what bears the mark. Where that does not work the
 frames are marked in their channel field and counted: an echo is the first frame to come back for
-each one sent, so a device that returns our frame, mark and all, as its reply is still heard.
+each one sent, so a device that returns our frame, mark and all, as its reply is still received.
+Drivers and the simulated rig share this file: it knows sockets, no device.
 """
 
 from __future__ import annotations
@@ -34,11 +35,11 @@ class EchoFilter:
 
     def __init__(self, bus: can.BusABC):
         self.marks = isinstance(bus, UdpMulticastBus)
-        self._stamp = _own_stamp()
+        self._stamp = own_stamp()
         self._tag = f"own {self._stamp!r}"
         self._due: dict[int, int] = {}
         bus.own_stamp = self._stamp
-        self.in_kernel = self.marks and _works(self._stamp) and _attach(bus.fileno(), self._stamp)
+        self.in_kernel = drop_own_frames(bus, self._stamp)
 
     def mark(self, message: can.Message) -> None:
         """Mark a frame that is about to be sent."""
@@ -63,9 +64,19 @@ class EchoFilter:
         return due > 0
 
 
-def _own_stamp() -> float:
-    """Return a finite number that no clock shows and nobody else uses."""
+def own_stamp() -> float:
+    """Return a time stamp for the frames of one bus: finite, about 1e298, unlike any clock's."""
     return struct.unpack(">d", b"\x7e" + os.urandom(7))[0]
+
+
+def drop_own_frames(bus: can.BusABC, stamp: float) -> bool:
+    """Let the kernel drop what `bus` receives with `stamp` on it; return whether it will.
+
+    False, without any effect, for other interfaces and where socket filters do not work.
+    """
+    if not isinstance(bus, UdpMulticastBus):
+        return False
+    return _works(stamp) and _attach(bus.fileno(), stamp)
 
 
 def _works(stamp: float) -> bool:

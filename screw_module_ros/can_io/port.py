@@ -105,7 +105,7 @@ class Port:
         self.counters.sent += 1
 
     def send_sync(self, now_ns: int) -> None:
-        """Send SYNC (CiA 301, 7.2.5) and tell the devices of this port that wait for it.
+        """Send SYNC (CiA 301, 7.2.5) and notify the devices of this port that wait for it.
 
         now_ns: CLOCK_MONOTONIC [ns].
         """
@@ -237,7 +237,7 @@ class Port:
     def heard(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
         """Listen for `listen_s` [s]; return the first identifier whose test a frame passes.
 
-        Where this process produces SYNC, any SYNC heard counts too.
+        Where this process produces SYNC, any SYNC received counts too.
         """
         found: list[int] = []
 

@@ -2,7 +2,7 @@
 """python-can's `udp_multicast` with less work per frame, the same datagrams on the wire.
 
 A robot of five processes moves some ten frames a millisecond, each sent by one and read by another.
-What is left out here is what nobody uses of a frame: the kernel's receive time (ports stamp with
+It leaves out what no receiver uses of a frame: the kernel's receive time (ports stamp with
 CLOCK_MONOTONIC), a poll before each read, building the same map for each frame sent. Everything
 unusual (extended, remote, error, FD frames, foreign datagrams) goes the way of the base class.
 """

@@ -59,7 +59,7 @@ class Agreement:
         )
 
     def _cause(self, encoder: float, drive: float) -> str:
-        """Return what travels [m] that are both real but unequal tell of the parameters."""
+        """Return which parameter explains two travels [m] that are both real but differ."""
         least = self._settings.tolerance
         if abs(encoder) < least or abs(drive) < least:
             return ""

@@ -9,11 +9,12 @@ one count takes all doubt away. A handle at rest, a set point out of reach behin
 against it, a wall at the handle: in all of these the net torque is small, the sum does not grow.
 
 What it does not see. Where the hand's force is not known it judges nothing. Motion that takes less
-net torque than `freeze_torque` (slow, even motion along with a constant force) is not told from
-rest, nor is a sensor that sticks and jumps on within `freeze_time` of doubt, nor one that drifts or
-has a wrong scale. Something that blocks a link elsewhere than at the handle looks frozen too, which
-errs to the safe side; at the ends of the joints' range, where their stops are near, nothing is
-judged. The sensor's axes are taken to be those of `manus_base`, as everywhere in the plane.
+net torque than `freeze_torque` (slow, even motion along with a constant force) cannot be
+distinguished from rest; a sensor that sticks and jumps on within `freeze_time` of doubt, that
+drifts or has a wrong scale is not found either. Something that blocks a link elsewhere than at the
+handle looks frozen too, which errs to the safe side; at the ends of the joints' range, where their
+stops are near, nothing is judged. The sensor's axes are taken to be those of `manus_base`, as
+everywhere in the plane.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from .planar_settings import PlanarSettings
 
 
 class FreezeSettings(NamedTuple):
-    """When a joint that does not move is not believed.
+    """When the position of a joint that does not move counts as frozen.
 
     3 Nm are 6 to 7 N at the handle; the joints' friction is 0.3 Nm (thesis, appendix D), an error
     of 4 N of the force sensor makes 2 Nm. They move a joint with the module's 1.3 kg m2 by a count

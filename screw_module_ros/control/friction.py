@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction model of the screw module (thesis 5.2.5); `calibration.friction` reads its file.
+"""Friction model of the screw module (thesis 5.2.5); `calibration.friction_file` reads its file.
 
 The thesis fits the force that pushes the handle at a constant speed, gravity included, upward and
 downward apart: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2

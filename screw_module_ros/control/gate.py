@@ -3,8 +3,8 @@
 
 Torque passes only after an explicit `enable`, while commands are fresh, while a fresh safety_state
 permits it, and while the drive is in operation enabled. Anything else closes the gate, and nothing
-but another `enable` opens it. What nobody asked for stays latched until `clear`. When the gate
-opens, the torque ramps in.
+but another `enable` opens it. An exit that was not commanded stays latched until `clear`. When the
+gate opens, the torque ramps in.
 
 The maths is time passed in and numbers passed out; `enable`, `disable`, `clear` are the services.
 """

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Set point of one axis: held in its range, moved no faster than a limit, left alone on NaN.
 
-The velocity of a set point is what the damper acts against. It is believed as far as the set point
-moves that way: one that stands still and says all the same that it moves would have the damper push
-the hand for ever, with up to the limit of the force. So each step notes what the velocity promised
-and the set point in use did not make, over the last half second. A debt of up to 0.1 s of motion is
-what a game has that sends ten set points a second; from there on the velocity fades, and at 0.2 s,
-the age at which a set point's velocity ends anyway (`loop.wanted`), nothing of it is left. It comes
-back when the set point moves as promised. A velocity below the true one, zero included, is the
-game's affair: it brakes.
+The velocity of a set point is what the damper acts against. It counts only as far as the set point
+moves that way: with a velocity that the position does not follow the damper would push the hand for
+ever, up to the limit of the force. So each step notes what the velocity promised and the set point
+in use did not make, over the last half second. A debt of up to 0.1 s of motion is what a game has
+that sends ten set points a second; from there on the velocity fades, and at 0.2 s, the age at which
+a set point's velocity ends anyway (`loop.setpoint_input`), nothing of it is left. It comes back
+when the set point moves as promised. A velocity below the true one, zero included, is accepted: it
+brakes.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _owed(owed: float, promised: float, made: float, dt: float) -> float:
 
 
 def _belief(promised: float, owed: float) -> float:
-    """Return the share of a velocity [m/s] that is believed with a debt [m]."""
+    """Return the share of a velocity [m/s] that is accepted with a debt [m]."""
     if owed == 0.0:
         return 1.0
     behind = abs(owed) / abs(promised)

@@ -42,7 +42,7 @@ OPEN = -1.0
 
 
 class SlotLimits(NamedTuple):
-    """What no slot exceeds, whoever asks for it.
+    """Limits of every slot.
 
     The force is the least that the thesis asks of an endpoint (2.1.1); the rest is ours.
     """

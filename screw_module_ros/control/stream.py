@@ -17,7 +17,7 @@ _DRAIN = 1.02
 
 
 class Stream:
-    """Tells newer samples from repeated, older and impossible ones.
+    """Distinguishes newer samples from repeated, older and impossible ones.
 
     seen: a sample was accepted; monotonic_ns: acquisition of the newest one [ns]; fault: why the
     stream cannot be trusted, empty while it can.

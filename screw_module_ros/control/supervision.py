@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The supervisor's decision: permission to move, from what every node was last heard to say.
+"""The supervisor's decision: permission to move, from the last message of every node.
 
 Trouble while a drive is enabled stops the robot and stays latched until `reset`. Trouble while none
 is enabled is only waited out: there is nothing to stop, and enabling is a separate act anyway. An
@@ -48,9 +48,9 @@ class SupervisionSettings(NamedTuple):
 class NodeReport(NamedTuple):
     """What is known of one node now.
 
-    seen: it was heard at least once; age: of its newest message [s]; error: /diagnostics says ERROR
-    (for nodes without a fault flag of their own); faulted: it has a fault latched; enabled: it lets
-    torque pass; reason: its own words.
+    seen: a message has come at least once; age: of its newest message [s]; error: /diagnostics says
+    ERROR (for nodes without a fault flag of their own); faulted: it has a fault latched; enabled:
+    it lets torque pass; reason: its own words.
     """
 
     seen: bool

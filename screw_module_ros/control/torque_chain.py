@@ -6,8 +6,8 @@
     force -> 4000 N/s -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (5.2)
           -> I2t and peak (3.1.6) -> linearization (4.1.1) -> whole per mille of rated (6071)
 
-Nodes, closed-loop tests, the compiled in-process loop and whoever wants to know what a force came
-to on the wire call this. It remembers the heat of the motor, and `followed` the last force.
+Nodes, closed-loop tests, the compiled in-process loop and tests of the wire call it. It remembers
+the heat of the motor, and `followed` the last force.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def torque_chain(
 def followed(chain: TorqueChain, last: float, force: float, dt: float) -> float:
     """Return the force [N] to act upon dt [s] after the `last` one [N]: at a limited rate.
 
-    Zero is followed at once: nobody who asks for less has to wait.
+    Zero acts at once, past the rate limit.
     """
     return 0.0 if force == 0.0 else slew(last, force, chain.commands.command_rate * dt)
 
@@ -101,7 +101,7 @@ def commanded_torque(
 def largest_command(chain: TorqueChain) -> float:
     """Return the largest torque command [Nm] of either sign that the chain can ask for.
 
-    What the drive is told as its own limit, object 6072: more than this is never ours.
+    Limit written to the drive, object 6072: no command of ours is larger.
     """
     up, down = chain.commands.command_up, chain.commands.command_down
     return max(

@@ -23,19 +23,27 @@ command, which also carries the weight and overcomes friction, has limits of its
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-from ..filters import LowpassState, lowpass_coefficients, lowpass_step
-from .chatter import QUIET_GUARD, GuardState, damper_share, guard_step
+from ..filters import lowpass_coefficients, lowpass_step
+from .chatter import damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
-from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
-from .observer import ObserverState, least_damping, observer_at, observer_step, remembered
+from .modes import uses_impedance
+from .observer import least_damping, observer_at, observer_step, remembered
 from .presliding import presliding_step, ratio_step, trusted
-from .setpoint import Range, SetPoint, at_rest, follow
+from .setpoint import Range, SetPoint, follow
+from .vertical_blend import Blend, blended
 from .vertical_settings import VerticalSettings
+from .vertical_state import (
+    VerticalInput,
+    VerticalOutput,
+    VerticalState,
+    idle_state,
+    no_output,
+    setpoint_at,
+    unplaced,
+)
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
 # Beyond these no sample can be real: zero output.
@@ -43,90 +51,6 @@ FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 STRONGEST = 1e5  # [N]
 RESTING_SPEED = 3e-4  # [m/s]
-
-
-class VerticalInput(NamedTuple):
-    """What one step sees, up positive.
-
-    mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
-    tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
-    [m/s]; active: False holds the command at zero and the set point at the measured position;
-    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
-    and damper.
-    """
-
-    mode: int
-    position: float
-    velocity: float
-    force: float
-    setpoint_position: float
-    setpoint_velocity: float
-    active: bool
-    slot_force: float = 0.0
-    slot_weight: float = 0.0
-
-
-class VerticalOutput(NamedTuple):
-    """Command and its parts.
-
-    force: total after limits [N]; impedance, gravity, friction, feedback: its parts before the
-    limits on the total [N]; saturated: a limit acted; desired_position [m], desired_velocity [m/s]:
-    set point in use; share: of the force gain that the chatter guard leaves, 0 to 1.
-    """
-
-    force: float
-    impedance: float
-    gravity: float
-    friction: float
-    feedback: float
-    saturated: bool
-    desired_position: float
-    desired_velocity: float
-    share: float = 1.0
-
-
-class Blend(NamedTuple):
-    """What is in force between two settings.
-
-    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback,
-    observer: weights of the parts, 0 to 1, base for spring, damper and gravity.
-    """
-
-    stiffness: float
-    damping: float
-    gain: float
-    gravity: float
-    base: float
-    friction: float
-    feedback: float
-    observer: float
-
-
-class VerticalState(NamedTuple):
-    """Memory of the law.
-
-    setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
-    position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
-    ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
-    back; guard: of the force gains.
-    """
-
-    setpoint: SetPoint
-    blend: Blend
-    lowpass: LowpassState
-    force: float
-    placed: bool
-    position: float
-    friction: float
-    ratio: float
-    observer: ObserverState
-    error_lowpass: LowpassState
-    guard: GuardState
-
-
-def initial_state(settings: VerticalSettings) -> VerticalState:
-    """Return the state before the first step: everything at zero."""
-    return _unplaced(_idle(settings, 0.0, LowpassState(0.0, 0.0), QUIET_GUARD))
 
 
 def vertical_step(
@@ -142,21 +66,21 @@ def vertical_step(
     """
     if not _usable(inp, dt):
         # Where the nut is, is not known any more: the next good sample is a first one.
-        idle = _idle(settings, state.setpoint.position, state.lowpass, state.guard)
-        return _nothing(idle), _unplaced(idle)
+        idle = idle_state(settings, state.setpoint.position, state.lowpass, state.guard)
+        return no_output(idle), unplaced(idle)
     dt = min(dt, LONGEST_STEP)
     coefficients = lowpass_coefficients(settings.force_cutoff, dt)
     handle_force, lowpass = lowpass_step(coefficients, state.lowpass, inp.force)
     guard = guard_step(state.guard, inp.force, settings.chatter_limit, dt)
     if not inp.active:
-        idle = _idle(settings, inp.position, lowpass, guard)
-        return _nothing(idle), idle
+        idle = idle_state(settings, inp.position, lowpass, guard)
+        return no_output(idle), idle
 
     last, observed = state.position, state.observer
     if not state.placed:
         last, observed = inp.position, observer_at(inp.position)
     setpoint = _followed(settings, state, inp, dt)
-    blend = _blended(settings, state.blend, inp.mode, dt)
+    blend = blended(settings, state.blend, inp.mode, dt)
     modelled = presliding_step(
         friction_model, settings.friction_stiffness, state.friction, inp.position, inp.velocity,
         inp.position - last,
@@ -222,45 +146,13 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
     )
 
 
-def _idle(
-    settings: VerticalSettings, position: float, lowpass: LowpassState, guard: GuardState
-) -> VerticalState:
-    """Return the state in which nothing is commanded, set point at position [m]."""
-    blend = Blend(
-        settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0,
-        0.0,
-    )  # fmt: skip
-    return VerticalState(
-        _setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
-        observer_at(position), LowpassState(0.0, 0.0), guard,
-    )  # fmt: skip
-
-
-def _unplaced(state: VerticalState) -> VerticalState:
-    """Return a state that does not know where the nut was last."""
-    return VerticalState(
-        state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
-        state.friction, state.ratio, state.observer, state.error_lowpass, state.guard,
-    )  # fmt: skip
-
-
-def _nothing(idle: VerticalState) -> VerticalOutput:
-    return VerticalOutput(
-        0.0, 0.0, 0.0, 0.0, 0.0, False, idle.setpoint.position, 0.0, idle.guard.share
-    )
-
-
-def _setpoint_at(settings: VerticalSettings, position: float) -> SetPoint:
-    return at_rest(clamp(position, settings.travel_low, settings.travel_high))
-
-
 def _followed(
     settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
 ) -> SetPoint:
     """Return the set point moved on; it stays with the nut while no spring pulls or a slot does."""
     setpoint = state.setpoint
     if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
-        setpoint = _setpoint_at(settings, inp.position)
+        setpoint = setpoint_at(settings, inp.position)
     if not uses_impedance(inp.mode) or inp.slot_weight >= 1.0:
         return setpoint
     allowed = Range(
@@ -270,23 +162,6 @@ def _followed(
         settings.setpoint_acceleration,
     )
     return follow(allowed, setpoint, inp.setpoint_position, inp.setpoint_velocity, dt)
-
-
-def _blended(settings: VerticalSettings, blend: Blend, mode: int, dt: float) -> Blend:
-    """Return the blend moved on towards the settings and the mode."""
-    share = dt / settings.fade_time
-    return Blend(
-        slew(blend.stiffness, settings.stiffness, settings.stiffness_rate * dt),
-        slew(blend.damping, settings.damping, settings.damping_rate * dt),
-        slew(blend.gain, settings.force_gain, settings.gain_rate * dt),
-        slew(blend.gravity, settings.gravity, settings.gravity_rate * dt),
-        slew(blend.base, 1.0 if uses_impedance(mode) else 0.0, share),
-        slew(blend.friction, 1.0 if uses_friction(mode) else 0.0, share),
-        slew(blend.feedback, 1.0 if uses_feedback(mode) else 0.0, share),
-        # Not before the rest is in: until then the amplifier's own ramp may hold torque back,
-        # which the observer would take for friction.
-        slew(blend.observer, 1.0 if uses_observer(mode) and blend.base == 1.0 else 0.0, share),
-    )
 
 
 def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> float:

@@ -2,7 +2,7 @@
 """Byte layouts, names and units of the ATI NETCANOEM board (ATI manual 9610-05-1030, section 4).
 
 An identifier is base << 4 | opcode; everything is big-endian; requests and replies share their
-identifiers and are told apart by length.
+identifiers and differ in length.
 """
 
 from __future__ import annotations

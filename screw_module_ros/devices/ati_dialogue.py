@@ -33,7 +33,7 @@ class SensorIdentity(NamedTuple):
 
 
 class Dialogue:
-    """Asks one question at a time; the replies come in through whoever pumps the port.
+    """Asks one question at a time; the thread that pumps the port delivers the replies.
 
     base_id: high seven bits of the identifiers. timeout_s: time limit of one try [s], two tries.
     """

@@ -3,7 +3,7 @@
 
 `decode` reads a statusword, `CONTROLWORD` says what to send next on the way to a goal, `LEGAL`
 lists the transitions a drive may make. Nothing here keeps state or enables by itself: a goal above
-switched on exists only while somebody asks for it, and a fault is never left by these tables.
+switched on exists only while the caller requests it, and a fault is never left by these tables.
 """
 
 from __future__ import annotations

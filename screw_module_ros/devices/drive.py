@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CiA 402 drive in torque mode: one command per tick, nothing enabled that nobody asked for.
+"""CiA 402 drive in torque mode: one command per tick, enabled only on request.
 
 The torque written is zero unless the drive shows operation enabled, that was asked for, and no
-fault is latched. What to tell the drive is decided in `drive_logic`; this is the wire.
+fault is latched. `drive_logic` decides what to send; this is the wire.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .drive_settings import (
     drive_traffic,
 )
 from .drive_torque import ExcessTorque
-from .errors import BusError, NotConfigured, NotEnabled, Occupied
+from .errors import BusError, DeviceError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
 
@@ -38,10 +38,10 @@ _HEARTBEATS_MISSED = 3
 class Drive:
     """Driver of one drive; `heartbeat`, `sync` and `write` belong to the realtime loop.
 
-    warnings: what the user must hear, such as missing guards. unguarded: the guards the drive
-    refused. reports: what the drive says of itself. beat: our heartbeat, shared by the drives of
-    one bus, made here when none is given. per_turn: what one turn is of the position reported: the
-    screw's lead [m], or 2 pi for a joint [rad].
+    warnings: for the user, such as missing guards. unguarded: the guards the drive refused.
+    reports: what the drive says of itself. beat: our heartbeat, shared by the drives of one bus,
+    made here when none is given. per_turn: what one turn is of the position reported: the screw's
+    lead [m], or 2 pi for a joint [rad].
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Drive:
         )
         self.node = CanopenNode(
             port, settings.node_id, label, settings.sdo_timeout, self._boot_up,
-            self.reports.on_emergency,
+            self.reports.on_emergency, self._on_foreign_sdo,
         )  # fmt: skip
         self._command_id = 0x200 + settings.node_id
         self._setup = setup.DriveSetup(0, settings.rated_torque)
@@ -78,7 +78,7 @@ class Drive:
             settings.lasting_torque * settings.rated_torque,
             round(1e9 / settings.rate),
         )
-        self._configured = self._running = self._armed = False
+        self._configured = self._running = self._armed = self._altered = False
         self._hears = True
         self._started_ns = 0
         port.subscribe(self._command_id, self._on_foreign_command)
@@ -206,12 +206,12 @@ class Drive:
         )
         if logic.recovery.active and logic.recovery.nmt_start_due(state, now_ns):
             node.start()
-        elif logic.nmt_stop_due(now_ns):
-            node.stop()
         per_mille = 0
         if controlword == cia402.ENABLE_OPERATION and state is State.OPERATION_ENABLED:
             per_mille = self._per_mille(torque_nm)
         self._send(controlword, per_mille)
+        if logic.nmt_stop_due(now_ns):
+            node.stop()  # after the command: whoever altered 6007 may have it keep its torque
         self._asked = per_mille * self._torque_of
         return self._asked
 
@@ -298,12 +298,20 @@ class Drive:
     def clear_fault(self) -> None:
         """Begin to recover; `recovering` until the drive is back, at most switched on.
 
-        After a boot-up this configures the drive anew, blocking; raises as `configure` then.
+        After a boot-up, and where another SDO client may have changed something, this configures
+        the drive anew, blocking; raises as `configure` then.
         """
-        if not self._configured:
-            self.configure()
+        if not self._configured or self._altered:
+            self._altered = False  # whoever goes on meanwhile is noticed again
+            try:
+                self.configure()
+                self.start()
+            except DeviceError:
+                self._altered = True
+                raise
+            self.reports.forget_errors()
             self._logic.forget()
-            self.start()
+            self._logic.recover()
         elif self._running:
             self.reports.forget_errors()
             self._logic.recover()
@@ -322,7 +330,19 @@ class Drive:
         """Stop at the first command that is not ours: own frames do not come in here."""
         self.counters.foreign += 1
         if self._armed:
-            self._logic.intruded(self._command_text)
+            self._logic.intruded(
+                f"somebody else commands the {self.label}: {self._command_text}"
+            )
+
+    def _on_foreign_sdo(self) -> None:
+        """Stop: what we told the drive, its guards and limits too, may hold no longer."""
+        self.counters.foreign_sdo += 1
+        if self._configured:
+            self._altered = True
+            self._logic.intruded(
+                f"{self.node.sdo.foreign_client} talks to the {self.label} and may have changed "
+                "what it was told: stop it, then clear the fault, which configures the drive anew"
+            )
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1

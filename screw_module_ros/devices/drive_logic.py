@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides what a drive is told each tick: goals, latched faults, recovery. No bus, no clock.
+"""Decides what to command a drive each tick: goals, latched faults, recovery. No bus, no clock.
 
 Every exit from operation enabled that was not asked for is latched, also one without a fault, and
 so is every stay in it. Recovering leads up to switched on at most; enabling again is a separate
 act.
 
-A latched fault must end in no torque also where somebody else commands the drive between two of our
-commands. A drive that stays in operation enabled all the same, or that hears somebody else, is
-sent to NMT STOPPED, where it hears no commands at all (CiA 301, 7.3.2.2) and treats the connection
-as lost (CiA 402, 6007): see `nmt_stop_due`.
+A latched fault must end in no torque also where another master commands the drive between two of
+our commands. A drive that stays in operation enabled all the same, or that another master commands,
+is sent to NMT STOPPED, where it accepts no commands at all (CiA 301, 7.3.2.2) and treats the
+connection as lost (CiA 402, 6007): see `nmt_stop_due`.
 """
 
 from __future__ import annotations
@@ -94,9 +94,9 @@ class DriveLogic:
         if not self.reason:
             self.reason, self._cause = reason, cause
 
-    def intruded(self, what: str) -> None:
-        """Note that somebody else commands the drive. what: how we know."""
-        self.latch(f"somebody else commands the {self._label}: {what}")
+    def intruded(self, reason: str) -> None:
+        """Latch that another master gives the drive commands. reason: the sentence to latch."""
+        self.latch(reason)
         self._intruded = True
 
     def explain(self, cause: str) -> None:
@@ -132,7 +132,7 @@ class DriveLogic:
     def nmt_stop_due(self, now_ns: int) -> bool:
         """Return whether to send the node to NMT STOPPED now, after `step`; repeated each 100 ms.
 
-        Not while recovering: that wants to hear from the drive.
+        Not while recovering, which needs the drive to answer.
         """
         needed = self._intruded or self._stays_enabled(now_ns)
         if not (self.reason and needed) or self.recovery.active:

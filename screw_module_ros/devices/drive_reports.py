@@ -20,9 +20,10 @@ class DriveCounters:
     """What happened since the driver was made.
 
     writes: commands sent. received: statuswords. missing: SYNCs without one. unexpected:
-    statuswords nobody asked for. wrong_length: frames dropped. bad_statusword: patterns that
-    CiA 402 lacks. illegal_transitions: states that cannot follow each other. bad_torque: commands
-    that were not finite. saturated: commands beyond max_torque. foreign: commands of somebody else.
+    statuswords without a SYNC. wrong_length: frames dropped. bad_statusword: patterns that CiA 402
+    lacks. illegal_transitions: states that cannot follow each other. bad_torque: commands that were
+    not finite. saturated: commands beyond max_torque. foreign: commands of another master.
+    foreign_sdo: requests of another SDO client.
     """
 
     writes: int = 0
@@ -38,10 +39,11 @@ class DriveCounters:
     boot_ups: int = 0
     bus_errors: int = 0
     foreign: int = 0
+    foreign_sdo: int = 0
 
 
 class DriveReports:
-    """Takes the drive's frames and tells its logic what matters.
+    """Decodes the drive's frames and passes states and faults to its logic.
 
     reading: the newest cyclic answer. shown: the state in it. error_code: object 603F.
     position_of: one count of object 6064 [m or rad], direction included.

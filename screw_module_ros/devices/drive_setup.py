@@ -3,8 +3,8 @@
 
 The drive is the last guard: it must drop the torque by itself when our heartbeat (1016) or our
 commands (1400:05) stop, it must do so as the settings say (6007, 605A, 605E), and it must give no
-more torque than we would ever ask for (6072), whoever else writes a target. Each of these is read
-back; what a drive refuses is returned, and such a drive is not enabled.
+more torque than our largest command (6072), even if another master writes a target. Each of these
+is read back; what a drive refuses is returned, and such a drive is not enabled.
 """
 
 from __future__ import annotations

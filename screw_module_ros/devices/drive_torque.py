@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A drive that gives more torque than it was asked for: its own answer (6077) tells."""
+"""Detects a drive that gives more torque than commanded, by its own report (6077)."""
 
 from __future__ import annotations
 

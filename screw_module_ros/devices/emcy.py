@@ -173,7 +173,7 @@ class Emergency(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Code, name and what else the message carries, for people."""
+        """Code, name and the other content of the message, as text."""
         parts = [f"0x{self.code:04X} {code_name(self.code)}"]
         if self.register:
             parts.append(f"register: {', '.join(register_names(self.register))}")

@@ -53,8 +53,9 @@ class Encoder:
         self.operating_status = 0
         self._port = port
         self._node = CanopenNode(
-            port, settings.node_id, label, settings.sdo_timeout, self._boot_up, self._emergency
-        )
+            port, settings.node_id, label, settings.sdo_timeout, self._boot_up, self._emergency,
+            self._on_foreign_sdo,
+        )  # fmt: skip
         self._period_ns = round(1e9 / settings.rate)
         self._metres = counts_to_height(
             settings.direction, validated(screw), settings.counts_per_turn
@@ -126,7 +127,7 @@ class Encoder:
         self._node.pre_operational()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; after a boot-up this configures the encoder anew (blocking).
+        """Forget a latched fault; where the configuration is gone, configure anew (blocking).
 
         Raises as `configure`; the fault stays latched then.
         """
@@ -257,13 +258,25 @@ class Encoder:
         self.counters.boot_ups += 1
         if not self._configured:
             return
-        self._configured = self._running = False
-        self._motion.restart()
-        self._rehoming.forget()
-        self.fault = (
+        self._forget_configuration(
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
             "clear the fault to configure it again, then home"
         )
+
+    def _on_foreign_sdo(self) -> None:
+        """Deliver nothing more: direction, scale and preset may be others now."""
+        self.counters.foreign_sdo += 1
+        if self._configured:
+            self._forget_configuration(
+                f"{self._node.sdo.foreign_client} talks to the encoder and may have changed how "
+                "it counts: stop it, clear the fault to configure the encoder again, then home"
+            )
+
+    def _forget_configuration(self, why: str) -> None:
+        self._configured = self._running = False
+        self._motion.restart()
+        self._rehoming.forget()
+        self.fault = why
 
     def _emergency(self, emergency: Emergency) -> None:
         self.counters.emcy += 1

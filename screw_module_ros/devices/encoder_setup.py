@@ -80,9 +80,10 @@ class EncoderCounters:
     """What happened since the driver was made.
 
     requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: answers that came after the next request. unexpected: frames nobody asked for.
-    silent: ticks kept silent to tell late from lost. wrong_length, out_of_range: frames dropped.
-    slow_polls_failed: of 6500 to 6505.
+    to now. late: answers that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost. wrong_length, out_of_range:
+    frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo: requests of
+    another SDO client.
     """
 
     requests: int = 0
@@ -98,6 +99,7 @@ class EncoderCounters:
     boot_ups: int = 0
     bus_errors: int = 0
     slow_polls_failed: int = 0
+    foreign_sdo: int = 0
 
 
 def position_pdo(settings: EncoderSettings) -> pdo.Pdo:

@@ -4,7 +4,7 @@
     DeviceError
      +-- BusError        the bus cannot be opened, or failed while in use (`can_io/errors.py`)
      +-- BusOverload     the configured frames do not fit on the bus (`can_io/errors.py`)
-     +-- Occupied        somebody else already drives this device or this bus
+     +-- Occupied        another process already drives this device or this bus
      +-- NotAnswering    a device stays silent
      +-- Refused         a device answered with an SDO abort
      +-- WrongDevice     another profile, vendor, product or rating than expected
@@ -34,7 +34,7 @@ class NotAnswering(DeviceError):
 class Refused(DeviceError):
     """A device answered an SDO request with an abort code (CiA 301, 7.2.4.3.17).
 
-    code: the abort code, so that a missing object can be told from a refused value.
+    code: the abort code, to distinguish a missing object from a refused value.
     """
 
     #: Abort codes that say: there is no such object here.

@@ -9,7 +9,7 @@ the next request.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..can_io.bus_load import Traffic
 from ..can_io.port import Port
@@ -20,6 +20,7 @@ from .ati_dialogue import Dialogue, SensorIdentity
 from .errors import BusError, NotAnswering, NotConfigured, NotTared, Occupied, WrongDevice
 from .force_sensor_settings import (
     ANY_CALIBRATION,
+    ForceSensorCounters,
     ForceSensorSettings,
     force_sensor_traffic,
     unchanged_samples,
@@ -31,45 +32,13 @@ Wrench = tuple[float, float, float, float, float, float]
 _NO_WRENCH: Wrench = (0.0,) * ati.AXES
 
 
-@dataclass
-class ForceSensorCounters:
-    """What happened since the driver was made.
-
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: frames that came after the next request. unexpected: frames nobody asked for.
-    silent: ticks kept silent to tell late from lost. out_of_order: second halves without their
-    first. wrong_length: frames dropped. saturated: samples with a gauge at its end. frozen: samples
-    withheld because the gauges stood still. status_faults: samples whose status makes them
-    unusable. reserved_bits: samples with status bits that mean nothing. foreign_requests: polls of
-    somebody else. restarts: of the board, in mid-run.
-    """
-
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
-    out_of_order: int = 0
-    wrong_length: int = 0
-    saturated: int = 0
-    frozen: int = 0
-    status_faults: int = 0
-    reserved_bits: int = 0
-    foreign_requests: int = 0
-    restarts: int = 0
-    bus_errors: int = 0
-    slow_polls_failed: int = 0
-
-
 class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
     fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
-    word, so that whoever uses them sees it; saturated ones do not, nor any after a restart that
-    lost the calibration we had chosen, or once the gauges have stood still for `freeze_time`: the
-    status word does not tell of that, and a constant must not be fed back.
+    word, so that their users see it; saturated ones do not, nor any after a restart that lost the
+    calibration we had chosen, or once the gauges have stood still for `freeze_time`: the status
+    word does not show that, and a constant must not be fed back.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the force sensor and what it costs on the bus."""
+"""Settings and counters of the force sensor, and what it costs on the bus."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 from ..can_io.bus_load import Traffic
@@ -13,6 +14,38 @@ ANY_CALIBRATION = -1
 
 FEWEST_UNCHANGED = 10
 """Samples; fewer in a row may be equal by chance where the gauges flicker by less than a count."""
+
+
+@dataclass
+class ForceSensorCounters:
+    """What happened since the driver was made.
+
+    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
+    to now. late: frames that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost. out_of_order: second halves
+    without their first. wrong_length: frames dropped. saturated: samples with a gauge at its end.
+    frozen: samples withheld because the gauges stood still. status_faults: samples whose status
+    makes them unusable. reserved_bits: samples with status bits that mean nothing.
+    foreign_requests: polls of another master. restarts: of the board, in mid-run.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    missing_in_a_row: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
+    out_of_order: int = 0
+    wrong_length: int = 0
+    saturated: int = 0
+    frozen: int = 0
+    status_faults: int = 0
+    reserved_bits: int = 0
+    foreign_requests: int = 0
+    restarts: int = 0
+    bus_errors: int = 0
+    slow_polls_failed: int = 0
 
 
 class ForceSensorSettings(NamedTuple):

@@ -2,9 +2,9 @@
 """A homing that contradicts the last one is asked for twice.
 
 Homing is a person's word that the axis stands at its reference mark. Where the sensor has counted
-all the time since the last homing, it can tell how far off that word is: a homing elsewhere would
-move soft stops and set points by as much. Which of the two is right nobody knows until the person
-has said it twice, or homes where both agree: until then the axis counts as not homed.
+all the time since the last homing, the two can be compared: a homing elsewhere would move soft
+stops and set points by the difference. Which is right remains unknown until the operator homes
+twice, or homes where both agree; until then the axis counts as not homed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _SOONEST_NS, _LATEST_NS = 1_000_000_000, 15_000_000_000
 class Rehoming:
     """Remembers a homing that was asked for and moves the origin; all times are passed in [ns].
 
-    contradicted: the last one was not believed, so the one before is not either.
+    contradicted: the last homing was rejected, so the one before is in doubt too.
     """
 
     def __init__(self, tolerance: float):
@@ -32,11 +32,11 @@ class Rehoming:
         self._asked, self.contradicted = None, False
 
     def doubt(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
-        """Return why the homing is not believed yet, empty when it is.
+        """Return why the homing is not accepted yet, empty when it is.
 
         mark: where the axis is said to stand; place: where it stands by the last homing, both [m].
-        A second call at the same place is believed, from 1 s on, so that no program that tries
-        again and again gives its own consent, and up to 15 s after the first.
+        A second call at the same place is accepted 1 s to 15 s after the first; earlier it could be
+        a program that retries.
         """
         shift = math.dist(mark, place)
         asked, self._asked = self._asked, None

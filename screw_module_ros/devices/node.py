@@ -11,7 +11,7 @@ from canopen.nmt import NmtMaster
 
 from ..can_io.port import Port
 from . import emcy
-from .errors import NotConfigured, Refused, WrongDevice
+from .errors import NotConfigured, Occupied, Refused, WrongDevice
 from .sdo import Sdo
 
 BOOT_UP = 0x00
@@ -53,8 +53,9 @@ class Identity(NamedTuple):
 class CanopenNode:
     """One remote node: who it is, its network state, what it reports by itself.
 
-    label: how messages call the device, like `vertical drive`. on_boot_up() and
-    on_emergency(Emergency) are called from whoever pumps the port.
+    label: how messages call the device, like `vertical drive`. on_boot_up(),
+    on_emergency(Emergency) and on_foreign_sdo(), the latter for each request of another SDO
+    client, are called by the thread that pumps the port.
     """
 
     def __init__(
@@ -65,16 +66,18 @@ class CanopenNode:
         sdo_timeout_s: float,
         on_boot_up: Callable[[], None],
         on_emergency: Callable[[emcy.Emergency], None],
+        on_foreign_sdo: Callable[[], None],
     ):
         self.port = port
         self.node_id = node_id
         self.label = label
-        self.sdo = Sdo(port, node_id, label, sdo_timeout_s)
+        self.sdo = Sdo(port, node_id, label, sdo_timeout_s, on_foreign_sdo)
         self.identity = Identity(0)
         self.state: int | None = None
         self.heartbeat_ns: int | None = None
         self.boot_ups = 0
         self.malformed = 0
+        self._foreign_known = 0
         self._on_boot_up = on_boot_up
         self._on_emergency = on_emergency
         self._nmt = NmtMaster(node_id)
@@ -91,7 +94,7 @@ class CanopenNode:
         self._nmt.send_command(_NMT_PRE_OPERATIONAL)
 
     def stop(self) -> None:
-        """Make this node, and no other, STOPPED: it hears neither PDOs nor SDOs any more."""
+        """Make this node, and no other, STOPPED: it accepts neither PDOs nor SDOs any more."""
         self._nmt.send_command(_NMT_STOP)
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
@@ -100,6 +103,7 @@ class CanopenNode:
         Raises WrongDevice, NotAnswering.
         """
         sdo = self.sdo
+        self._foreign_known = sdo.foreign
         parts = [sdo.unsigned(0x1000)]
         for subindex in range(1, 5):
             try:
@@ -118,7 +122,16 @@ class CanopenNode:
         return found
 
     def undisturbed(self, boot_ups: int) -> None:
-        """Raise NotConfigured when the node has restarted since it had booted `boot_ups` times."""
+        """Raise when its configuration is in doubt.
+
+        Raises NotConfigured when the node has restarted since it had booted `boot_ups` times,
+        Occupied when somebody else has asked it or told it something since `identify`.
+        """
+        if self.sdo.foreign != self._foreign_known:
+            raise Occupied(
+                f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
+                "configured: stop it"
+            )
         if self.boot_ups != boot_ups:
             raise NotConfigured(
                 f"{self.label} restarted while it was being configured; check its supply"

@@ -49,9 +49,9 @@ class Polled(Generic[Sample]):
     def begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
         """Begin a tick by draining the bus; return whether a request may be sent.
 
-        Frames that came after their tick was over are not laid to this one, also those after an
-        answer: one frame more would be taken for the next, and all one period old. Raises BusError
-        when the bus cannot be read; the tick counts all the same.
+        Frames that came after the end of their tick do not count for this one, not even after an
+        answer: each later frame would otherwise be taken for the next sample, one period too old.
+        Raises BusError when the bus cannot be read; the tick counts all the same.
         """
         self._tick(sequence, monotonic_ns, stamp_ns)
         self._tracker.end_tick()
@@ -59,7 +59,7 @@ class Polled(Generic[Sample]):
         return self._ask()
 
     def begin_unasked(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        """Begin a tick in which somebody else asks the device."""
+        """Begin a tick in which another master asks the device."""
         self._tick(sequence, monotonic_ns, stamp_ns)
         self._ask()
 

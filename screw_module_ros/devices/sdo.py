@@ -2,14 +2,15 @@
 """Reads and writes the object dictionary of one device (CiA 301, 7.2.4) with errors in words.
 
 canopen's client does the protocol; this adds the time limit, a second try, read-back, and the
-node's name in every message. Blocking: never called from a realtime loop. The answers come in
-through whoever pumps the port.
+node's name in every message. Blocking: never called from a realtime loop. The thread that pumps the
+port delivers the answers.
 """
 
 from __future__ import annotations
 
 import struct
 import threading
+from collections.abc import Callable
 
 from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo import SdoAbortedError, SdoClient, SdoCommunicationError
@@ -29,22 +30,54 @@ class Sdo:
     """SDO client of one node; the only one of this node in the whole graph.
 
     label: how messages call the device. timeout_s: time limit of one try [s]; there are two.
+    on_foreign() is called, from whoever pumps the port, for each request that another client
+    sends to the node. foreign: how many came. unasked: answers that no request of ours waited for;
+    CAN may deliver a frame twice, so that a few mean nothing.
     """
 
-    def __init__(self, port: Port, node_id: int, label: str, timeout_s: float = 0.5):
+    def __init__(
+        self,
+        port: Port,
+        node_id: int,
+        label: str,
+        timeout_s: float = 0.5,
+        on_foreign: Callable[[], None] = lambda: None,
+    ):
         self.label = label
+        self.foreign = self.unasked = 0
+        self._on_foreign = on_foreign
+        self._answered = 0
         self._port = port
         self._node_id = node_id
         self._lock = threading.Lock()
         self._client = _Client(port, node_id, timeout_s)
         port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
+        port.subscribe(_REQUEST_BASE + node_id, self._on_request)
+
+    @property
+    def foreign_client(self) -> str:
+        """What to call a second client by, for messages."""
+        return (
+            f"another SDO client (frames 0x{_REQUEST_BASE + self._node_id:X} on "
+            f"{self._port.name})"
+        )
+
+    def _on_request(self, _data: bytes, _arrival_ns: int) -> None:
+        """Note a request that is not ours: own frames do not come in here."""
+        self.foreign += 1
+        self._on_foreign()
 
     def _on_response(self, data: bytes, _arrival_ns: int) -> None:
+        if self._answered >= self._client.requests:
+            self.unasked += 1
+        else:
+            self._answered += 1
         if len(data) == _FRAME_BYTES:
             self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
 
     def close(self) -> None:
-        """Stop listening for responses."""
+        """Stop listening."""
+        self._port.unsubscribe(_REQUEST_BASE + self._node_id, self._on_request)
         self._port.unsubscribe(_RESPONSE_BASE + self._node_id, self._on_response)
 
     def read(self, index: int, subindex: int = 0) -> bytes:
@@ -110,7 +143,10 @@ class Sdo:
 
 
 class _Client(SdoClient):
-    """canopen's client, its answers coming in through the port."""
+    """canopen's client, its answers coming in through the port.
+
+    requests: frames sent that are answered, each by one frame.
+    """
 
     MAX_RETRIES = 1
 
@@ -119,6 +155,13 @@ class _Client(SdoClient):
         self.network = port.network
         self.RESPONSE_TIMEOUT = timeout_s
         self._port = port
+        self.requests = 0
+
+    def send_request(self, request: bytes) -> None:
+        """Send one frame; an abort has no answer (CiA 301, 7.2.4.3.17)."""
+        if request[0] != _ABORT_COMMAND:
+            self.requests += 1
+        super().send_request(request)
 
     def read_response(self) -> bytes:
         if not self._port.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
@@ -126,7 +169,7 @@ class _Client(SdoClient):
         return super().read_response()
 
     def abort(self, abort_code: int = _GENERAL_ERROR) -> None:
-        """Tell the server; the caller hears it as an exception, so nothing is logged."""
+        """Abort the transfer at the server; the caller gets an exception, so nothing is logged."""
         self.send_request(_ABORT.pack(_ABORT_COMMAND, 0, 0, abort_code))
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sampled data tell of a delay (thesis 4.1.4, figs 4-13, 4-14)."""
+"""What sampled data show of a delay (thesis 4.1.4, figs 4-13, 4-14)."""
 
 from __future__ import annotations
 

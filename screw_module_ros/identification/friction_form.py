@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thesis's form of the friction model over arrays, and its parameters as a fit wants them.
+"""The thesis's form of the friction model over arrays, and its parameters as a vector for fits.
 
 `held_force` is the force of thesis 5.2.5 that holds a speed, gravity included. A `BranchFit` has
 the same freedom as `FrictionBranch`, as numbers of one size: Chebyshev coefficients over the range

@@ -160,7 +160,7 @@ def _quantities(data: dict[str, np.ndarray]) -> tuple[Quantity, ...]:
 
 
 def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quantity]:
-    """Return what friction against speed tells about one direction."""
+    """Return the fit of friction against speed in one direction."""
     there = measured(data, name)
     speeds = data["speeds"][there]
     lower = sign * mean_over(data, name, _LOWER)[there]

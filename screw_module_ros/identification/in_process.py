@@ -17,27 +17,33 @@ import numpy as np
 from ..calibration.friction_file import load_friction_model
 from ..compiled import compiled, packed
 from ..control import modes
-from ..control.friction import FrictionModel
 from ..control.limits import CommandLimits, TorqueLimits
-from ..control.linearization import Linearization, default_linearization
-from ..control.torque_chain import TorqueChain, torque_chain
-from ..control.vertical import initial_state
+from ..control.torque_chain import torque_chain
 from ..control.vertical_settings import VerticalSettings
+from ..control.vertical_state import initial_state
 from ..filters import lowpass_coefficients, velocity_settled
-from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
-from ..plant.arm import HandPath, HumanArm, arm_force, resting
+from ..geometry import SCREW
+from ..plant.arm import HumanArm, arm_force, resting
 from ..plant.current_sensor import CurrentSensorState, current_sensor_params
-from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
+from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
 from ..plant.noise import seeded
 from ..plant.sensor import measured_wrench, sensor_params
 from ..plant.settings import WorldSettings
 from ..resources import resource_path
 from ..settings import Setting, validated
+from .in_process_trials import (
+    ZERO_S,
+    analyzer_samples,
+    asked_for,
+    counted,
+    hand_path,
+    length_of,
+    samples_of,
+    tared,
+)
 from .loop import (
     COLUMNS,
-    LAW,
     REST,
-    SINE,
     LoopParams,
     LoopState,
     Transducer,
@@ -57,11 +63,8 @@ from .trials import (
 
 THESIS_FRICTION = "params/friction_thesis.yaml"
 _CHUNK = 100_000  # ticks between two reports of progress
-_ZERO_S = 0.5  # over which the transducer's zero is averaged
 _HUNG_AT = 0.25  # height at which friction holds a handle that nobody holds [m]
 _SETTLE_S = 3.0  # from a handle at rest to a spring that has faded in
-_WAY_S = 1.0  # in which a hand goes to where the trial wants it
-_SIDE_OMEGA = 2.0  # of the force sideways [rad/s]
 
 
 class LoopSettings(NamedTuple):
@@ -101,25 +104,25 @@ class InProcessBench:
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible for a rate that does not fit, or as `on_progress` does."""
         if isinstance(trial, AnalyzerTrial):
-            return _analyzed(self.world, trial)
+            return analyzer_samples(self.world, trial)
         params = self._params(trial)
         state = self._start(trial, params)
         force, torque, state = self._zero(params, state)
-        params = _tared(params, force, torque)
+        params = tared(params, force, torque)
         state = self._placed(trial, state)
         if isinstance(trial, MotionTrial):
             _, state = self._ticks(params, state, _SETTLE_S)
             state = state._replace(ticks=0)
-            params = params._replace(path=_sine(trial))
+            params = params._replace(path=hand_path(trial))
         rows, state = self._moved(trial, params, state, on_progress)
         force, torque, _ = self._zero(params, state)
-        return _samples(rows, params, force, torque)
+        return samples_of(rows, params, force, torque)
 
     def _moved(
         self, trial: Trial, params: LoopParams, state: LoopState, on_progress: OnProgress
     ) -> tuple[np.ndarray, LoopState]:
         """Return the samples of the trial; a hand that lets go does so between two of them."""
-        length = _length(trial)
+        length = length_of(trial)
         held = min(length, getattr(trial, "released_after", math.inf))
         rows, state = self._ticks(params, state, held, on_progress)
         if held == length:
@@ -130,7 +133,7 @@ class InProcessBench:
     def zero(self) -> tuple[float, float, float, float, float, float]:
         """Return what the transducer shows with nothing at the handle, a mean of half a second."""
         own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
-        count = round(_ZERO_S * self.rate)
+        count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
             shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, 1.0, *noise)
@@ -180,7 +183,7 @@ class InProcessBench:
             stage_speed=0.0,
             stage_target=0.0,
         )
-        return _asked(quiet, trial, self._thesis)
+        return asked_for(quiet, trial, self._thesis)
 
     def _transducer(self) -> Transducer:
         own = sensor_params(self.world.sensor, self.seed)
@@ -209,7 +212,7 @@ class InProcessBench:
             hung = resting_state(self.world.vertical, _HUNG_AT, params.upright)
             quiet = quiet._replace(fixture=FREE)
             state = state._replace(module=hung)
-        rows, state = self._ticks(quiet, state, 2.0 * _ZERO_S)
+        rows, state = self._ticks(quiet, state, 2.0 * ZERO_S)
         calm = rows[len(rows) // 2 :]  # the first half lets filters and currents settle
         return float(calm[:, 2].mean()), float(calm[:, 3].mean()), state
 
@@ -223,7 +226,7 @@ class InProcessBench:
             upright = -1.0 if getattr(trial, "upside_down", False) else 1.0
             module = resting_state(self.world.vertical, height, upright)
         return state._replace(
-            ticks=0, module=module, motion=velocity_settled(_counted(height))
+            ticks=0, module=module, motion=velocity_settled(counted(height))
         )
 
     def _ticks(
@@ -242,94 +245,7 @@ class InProcessBench:
 
 
 def hash_of(*settings: tuple) -> str:
-    """Return a short digest of settings, to tell one module or loop from another."""
+    """Return a short digest of settings, which identifies a module or loop."""
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
-def _asked(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
-    """Return the parameters with what the trial asks for."""
-    if isinstance(trial, TorqueTrial):
-        return quiet._replace(
-            kind=SINE,
-            fixture=LOCKED_ROTOR,
-            amplitude=float(trial.amplitude),
-            omega=2.0 * math.pi * trial.frequency,
-            chain=_linearized(quiet.chain, trial.linearization),
-        )
-    if isinstance(trial, StageTrial):
-        return quiet._replace(
-            fixture=STAGE,
-            upright=-1.0 if trial.upside_down else 1.0,
-            stage_speed=abs(float(trial.speed)),
-            stage_target=float(trial.end),
-        )
-    return quiet._replace(
-        kind=LAW,
-        fixture=HUMAN_ARM,
-        mode=trial.mode,
-        law=trial.settings.validated(),
-        friction=trial.friction or thesis,
-        chain=_linearized(quiet.chain, trial.linearization or default_linearization()),
-        centre=float(trial.centre),
-        path=resting(float(trial.centre)),
-        side_force=float(trial.side_force),
-        side_omega=_SIDE_OMEGA,
-    )
-
-
-def _linearized(chain: TorqueChain, linearization: Linearization | None) -> TorqueChain:
-    return torque_chain(
-        chain.commands, chain.limits, linearization, chain.screw, chain.rated_torque
-    )
-
-
-def _sine(trial: MotionTrial) -> HandPath:
-    """Return the path of the virtual hand during the excitation."""
-    c, way = float(trial.centre), float(trial.way)
-    amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
-    return HandPath(c, c + way, 0.0, _WAY_S if way else 0.0, amplitude, omega, tremor)
-
-
-def _length(trial: Trial) -> float:
-    """Return how long the samples last [s]; a stage has to get going and to brake."""
-    if isinstance(trial, StageTrial):
-        return abs(trial.end - trial.start) / abs(trial.speed) + 0.05
-    return trial.duration
-
-
-def _counted(height: float) -> float:
-    """Return a height [m] as the encoder shows it."""
-    return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
-
-
-def _tared(params: LoopParams, force: float, torque: float) -> LoopParams:
-    """Return the parameters with this force [N] and torque [Nm] taken as the transducer's zero."""
-    t = params.transducer
-    tared = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
-    return params._replace(transducer=tared)
-
-
-def _samples(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:
-    """Return the rows as samples; the zeros drifted to `force` [N] and `torque` [Nm] by the end."""
-    time = np.arange(len(rows)) * params.period
-    drifted = (time + 0.5 * _ZERO_S) / (len(rows) * params.period + _ZERO_S)
-    return Samples(
-        time,
-        rows[:, 0],
-        rows[:, 1],
-        rows[:, 2] - drifted * force,
-        rows[:, 3] - drifted * torque,
-        rows[:, 4],
-        *rows[:, 5:].T,
-    )
-
-
-def _analyzed(world: WorldSettings, trial: AnalyzerTrial) -> Samples:
-    from ..plant.analyzer import analyzed
-
-    command, current = analyzed(
-        world.amplifier, trial.frequency, trial.amplitude, trial.duration, trial.rate
-    )
-    nothing = np.zeros_like(command)
-    time = np.arange(len(command)) / trial.rate
-    return Samples(time, nothing, nothing, nothing, nothing, command, current)

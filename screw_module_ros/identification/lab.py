@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an experiment runs: a bench, a folder that keeps what is finished, somebody who watches.
+"""Where an experiment runs: a bench, a folder that keeps finished trials, a progress callback.
 
 An experiment is `run(lab, settings) -> Result`. It hands the lab its jobs, each a trial and a
 function that reduces the samples, and fits what comes back. Jobs that were finished before an
@@ -52,10 +52,10 @@ Progress = Callable[[str, float, float], None]
 
 
 class Lab:
-    """A bench, a folder, and who is told.
+    """A bench, a folder, and a progress callback.
 
-    folder: where parts and results are kept; what another bench, software or setting made is not
-    taken up again (`fingerprint` tells them apart). Raises OSError when the folder cannot be made.
+    folder: where parts and results are kept; results of another bench, software or setting are not
+    used again (`fingerprint`). Raises OSError when the folder cannot be made.
     """
 
     def __init__(

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..control.friction import FrictionModel
 from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
-from ..control.vertical import VerticalInput, VerticalState
 from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
+from ..control.vertical_state import VerticalInput, VerticalState
 from ..filters import LowpassCoefficients, VelocityState, velocity_step
 from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.amplifier import Amplifier, bridge_current

@@ -47,7 +47,9 @@ class Crossing(NamedTuple):
 
 class Weight(NamedTuple):
     """weight [N] with its standard error; film: drag [N s/m]; zero: of the transducer [N], NaN
-    where the runs cannot tell; spread: of the forces about the fit, in their standard errors."""
+    where the runs do not determine it; spread: of the forces about the fit, in their standard
+    errors.
+    """
 
     weight: float
     error: float
@@ -90,9 +92,9 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
 def weighed(crossings: list[Crossing]) -> Weight | None:
     """Return the weight that all crossings agree on best, None without any.
 
-    force = sign weight + way film rate + zero, weighted least squares. Where the runs cannot tell
-    these apart (one orientation, one speed) the zero is taken as taken off by the bench, then the
-    film as without drag.
+    force = sign weight + way film rate + zero, weighted least squares. Where the runs do not
+    determine all three (one orientation, one speed), the zero counts as subtracted by the bench,
+    then the film as without drag.
     """
     seen = [c for c in crossings if c.seen]
     if not seen:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Damping and delay of the locked rotor, and what can be told of a delay (thesis 4.1.3, 4.1.4).
+"""Damping and delay of the locked rotor, and what they show of a delay (thesis 4.1.3, 4.1.4).
 
 Figures 4-9 to 4-14. The rotor (J) on the transducer (K) has an undamped frequency of 3600 Hz, which
 2 kHz samples fold to 400 Hz.

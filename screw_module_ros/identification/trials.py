@@ -5,7 +5,7 @@ An experiment is a list of trials and a fit. A trial is data, so the same excita
 live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
 node `characterize`) turns it into samples.
 
-Every bench takes the zero of the transducer before and after a trial, with nobody at the handle or
+Every bench takes the zero of the transducer before and after a trial, with the handle untouched or
 no torque on the rotor, and subtracts the straight line between the two: drift is not friction.
 """
 
@@ -26,7 +26,7 @@ OnProgress = Callable[[float], None]
 
 
 class Cancelled(Exception):
-    """Somebody wants the experiment to end; the bench has taken all torque away."""
+    """The experiment is to end; the bench has taken all torque away."""
 
 
 class NotPossible(RuntimeError):

@@ -123,11 +123,6 @@ class Hop:
             page.hop_topic[row] = self._topic
             page.hop_taken[row] = page.hop_follows[row] = 0
 
-    @property
-    def follows(self) -> bool:
-        """Whether time waits for this end."""
-        return bool(self._page.hop_follows[self.row])
-
     def pending(self) -> bool:
         """Return whether a message that was published has not been taken."""
         page, row = self._page, self.row

@@ -10,14 +10,9 @@ from ..control.friction import FrictionModel
 from ..control.modes import OFF
 from ..control.slot import SlotLimits
 from ..control.timing import DeadlineMeter
-from ..control.vertical import (
-    VerticalInput,
-    VerticalOutput,
-    VerticalState,
-    initial_state,
-    vertical_step,
-)
+from ..control.vertical import vertical_step
 from ..control.vertical_settings import VerticalSettings
+from ..control.vertical_state import VerticalInput, VerticalOutput, VerticalState, initial_state
 from ..control.watch import ForceLike, VerticalWatch, WatchSettings
 from ..samples import EncoderReading
 from .guide import Guide
@@ -32,11 +27,11 @@ class VerticalController:
     """Watch and law of the vertical axis; all times are passed in [ns].
 
     mode, settings: may be replaced at any time, the law fades over. output: of the last step.
-    wanted: the set point, height alone. guide: the slot, if there is one. held: why the owner wants
-    no force, empty while not. answered: the newest sample acted upon, None before the first.
-    handle_force: newest that was believed [N]. meter: from a sample to its command. reason: why the
-    force is held at zero, empty while it is not. A fault seen while the amplifier is on or a force
-    is out stays until `reset`; any other goes when its cause does.
+    wanted: the set point, height alone. guide: the slot, if there is one. held: why the owner
+    commands no force, empty while it does not. answered: the newest sample acted upon, None before
+    the first. handle_force: newest that was accepted [N]. meter: from a sample to its command.
+    reason: why the force is held at zero, empty while it is not. A fault seen while the amplifier
+    is on or a force is out stays until `reset`; any other goes when its cause does.
     """
 
     def __init__(

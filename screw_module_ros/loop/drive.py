@@ -139,7 +139,7 @@ class VerticalDrive:
     def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
         """Write a force command [N]; return whether it was plausible and new. Raises DeviceError.
 
-        A zero is written in any case: nobody who asks for less has to be in order.
+        Zero torque is always written, whatever else is wrong.
         """
         accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
         if self._watch.fault and not self.drives.fault:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slot that a therapy session wants, as the control loops act upon it.
+"""The slot of a therapy session, as the control loops act upon it.
 
 One that is not asked for again within `RENEWED_NS` counts as gone, and fades out.
 """

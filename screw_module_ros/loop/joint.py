@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One planar joint: the position that its drive reports, and what can be believed of it."""
+"""One planar joint: the position that its drive reports, and whether it is plausible."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..settings import Setting
 
 
 class JointSettings(NamedTuple):
-    """The joints' position sensors and what can be believed of them."""
+    """The joints' position sensors and limits of what is plausible."""
 
     velocity_cutoff: Annotated[
         float, Setting("cutoff of the velocity filter", "Hz", 1.0, 240.0)
@@ -75,13 +75,13 @@ class Joint:
         self._motion.home(angle)
 
     def lose_home(self) -> None:
-        """Say that nobody knows any more where the joint stands."""
+        """Declare the position of the joint unknown."""
         self._motion.homed = False
 
     def take(self, position: float, periods: int) -> str:
         """Take the drive's position [rad], `periods` after the last; return what is wrong.
 
-        After a jump nobody knows where the joint is, it may be turns away: the home is lost.
+        After a jump the joint may be turns away, so the home is lost.
         """
         motion, settings = self._motion, self._settings
         before, seen = motion.position, motion.seen
@@ -101,8 +101,8 @@ class Joint:
     def doubt(self, torque: float) -> str:
         """Return what is wrong with a joint that stood still, a period after the last look.
 
-        torque: net, that must have moved it [Nm], NaN = not known. Of a frozen position nobody
-        knows how far it is off: the home is lost.
+        torque: net, that must have moved it [Nm], NaN = not known. The error of a frozen position
+        is unknown, so the home is lost.
         """
         dt = self._period_ns * 1e-9
         frozen, self._still = freeze_step(

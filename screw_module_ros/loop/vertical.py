@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ..clock import Clock
-from ..control.vertical import VerticalOutput
+from ..control.vertical_state import VerticalOutput
 from ..samples import EncoderReading, ForceReading
 from .controller import VerticalController
 from .drive import Permission, VerticalDrive

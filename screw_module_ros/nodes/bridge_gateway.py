@@ -24,7 +24,7 @@ from screw_module_ros.bridge.rights import ASKED, HEARD, KEPT, SENT, Rights
 from screw_module_ros.clock import WallClock
 
 from .support import qos
-from .support.realtime import HotGroup
+from .support.hot_topics import HotGroup
 from .support.timers import Timers
 
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import click
 
-from screw_module_ros.domain import domain_id
+from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.lockstep.page import sweep
 
 from .support.plan import checked_values, plan
@@ -78,7 +78,7 @@ class Process:
 
 
 def executable_path(name: str) -> str:
-    """Return the installed executable `name`, which lies beside this one.
+    """Return the installed executable `name`, in the folder of this one.
 
     Raises FileNotFoundError saying how to install.
     """
@@ -103,7 +103,8 @@ def _end_with_parent() -> None:
 def start(simulation: bool = True, params: str | None = None, **wishes) -> list[Process]:
     """Start the chosen nodes and return their processes, in the order of the table.
 
-    Arguments and errors are those of `plan`; what in a parameter file nobody reads is told.
+    Arguments and errors are those of `plan`; entries of a parameter file that no node reads are
+    reported.
     """
     planned = plan(simulation, params, **wishes)
     for sentence in planned.warnings:
@@ -142,6 +143,7 @@ def stop(processes: list[Process]) -> dict[str, int]:
 @click.option("--network", is_flag=True, help="Let other machines take part: docs/security.md.")
 def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> None:
     """Start the therapy robot: every node as a process of its own, until Ctrl-C."""
+    end_without_domain("bringup")
     stopping = threading.Event()
     stop_on_signals(stopping)
     try:

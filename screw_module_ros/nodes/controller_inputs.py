@@ -10,7 +10,7 @@ from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 from .support.freshness import Newest
-from .support.realtime import Inbox
+from .support.hot_topics import Inbox
 from .support.slot_input import SlotInbox
 from .support.topics import requested
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`endpoint_state`: the 3-D state for games and tools, joined from all axes.
 
-It only shows; nothing that moves depends on it. Axes that are stale or not homed are marked
-invalid in `endpoint_state`, their last values are replaced by NaN; `joint_states` leaves them out,
-for whoever hears it takes what stands there for a fact. Its joints are those of the URDF.
+It only shows; nothing that moves depends on it. Axes that are stale or not homed are marked invalid
+in `endpoint_state`, their last values are replaced by NaN; `joint_states` leaves them out: its
+subscribers take every value for a measurement. Its joints are those of the URDF.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
+from .support.hot_topics import fill_stamp
 from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
-from .support.realtime import fill_stamp
 from .support.runtime import main as run_node
 from .support.topics import offered, requested
 

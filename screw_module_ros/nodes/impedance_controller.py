@@ -18,8 +18,8 @@ from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
-from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical_state import VerticalOutput
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
@@ -31,8 +31,8 @@ from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
+from .support.hot_topics import Inbox
 from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
-from .support.realtime import Inbox
 from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller
@@ -143,7 +143,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
-        """Send one last zero, so that nobody goes on with the last force."""
+        """Send one last zero, so that the amplifier does not go on with the last force."""
         if self._inbox is not None and self.part is not None and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 

@@ -18,7 +18,7 @@ _WALL = WallClock()
 
 
 class Departure:
-    """Tells the rig whether it is alone; begins to wait with the first question."""
+    """Decides whether the rig may end; the wait begins with the first question."""
 
     def __init__(self, clock: Clock):
         """Take the clock of the rig's process."""
@@ -28,7 +28,7 @@ class Departure:
         self._changed_ns = 0
 
     def is_due(self, frames: int) -> bool:
-        """Return whether nobody needs the devices any more; frames: received so far."""
+        """Return whether no node needs the devices any more; frames: received so far."""
         now_ns = _WALL.now_ns()
         if self._until_ns is None:
             self._until_ns = now_ns + _PATIENCE_NS

@@ -9,13 +9,12 @@ would spend tens on each.
 from __future__ import annotations
 
 import fnmatch
-import importlib
 import struct
 import threading
 from typing import Any, NamedTuple
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -27,30 +26,26 @@ from screw_module_ros.recording import (
     DefinitionError,
     Definitions,
     Message,
-    Qos,
     Session,
     Topic,
 )
 
+from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.realtime import HotGroup
+from .support.hot_topics import HotGroup, await_message
 
-_pause = threading.Event()
-
-_DEPTH = 2000  # messages; two seconds of a 1 kHz topic may wait for us
 _AT_ONCE = 4000  # messages of one topic before the others have their turn
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4  # behind the head of serialized messages
-_COMES_S = 0.005
-_LOST_S = 0.5  # wall clock
 _NO_DEFINITION = Definition("", "", "")
 
 
 class Selection(NamedTuple):
     """Which topics: names or patterns (`/screw/*`) to record and to leave out.
 
-    others: whose topics are only recorded where they are named in full; None: nobody's are special.
+    others: whose topics are only recorded where they are named in full; None: all robots are
+    recorded.
     """
 
     topics: tuple[str, ...] = ("*",)
@@ -125,7 +120,7 @@ class Intake:
     def _new_tap(self, name: str, types: list[str], offers: list[TopicEndpointInfo]) -> _Tap:
         if len(types) != 1:
             raise BagError(f"it has several types ({', '.join(types)})")
-        kind = message_class(types[0])
+        kind = recorded_class(types[0])
         channel = self._session.add_topic(self._topic(name, types[0], offers))
         tap = self._taps[name] = _Tap(name, kind, channel)
         return tap
@@ -146,16 +141,16 @@ class Intake:
                 f"version of {type_name}; rebuild both"
             )
             definition = _NO_DEFINITION
-        return Topic(name, type_name, definition, type_hash, [offered(o) for o in offers])
+        return Topic(name, type_name, definition, type_hash, [offered_by(o) for o in offers])
 
     def _follow(self, tap: _Tap, offers: list[TopicEndpointInfo]) -> None:
         if len(offers) > 1 and tap.numbered:
             tap.numbered = False
             self._session.several_publishers(tap.channel)
-        request = matching(offers)
+        request = satisfying(offers)
         if tap.request is None:
             self._subscribe(tap, request)
-        elif _stricter(tap.request, request):
+        elif is_stricter(tap.request, request):
             self._node.get_logger().warning(
                 f"{tap.name} has a new publisher with weaker quality of service: following it"
             )
@@ -206,17 +201,14 @@ class Intake:
 
     def _awaited(self, tap: _Tap) -> Any:
         """Take a message that was published and is still on its way, None when it was lost."""
-        left_s = _LOST_S
-        while tap.hop.pending():
-            if left_s <= 0.0:
-                tap.hop.let_go()
-                break
-            got = tap.subscription.handle.take_message(tap.kind, True)
-            if got is not None:
-                return got
-            _pause.wait(_COMES_S)
-            left_s -= _COMES_S
-        return None
+        if not tap.hop.pending():
+            return None
+        handle = tap.subscription.handle
+        await_message(self._node, handle)
+        got = handle.take_message(tap.kind, True)
+        if got is None:
+            tap.hop.let_go()
+        return got
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
         """Return ROS time of a message [ns]: its own stamp, or now where it has none.
@@ -231,7 +223,7 @@ class Intake:
         return now_ns
 
     def calibrations(self) -> dict[str, str]:
-        """Return the calibration identity each topic told last."""
+        """Return the newest calibration identity of each topic."""
         found = {}
         for tap in self._taking:
             if tap.newest:
@@ -246,57 +238,6 @@ class Intake:
             if tap.hop is not None:
                 tap.hop.close()
         self._taps, self._taking = {}, []
-
-
-def message_class(type_name: str) -> type:
-    """Return the Python class of `package/msg/Type` or of an action's feedback.
-
-    Raises BagError when the package is not installed.
-    """
-    package, folder, name = type_name.split("/")
-    try:
-        module = importlib.import_module(f"{package}.{folder}")
-        if folder == "action":
-            return getattr(module, name.removesuffix("_FeedbackMessage")).Impl.FeedbackMessage
-        return getattr(module, name)
-    except (ImportError, AttributeError) as error:
-        raise BagError(f"its type {type_name} is not installed here: {error}") from None
-
-
-def matching(offers: list[TopicEndpointInfo]) -> QoSProfile:
-    """Return a request that every offer satisfies, as strict as that allows (as rosbag2 does)."""
-    profiles = [offer.qos_profile for offer in offers]
-    reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
-    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-    return QoSProfile(
-        depth=_DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-def _stricter(have: QoSProfile, wanted: QoSProfile) -> bool:
-    """Whether `have` asks for something that `wanted` does not."""
-    return (
-        have.reliability == ReliabilityPolicy.RELIABLE != wanted.reliability
-        or have.durability == DurabilityPolicy.TRANSIENT_LOCAL != wanted.durability
-    )
-
-
-def offered(offer: TopicEndpointInfo) -> Qos:
-    """Return a publisher's quality of service in rosbag2's words."""
-    profile = offer.qos_profile
-    return Qos(
-        reliability=profile.reliability.name.lower(),
-        durability=profile.durability.name.lower(),
-        history=profile.history.name.lower(),
-        depth=profile.depth,
-        deadline=divmod(profile.deadline.nanoseconds, 1_000_000_000),
-        lifespan=divmod(profile.lifespan.nanoseconds, 1_000_000_000),
-        liveliness=profile.liveliness.name.lower(),
-        lease=divmod(profile.liveliness_lease_duration.nanoseconds, 1_000_000_000),
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-    )
 
 
 def _never(message: bytes) -> None:

@@ -37,8 +37,9 @@ from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
 from .support.below import one_name, root_folder
-from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
+from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.serving_node import Done
 from .support.topics import offered
 
 _IDLE_S = 0.05
@@ -110,7 +111,7 @@ class SessionRecorder(ModuleNode):
             self.get_logger().warning(f"{folder}: {why}: {result}")
 
     def _parent(self) -> Path:
-        """Return where the bags go. Raises ValueError when nobody has that home folder."""
+        """Return where the bags go. Raises ValueError when no user has that home folder."""
         return root_folder(self.parameters.read(RecorderSettings).folder)
 
     def begin(self) -> None:

@@ -35,7 +35,7 @@ class OtherRobots:
         self._others = {prefix for prefix in found if not self._own.startswith(prefix)}
 
     def have(self, name: str) -> bool:
-        """Whether a topic or node of this full name is another robot's, or nobody's.
+        """Whether a topic or node of this full name belongs to another robot or to none.
 
         A robot in the root namespace owns all that is in no other robot's.
         """

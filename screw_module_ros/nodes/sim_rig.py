@@ -23,12 +23,14 @@ from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
-from .support.module_node import OK, WARN, Done, Health, ModuleNode
+from .support.due import Due
+from .support.module_node import OK, WARN, Health, ModuleNode
 from .support.runtime import main as run_node
+from .support.serving_node import Done
 from .support.topics import offered
 
 _ANSWER_S = 1.0
-_CLOCK_NS = 10_000_000
+_CLOCK_RATE = graph.TOPICS[graph.CLOCK].rate
 
 
 class SimulationSettings(NamedTuple):
@@ -91,8 +93,7 @@ class SimRigNode(ModuleNode):
             self.parameters.read(RigSettings, "devices"),
         )
         self._publish = self.outlet(*offered(graph.TRUTH))
-        self._truth_period_ns = round(1e9 / settings.truth_rate)
-        self._truth_due_ns = self._clock_due_ns = 0
+        self._truth_due, self._clock_due = Due(settings.truth_rate), Due(_CLOCK_RATE)
         if self.clock.simulated:
             self._publish_clock = self.outlet(*offered(graph.CLOCK))
             self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
@@ -137,11 +138,9 @@ class SimRigNode(ModuleNode):
         return self._is_over()
 
     def _publish_due(self, now_ns: int) -> None:
-        if now_ns >= self._truth_due_ns:
-            self._truth_due_ns = (now_ns // self._truth_period_ns + 1) * self._truth_period_ns
+        if self._truth_due(now_ns):
             self._publish_truth()
-        if self._time is not None and now_ns >= self._clock_due_ns:
-            self._clock_due_ns = (now_ns // _CLOCK_NS + 1) * _CLOCK_NS
+        if self._time is not None and self._clock_due(now_ns):
             now = self._clock_message.clock
             now.sec, now.nanosec = divmod(now_ns, 1_000_000_000)
             self._publish_clock(self._clock_message)

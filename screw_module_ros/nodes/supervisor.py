@@ -30,9 +30,10 @@ from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
 from .support.kept import Kept
-from .support.module_node import ERROR, OK, WARN, Done, Health, ModuleNode
+from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
+from .support.serving_node import Done
 from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"

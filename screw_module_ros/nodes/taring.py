@@ -12,14 +12,14 @@ import threading
 from screw_module_ros.clock import Clock
 from screw_module_ros.samples import ForceReading
 
-from .support.realtime import Inbox
+from .support.hot_topics import Inbox
 from .support.torque_off import TorqueOff
 
 _GATHER_S = 3.0
 
 
 class Taring:
-    """Readings of the loop's thread for the service thread. inbox: hears the amplifier's state."""
+    """Readings of the loop's thread for the service thread. inbox: for the amplifier's state."""
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock

@@ -7,7 +7,7 @@ Every call either works or raises RobotError in a sentence that names the node a
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,22 +24,20 @@ from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, S
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
-from screw_module_ros.lockstep.wires import Hop
+from screw_module_ros.clock import WallClock, simulated_clock
 from screw_module_ros.loop.ticker import BACK_OFF_S
 
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest
-from ..nodes.support.module_node import answer_topic, request_topic
-from ..nodes.support.realtime import Inbox
+from ..nodes.support.hot_topics import Inbox
+from ..nodes.support.serving_node import answer_topic, request_topic
 from ..nodes.support.transport import choose_transport
+from .waiting import POLL_NS, RobotError, Waiting
 
-_POLL_NS = 20_000_000
 _SERVE_S = 0.5
 ANSWER_S = 10.0
 _LOST_S = 1.0
 _READY_S = 90.0
-_STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
 _WALL = WallClock()  # processes start by it, whatever the robot's time is
 _FRESH_NS = 300_000_000
@@ -52,16 +50,11 @@ _STATES = {
 }
 
 
-class RobotError(RuntimeError):
-    """Something asked of the robot did not work; the message says which node said what."""
-
-
-class Client:
+class Client(Waiting):
     """A client of the whole graph. Not thread-safe: one thread calls it.
 
     watch: called in every wait, may raise to end it, for instance when a process died. simulated:
-    take part in the rig's time: waits go by it, what is asked is asked at one time and answered
-    before it moves on.
+    take part in the rig's time: waits go by it, and a request is answered before it moves on.
     """
 
     def __init__(
@@ -71,8 +64,7 @@ class Client:
         watch: Callable[[], None] = lambda: None,
         simulated: bool = False,
     ):
-        self.watch = watch
-        self.clock: Clock = simulated_clock(name, namespace) if simulated else WallClock()
+        super().__init__(simulated_clock(name, namespace) if simulated else WallClock(), watch)
         choose_transport()
         self._context = Context()
         self._context.init()
@@ -121,49 +113,7 @@ class Client:
             except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
                 self._closing.wait(BACK_OFF_S)
 
-    # Waiting -------------------------------------------------------------------------------
-
-    def pause(self, seconds: float) -> None:
-        """Wait, watching."""
-        self.pause_until(self.clock.now_ns() + round(seconds * 1e9))
-
-    def pause_until(self, due_ns: int) -> None:
-        """Wait until it is `due_ns` by the client's clock [ns], watching."""
-        while (now_ns := self.clock.now_ns()) < due_ns:
-            self.watch()
-            self._sleep(min(due_ns, now_ns + _POLL_NS))
-
-    def _sleep(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
-        """Wait until `until_ns`, or for a message on `hops`.
-
-        Raises RobotError when simulated time stands because its rig has ended, or for long.
-        """
-        end_ns = _WALL.now_ns() + _STANDS_NS
-        while True:
-            try:
-                if hops:
-                    self.clock.member.wait(until_ns, hops=hops)
-                else:
-                    self.clock.sleep_until(until_ns)
-                return
-            except TimeStandsStill as error:
-                self.watch()  # a process that has ended says more
-                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
-                    raise RobotError(str(error)) from None
-
-    def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
-        """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
-        if not self.met(condition, deadline_s):
-            raise RobotError(f"{what} (waited {deadline_s:g} s){self.complaints_text()}")
-
-    def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        """Wait for `condition`, watching; return whether it was met before the deadline."""
-        end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
-        while not condition():
-            if self.clock.now_ns() > end_ns:
-                return False
-            self.pause(_POLL_NS * 1e-9)
-        return True
+    # Nodes ---------------------------------------------------------------------------------
 
     def wait_until_ready(
         self,
@@ -173,9 +123,7 @@ class Client:
     ) -> None:
         """Wait until the lifecycle state of all `nodes` is active.
 
-        on_waiting: called with the names of those that are not yet.
-
-        deadline_s: of wall clock.
+        deadline_s: of wall clock. on_waiting: called with the names of those that are not yet.
         """
         waiting = list(nodes)
         asked: dict[str, tuple[Any, int]] = {}
@@ -185,19 +133,9 @@ class Client:
             on_waiting(waiting)
             return not waiting
 
-        if not self._met_by_wall(ready, deadline_s):
+        if not self.met_by_wall(ready, deadline_s):
             said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
-
-    def _met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        self.clock.idle()
-        end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
-        while not condition():
-            if _WALL.now_ns() > end_ns:
-                return False
-            self.watch()
-            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-        return True
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
         """Whether the node has answered so.
@@ -278,7 +216,7 @@ class Client:
                 now_ns = self.clock.now_ns()
                 if now_ns > end_ns:
                     self.wait_until(future.done, 0.0, f"{service} did not answer")
-                self._await(future, now_ns + _POLL_NS, hops)
+                self._await(future, now_ns + POLL_NS, hops)
         return future.result()
 
     def _await(self, future: Any, until_ns: int, hops: list) -> None:
@@ -286,10 +224,10 @@ class Client:
         if not hops:
             answered = threading.Event()
             future.add_done_callback(lambda _: answered.set())
-            if not answered.wait(_POLL_NS * 1e-9) and self.clock.simulated:
+            if not answered.wait(POLL_NS * 1e-9) and self.clock.simulated:
                 self.clock.sleep_until(until_ns)  # its node may need time for the answer
             return
-        self._sleep(until_ns, hops)
+        self.sleep_until(until_ns, hops)
         answered = threading.Event()
         if hops[0].pending():
             future.add_done_callback(lambda _: answered.set())

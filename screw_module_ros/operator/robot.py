@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An operator's hand on the robot: what somebody at the bench does, as calls.
+"""A Python client for operators: each call does what an operator at the bench does.
 
     with Robot() as robot:
         robot.wait_until_ready(["encoder", "amplifier"])
@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros import graph
 
-from ..nodes.support.realtime import Outlet, fill_stamp
+from ..nodes.support.hot_topics import Outlet, fill_stamp
 from ..nodes.support.topics import offered
 from .client import ANSWER_S, Client, RobotError
 
@@ -164,7 +164,8 @@ class Robot(Client):
             raise RobotError(f"{node} did not switch {'on' if on else 'off'}: {reason}")
 
     def _ask_to_enable(self, node: str, on: bool) -> None:
-        """Ask, and again while the supervisor permits what the drive has not heard yet."""
+        """Ask, and again while the permission of the supervisor is still on its way to the drive.
+        """
         refusal = ""
 
         def answered() -> bool:

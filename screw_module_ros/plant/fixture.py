@@ -2,7 +2,7 @@
 """What holds the handle: the patient, nothing, the positioning stage, or the locked rotor.
 
 The handle can be brought to a height before a fixture takes hold: it is carried there at
-`PLACING_SPEED`, as somebody would, so that no sensor sees it jump.
+`PLACING_SPEED`, so that no sensor sees it jump.
 """
 
 from __future__ import annotations
@@ -84,5 +84,5 @@ def running(fixture: Fixture, travel: float, handle: float) -> Fixture:
 
 
 def placed(fixture: Fixture, handle: float, velocity: float) -> bool:
-    """Tell whether placing has brought the handle [m], [m/s] to where it should be."""
+    """Return whether placing has brought the handle [m], [m/s] to its target."""
     return abs(handle - fixture.target) < PLACED and abs(velocity) < 1e-3

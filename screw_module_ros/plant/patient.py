@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The patient as somebody outside asks for changes: what arm, and where its virtual hand goes."""
+"""Changes of the simulated patient at run time: its arm, and where its virtual hand goes."""
 
 from __future__ import annotations
 

@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 import random
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Annotated, NamedTuple
 
 from ..plain_yaml import load_plain_yaml
-from ..quoting import named, quoted
 from ..regular_file import read_regular
 from ..resources import resource_path
-from ..settings import Setting, declared, problem
+from ..settings import Setting
+from ..settings_mapping import from_mapping
 from .amplifier import Amplifier, amplifier_step_settings
 from .arm import HumanArm
 from .friction import Friction
@@ -73,57 +73,10 @@ def load_world(path: str | Path | None = None, perturb_seed: int | None = None) 
     except ValueError as error:
         raise PlantFileError(f"plant file {file} is not YAML: {error}") from error
     try:
-        settings = checked(_section(WorldSettings, content, ""))
+        settings = checked(from_mapping(WorldSettings, content, sizes=POLYNOMIALS))
     except ValueError as error:
         raise PlantFileError(f"plant file {file}: {error}") from None
     return settings if perturb_seed is None else perturbed(settings, perturb_seed)
-
-
-def _section(kind: type, content: Any, where: str) -> Any:
-    """Return `content` as the NamedTuple `kind`; `where` is the key it stands under."""
-    if not isinstance(content, dict):
-        raise ValueError(f"{where or 'the file'}: a mapping of names to values is wanted")
-    hints = get_type_hints(kind)
-    for key in content:
-        if key not in hints:
-            raise ValueError(f"{where}{named(key)} is unknown; known are {', '.join(hints)}")
-    missing = [name for name in hints if name not in content]
-    if missing:
-        raise ValueError(f"{where}{missing[0]} is missing")
-    return kind(*(_value(kind, name, hints[name], content[name], where) for name in hints))
-
-
-def _value(kind: type, name: str, hint: type, value: Any, where: str) -> Any:
-    if hasattr(hint, "_fields"):
-        return _section(hint, value, f"{where}{name}.")
-    label = where + name
-    if hint is tuple:
-        value = _numbers(value, label, POLYNOMIALS[name])
-    elif hint is float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            text = f"{label} = {quoted(value)}"
-            raise ValueError(f"{text}: a number is wanted (write 1.0e-4, not 1e-4)")
-        value = _double(value, label)
-    elif type(value) is not hint:
-        raise ValueError(f"{label} = {quoted(value)}: {hint.__name__} is wanted")
-    wrong = problem(declared(kind)[name], value, label)
-    if wrong:
-        raise ValueError(wrong)
-    return value
-
-
-def _numbers(value: Any, label: str, count: int) -> tuple[float, ...]:
-    good = isinstance(value, list) and len(value) == count
-    if not good or not all(type(number) in (int, float) for number in value):
-        raise ValueError(f"{label}: a list of {count} numbers is wanted")
-    return tuple(_double(number, label) for number in value)
-
-
-def _double(value: float, label: str) -> float:
-    try:
-        return float(value)
-    except OverflowError:
-        raise ValueError(f"{label} = {quoted(value)}: a finite number is wanted") from None
 
 
 def checked(settings: WorldSettings) -> WorldSettings:

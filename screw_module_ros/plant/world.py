@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated rig as its drives and sensors meet it: commands in, counts and wrench out.
 
-`World` holds the state of `simulation.advance` and what is attached to the handle. It is driven by
-whoever simulates the devices; nothing here reads a clock.
+`World` holds the state of `simulation.advance` and what is attached to the handle. The simulated
+devices drive it; nothing here reads a clock.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Counts what is missing from a topic, from the tick numbers and the middleware's own numbers.
 
-Two things are told apart. `lost`: tick numbers (`sequence`, design section 5) that never came, be
-it that the sensor missed them, that the publisher skipped them or that they were lost on the way.
-`missed`: messages that were published but did not reach the recorder, from the number the
+Two things are distinguished. `lost`: tick numbers (`sequence`, design section 5) that never came,
+be it that the sensor missed them, that the publisher skipped them or that they were lost on the
+way. `missed`: messages that were published but did not reach the recorder, from the number the
 middleware gives each message of a publisher. A bag with lost but not missed shows what happened on
 the robot; missed ones are the recorder's own.
 """

@@ -34,9 +34,9 @@ METADATA_FILE = "metadata.yaml"
 class Topic(NamedTuple):
     """A topic to be recorded.
 
-    name: full name. type: `package/msg/Type`. definition: see `definitions.Definitions`.
-    type_hash: RIHS01 hash as the publishers tell it, empty for the definition's own.
-    qos: what its publishers offer.
+    name: full name. type: `package/msg/Type`. definition: see `definitions.Definitions`. type_hash:
+    RIHS01 hash that the publishers announce, empty for the definition's own. qos: what its
+    publishers offer.
     """
 
     name: str

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which channel of a file is which topic, from whatever still tells it.
+"""Which channel of a file is which topic, from what is left of the records.
 
 A channel is declared in the first chunk that needs it, and again in the index at the file's end. In
-a damaged bag one or both may be lost; then the bag's other files tell (a topic has the same channel
-in each of them), or metadata.yaml, whose topics stand in the order of their channels.
+a damaged bag one or both may be lost; then the bag's other files give it (a topic has the same
+channel in each of them), or metadata.yaml, whose topics stand in the order of their channels.
 """
 
 from __future__ import annotations

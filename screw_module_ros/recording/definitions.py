@@ -113,7 +113,7 @@ class Definitions:
     def type_hash(self, name: str) -> str:
         """Return the RIHS01 hash from the type's installed description, empty when there is none.
 
-        A running graph tells the hash too (endpoint information); this serves without one.
+        A running graph announces the hash too (endpoint information); this serves without one.
         """
         package, kind, base = _split(name)
         folder = self._share(package, name) / (kind or "msg")

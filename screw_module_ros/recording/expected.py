@@ -26,7 +26,7 @@ TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
 
 
 def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
-    """Return the ticks from one message of a type to the next, 0 when only the data can tell.
+    """Return the ticks from one message of a type to the next, 0 when only the data show it.
 
     parameters: as noted in the bag; without them a type whose stride is a parameter gives 0.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of a bag, opened with suspicion: whatever lies there may be damaged, or no file at all.
+"""Files of a bag, opened with checks: each may be damaged, or no file at all.
 
 A FIFO would block who opens it and a device may act on it, so anything but a regular file is
 refused before it is opened. A file is read piece by piece and not mapped into memory: a mapped file
@@ -108,7 +108,7 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def check_at_rest(source: Source, quiet: float) -> None:
-    """Raise BagBusyError when somebody records, copies or has just changed this file.
+    """Raise BagBusyError when another process records, copies or has just changed this file.
 
     quiet: how long ago the last change must be [s]; 0 asks only who has it open.
     """

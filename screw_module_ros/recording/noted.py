@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What metadata.yaml tells of a bag, checked piece by piece: it may be damaged or edited."""
+"""The content of metadata.yaml, checked piece by piece: it may be damaged or edited."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ def parsed(text: str, name: str) -> Any:
 
 
 def noted_from(information: Any) -> Noted:
-    """Return what the mapping `information` tells. Raises BagReadError for what it must have."""
+    """Return the content of the mapping `information`. Raises BagReadError for what it must have.
+    """
     if not isinstance(information, dict):
         raise BagReadError(f"{METADATA_FILE} has no rosbag2_bagfile_information")
     custom = information.get("custom_data")

@@ -80,7 +80,7 @@ def is_torn(folder: Path) -> bool:
 def recover_all(parent: Path) -> dict[Path, Recovered | BagError]:
     """Recover every torn bag right below `parent`; return what became of each.
 
-    Whatever lies there, it raises nothing: one bag must not keep the others from being recorded.
+    It never raises: one damaged bag must not keep others from being recorded.
     """
     found: dict[Path, Recovered | BagError] = {}
     for folder in _folders(parent):
@@ -156,7 +156,7 @@ def _recover(folder: Path, quiet: float, stack: ExitStack) -> Recovered:
 
 
 def _noted(folder: Path) -> tuple[Noted, bool]:
-    """Return what metadata.yaml tells, and whether it can be read."""
+    """Return the content of metadata.yaml, and whether it can be read."""
     try:
         return read_noted(folder), True
     except BagReadError:
@@ -172,7 +172,7 @@ def _looked_at(path: Path, noted: Noted, quiet: float, stack: ExitStack) -> _Par
 
 
 def _noted_inside(parts: list[_Part]) -> Noted:
-    """Return what the last file that can tell it tells instead of metadata.yaml."""
+    """Return the metadata of the last readable file, in place of metadata.yaml."""
     for part in reversed(parts):
         text = part.survey.metadata.get("rosbag2", {}).get("serialized_metadata", "")
         try:
@@ -219,7 +219,7 @@ def _lines(parts: list[_Part], noted: Noted) -> list[TopicLine]:
 
 
 def _fits(noted: Noted, lines: list[TopicLine], surveys: list[Survey]) -> bool:
-    """Whether metadata.yaml tells what the files hold."""
+    """Whether the counts in metadata.yaml match the files."""
     counts = {line.name: line.messages for line in noted.topics}
     names = tuple(found.path.name for found in surveys)
     return noted.files == names and counts == {line.name: line.messages for line in lines}
@@ -233,7 +233,7 @@ def _kept(parts: list[_Part]) -> Iterator[Path]:
 
 
 def _kept_metadata(folder: Path) -> Iterator[Path]:
-    """Keep metadata.yaml: its counts tell what was there before."""
+    """Keep a copy of metadata.yaml: its counts show what was there before."""
     path = folder / METADATA_FILE
     if path.exists():
         with Source(path) as old:

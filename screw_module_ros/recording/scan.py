@@ -3,7 +3,7 @@
 
 Readers of libraries want index and footer; repairing and auditing a bag must do without. A chunk
 counts as whole when its records fit their checksum. All else about it (lengths, times, the message
-indexes behind it) can be told from the records and is never a reason to lose them.
+indexes behind it) follows from the records and is never a reason to lose them.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Outside(NamedTuple):
 def has_sound_head(source: Source, vouched: bool) -> bool:
     """Whether the file begins as this recorder begins a file; False when that much is damaged.
 
-    vouched: whether something else, like metadata.yaml, tells that this recorder wrote the file.
+    vouched: whether something else, like metadata.yaml, shows that this recorder wrote the file.
     Raises BagReadError when it did not.
     """
     head = source.read(0, len(HEAD))

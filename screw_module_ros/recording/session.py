@@ -64,7 +64,7 @@ class Session:
         settings: StorageSettings | None = None,
         free_space: Callable[[], int] | None = None,
     ):
-        """Take over `writer`. `free_space` tells what the disk has left [B]."""
+        """Take over `writer`. `free_space` returns the free space of the disk [B]."""
         self.folder = writer.folder
         self._writer = writer
         self._settings = settings or StorageSettings()

@@ -107,7 +107,7 @@ class _Track:
             self.sequences.append(sequence_of(data, self.where))
 
     def wrong_rate(self, parameters: Mapping[str, str]) -> str:
-        """Say how the ticks differ from the rate noted; empty when they fit or cannot be told."""
+        """Say how the ticks differ from the rate noted; empty when they fit or are unknown."""
         if not self.where or not self.newest:
             return ""
         first, last = (monotonic_of(data, self.where) for data in (self.oldest, self.newest))
@@ -163,7 +163,7 @@ def verify(folder: Path | str) -> Report:
 
 
 def _noted(folder: Path) -> tuple[Noted, str]:
-    """Return what metadata.yaml tells, and why it cannot be read."""
+    """Return the content of metadata.yaml, and why it cannot be read."""
     try:
         return read_noted(folder), ""
     except BagReadError as error:
@@ -205,7 +205,7 @@ def _with_noted(counts: dict[str, Counts], noted: Noted) -> dict[str, Counts]:
 
 
 def _with_numbers(counts: dict[str, Counts], tracks: dict[str, _Track]) -> dict[str, Counts]:
-    """Take back that nothing was missed where no message has a number to tell it by."""
+    """Mark the missed messages of topics without sequence numbers as unknown."""
     return {
         name: count._replace(missed=-1) if count.messages and not tracks[name].numbered else count
         for name, count in counts.items()

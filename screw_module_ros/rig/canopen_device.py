@@ -103,7 +103,7 @@ class CanopenDevice:
         self.errors.report(code)
 
     def connection_back(self, code: int) -> None:
-        """React to a master that is heard again."""
+        """React to the return of the master."""
         self.errors.resolve(code)
 
     def state_changed(self, old: int, new: int) -> None:

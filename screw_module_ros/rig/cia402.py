@@ -97,17 +97,17 @@ class StateMachine:
 
     @property
     def driving(self) -> bool:
-        """Tell whether the drive follows its target."""
+        """Return whether the drive follows its target."""
         return self.state == ENABLED and self._after_stop is None
 
     @property
     def braking(self) -> bool:
-        """Tell whether the drive is braking the motor."""
+        """Return whether the drive is braking the motor."""
         return self._after_stop is not None or self.state == QUICK_STOP
 
     @property
     def stopping(self) -> bool:
-        """Tell whether the drive waits for the motor to stand still."""
+        """Return whether the drive waits for the motor to stand still."""
         return self._after_stop is not None
 
     def boot(self) -> None:

@@ -37,7 +37,7 @@ _LONGEST_STOP_NS = _S
 
 
 class DriveRating(NamedTuple):
-    """What tells one drive from another.
+    """Ratings of one simulated drive.
 
     node_id: CANopen node id. rated_torque: object 6076 [Nm]; rated_current: object 6075 [A].
     max_torque: object 6072 [per mille of rated]. counts_per_turn: object 608F.
@@ -113,7 +113,7 @@ class SimulatedDrive(CanopenDevice):
 
     @property
     def voltage_lost(self) -> bool:
-        """Tell whether the power stage has no supply."""
+        """Return whether the power stage has no supply."""
         return self.torque_off or UNDERVOLTAGE in self.causes.values()
 
     # What CiA 301 calls back.
@@ -141,7 +141,7 @@ class SimulatedDrive(CanopenDevice):
         self._act(self.now_ns)
 
     def connection_back(self, code: int) -> None:
-        """Report that the master is heard again, unless the fault it led to is still latched."""
+        """Report the return of the master, unless the fault it led to is still latched."""
         if self.error_code != code:
             super().connection_back(code)
 

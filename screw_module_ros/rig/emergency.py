@@ -2,7 +2,7 @@
 """Errors of a simulated device: error register, history and EMCY (CiA 301, section 7.2.7).
 
 Objects 1001 (register), 1003 (history, newest first), 1014 (COB-ID). A frame goes out when an error
-appears and, with code 0000, when one goes; an error that lasts is told once.
+appears and, with code 0000, when one goes; an error that lasts is reported once.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def register_bits(code: int) -> int:
 class ErrorLog:
     """The errors of one device.
 
-    send: takes (CAN id, payload); may_send: tells whether the NMT state allows EMCY.
+    send: takes (CAN id, payload); may_send: returns whether the NMT state allows EMCY.
     """
 
     def __init__(

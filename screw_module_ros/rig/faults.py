@@ -38,7 +38,7 @@ class Fault(NamedTuple):
 
     @property
     def sized(self) -> bool:
-        """Tell whether the fault takes a value."""
+        """Return whether the fault takes a value."""
         return bool(self.unit)
 
 
@@ -146,7 +146,7 @@ def _line(fault: Fault) -> str:
 
 
 def catalogue(books: dict[str, dict[str, str]]) -> list[str]:
-    """Return lines for people from device -> fault -> text: what is shared is told once."""
+    """Return readable lines from device -> fault -> text, shared faults once."""
     shared: dict[str, str] = {}
     if len(books) > 1:
         first, *others = books.values()

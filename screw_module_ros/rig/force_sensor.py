@@ -2,8 +2,8 @@
 """Simulated six-axis force/torque sensor (ATI NETCANOEM, manual 9610-05-1030).
 
 Frame id = base << 4 | opcode, payloads big-endian. A request and its replies share ids: a request
-is told from a reply by its length. Two replies are as long as the request they answer (0x6, 0xC):
-a sensor that heard itself would answer itself for ever, which the port prevents.
+differs from a reply in its length. Two replies are as long as the request they answer (0x6, 0xC): a
+sensor that heard itself would answer itself for ever, which the port prevents.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What can happen to frames on the way: the faults of one device's cable.
 
-Only frames of that device are touched, and what it hears; its neighbours on a shared bus live on.
-Several faults may be active at once; each takes the frames the one before has left.
+Only frames of that device are touched, and those it receives; its neighbours on a shared bus live
+on. Several faults may be active at once; each takes the frames the one before has left.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """Heartbeat of a simulated device, both ways (CiA 301, section 7.2.8.3.2).
 
 Producer: object 1017. Consumer: object 1016, one entry for each watched node; a timer is armed by
-the first heartbeat heard, not by the write, and after a loss by the next one heard.
+the first heartbeat received, not by the write, and after a loss by the next one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _MS = 1_000_000
 
 
 class Producer:
-    """Tells when the next heartbeat is due."""
+    """Schedules the heartbeats of a device."""
 
     def __init__(self, node: DeviceNode):
         self._node = node
@@ -32,7 +32,7 @@ class Producer:
             self._due_ns = now_ns
 
     def due(self, now_ns: int) -> bool:
-        """Tell whether a heartbeat has to go out now; those missed meanwhile are skipped."""
+        """Return whether a heartbeat has to go out now; those missed meanwhile are skipped."""
         if not self._period_ns or now_ns < self._due_ns:
             return False
         self._due_ns += self._period_ns * ((now_ns - self._due_ns) // self._period_ns + 1)

@@ -197,7 +197,7 @@ class Rpdo:
             self._apply(data, now_ns)
 
     def expired(self, now_ns: int) -> bool:
-        """Tell once that no frame came within the deadline; the next frame arms it again."""
+        """Return once that no frame came within the deadline; the next frame arms it again."""
         if not self.deadline_ns or now_ns < self.deadline_ns:
             return False
         self.deadline_ns = 0

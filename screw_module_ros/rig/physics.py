@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant's time: wall clock, or steps in lock step with everybody else.
+"""The plant's time: wall clock, or steps in lock step with the nodes.
 
 With the wall clock the world follows CLOCK_MONOTONIC; after a stall it gives up the lost time and
-counts it instead of integrating a burst. In steps it goes exactly as far as it is told, and a
-command acts a fixed latency after the SYNC that it answers, as it would on a real robot, however
+counts it instead of integrating a burst. In steps it goes exactly as far as the conductor says, and
+a command acts a fixed latency after the SYNC that it answers, as it would on a real robot, however
 long the answer took to compute.
 """
 

@@ -14,8 +14,8 @@ from typing import Protocol
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
+from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
 from screw_module_ros.clock import Clock
-from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
 
 Handler = Callable[[bytes, int], None]
 """Takes the payload of a frame and the time it is handled at [ns]."""
@@ -111,7 +111,9 @@ class RigPort:
         self._table = table
 
     def expects(self) -> bool:
-        """Return whether a frame may be waiting; a stranger's is not foreseen in lock step."""
+        """Return whether a frame may be waiting; lock step does not foresee frames of foreign
+        processes.
+        """
         return self._arrivals.expects()
 
     def receive(self, now_ns: int) -> bool:
@@ -159,7 +161,7 @@ def _present(handlers: Iterable[Handler | None]) -> tuple[Handler, ...]:
 
 
 def _unsupported(message: can.Message) -> bool:
-    """Tell whether a frame is of a kind that no device here answers."""
+    """Return whether a frame is of a kind that no device here answers."""
     return (
         message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
     )

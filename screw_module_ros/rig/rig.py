@@ -50,9 +50,9 @@ _PAUSE_S = 0.0002
 class RigCounters(NamedTuple):
     """What the rig has done so far, over all buses.
 
-    ignored: frames that nobody here answers. own_echoes: our own frames, handed back by an
-    interface that cannot be told not to. slipped: periods of wall clock given up because the
-    machine was busy.
+    ignored: frames that no device here answers. own_echoes: our own frames, handed back by an
+    interface without a filter. slipped: periods of wall clock given up because the machine was
+    busy.
     """
 
     frames_in: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions from recorded bags: what was told, the samples, and the replay of one."""
+"""Sessions from recorded bags: states, results, samples, and the replay of one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
 
 
 class Recorded(NamedTuple):
-    """What a bag tells of a session.
+    """A session as recorded in a bag.
 
     folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
     `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by

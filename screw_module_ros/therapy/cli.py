@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session new|replay|report|export`: pseudonyms, and what recorded therapy sessions tell."""
+"""`session new|replay|report|export`: pseudonyms, and the evaluation of recorded therapy sessions.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a path tells: how straight it is, how well it begins and ends; circles and holding still."""
+"""Metrics of a path: how straight it is, how well it begins and ends; circles and holding still."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from ..control.slot import Slot
 from ..settings import Setting, validated
 from .adaptation import AdaptationBounds
-from .line import AXES, VERTICAL
+from .line import AXES
 from .samples import Point
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
@@ -202,8 +202,3 @@ def _check_point(block: Block, point: Point) -> None:
             f"block {block.title!r}: the point ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside what the "
             f"robot reaches: x +-{LARGEST_X} m, y +-{LARGEST_Y} m, z {LOWEST_Z} to {HIGHEST_Z} m"
         )
-
-
-def is_vertical(protocol: Protocol) -> bool:
-    """Return whether a protocol takes place on the vertical axis alone."""
-    return protocol.space == VERTICAL

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pseudonyms and the folders named after them: the only thing that tells patients apart here.
+"""Pseudonyms and the folders named after them: the only identification of patients here.
 
 No name, no date of birth, no free text: who belongs to a pseudonym is written down elsewhere.
 """

@@ -56,9 +56,9 @@ def replay(
 ) -> Replay:
     """Return what becomes of the samples, and how it compares with what was recorded.
 
-    samples: as `endpoint_state` had them, in order; acts: as `therapy/state` told them; recorded:
-    the results as `therapy/trial` told them, by the names of `record`. Raises ValueError when no
-    act starts the session.
+    samples: as `endpoint_state` had them, in order; acts: from `therapy/state`; recorded: the
+    results from `therapy/trial`, by the names of `record`. Raises ValueError when no act starts the
+    session.
     """
     if not any(act.state == RUNNING for act in acts):
         raise ValueError("no therapy/state that says `running`: the session's start is not there")

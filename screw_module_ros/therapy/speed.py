@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a speed profile tells: where the movement begins and ends, its peaks, its arrests."""
+"""Metrics of a speed profile: where the movement begins and ends, its peaks, its arrests."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Console:
 
     @contextmanager
     def progress(self, text: str, total: float) -> Iterator[Callable[[float], None]]:
-        """Show a bar over `total` seconds; the function given tells how many have passed."""
+        """Show a bar over `total` seconds; call the function yielded with how many have passed."""
         columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
         with self.step(text):
             if not self._rich.is_terminal:

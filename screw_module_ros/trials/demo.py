@@ -20,6 +20,7 @@ from typing import NamedTuple
 import click
 from screw_module_msgs.msg import ForceCommand
 
+from screw_module_ros.domain import end_without_domain
 from screw_module_ros.identification.force_position import Spring
 from screw_module_ros.identification.recorded_session import Part
 from screw_module_ros.recording.errors import BagError
@@ -76,6 +77,7 @@ class Options(NamedTuple):
 @click.option("--strict", is_flag=True, help="Exit with 3 when a figure is not what is wanted.")
 def command(**given) -> None:
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
+    end_without_domain("demo")
     options = Options(**given)
     console, begun = Console(), time.monotonic()
     run = options.folder / datetime.now().strftime("%Y_%m_%d-%H_%M_%S")

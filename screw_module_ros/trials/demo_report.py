@@ -125,7 +125,7 @@ class Results(NamedTuple):
         return table
 
     def _add_latencies(self, table: Table) -> None:
-        """Add what only a clock that runs by itself can tell."""
+        """Add the latencies, which only the wall clock can measure."""
         t = self.evaluation.timing
         table.add_row("rate", f"{t.rate:.1f} 1/s")
         table.add_row(
@@ -217,7 +217,7 @@ def _verdict(met: bool) -> str:
 
 
 def _near(path: Path) -> Path:
-    """Return the path from here where it lies below here."""
+    """Return the path relative to the current folder where it is below it."""
     here = Path.cwd()
     path = path.resolve()
     return path.relative_to(here) if path.is_relative_to(here) else path

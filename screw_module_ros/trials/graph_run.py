@@ -151,7 +151,9 @@ class GraphRun:
         return self.codes
 
     def _terminate(self) -> None:
-        """End the nodes with SIGTERM, in order: one that still imports would tell of SIGINT."""
+        """End the nodes with SIGTERM, in order: a node that still imports would print a traceback
+        at SIGINT.
+        """
         for process in reversed(self._processes):
             if process.exit_code() is None:
                 os.kill(process.pid, signal.SIGTERM)

@@ -24,6 +24,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
 from screw_module_ros.clock import WallClock
+from screw_module_ros.domain import end_without_domain
 from screw_module_ros.recording.errors import BagError
 from screw_module_ros.recording.verify import verify
 
@@ -86,6 +87,7 @@ class Options(NamedTuple):
 @click.option("--strict", is_flag=True, help="Exit with 3 when a verdict is not what is wanted.")
 def command(**given) -> None:
     """Run the robot for long and say whether anything grows, lags or gets lost."""
+    end_without_domain("soak")
     options = Options(**given)
     if options.quick:
         options = options._replace(every=min(options.every, 1.0), change=min(options.change, 3.0))

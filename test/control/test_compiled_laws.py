@@ -10,6 +10,7 @@ import pytest
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control import planar, vertical
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
 
@@ -17,10 +18,10 @@ MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_the
 def test_vertical_law():
     chance = random.Random(1)
     settings = vertical.VerticalSettings(damping=10.0)
-    plain = twin = vertical.initial_state(settings)
+    plain = twin = initial_state(settings)
     fast = compiled(vertical.vertical_step)
     for _ in range(300):
-        inp = vertical.VerticalInput(
+        inp = VerticalInput(
             chance.randint(0, 4),
             chance.uniform(-0.01, 0.37),
             chance.choice([chance.uniform(-1.0, 1.0), math.nan]) if chance.random() < 0.1 else 0.2,

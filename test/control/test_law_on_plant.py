@@ -15,12 +15,8 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.torque_chain import COLD, commanded, on_the_wire, torque_chain
-from screw_module_ros.control.vertical import (
-    VerticalInput,
-    VerticalSettings,
-    initial_state,
-    vertical_step,
-)
+from screw_module_ros.control.vertical import VerticalSettings, vertical_step
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.resources import resource_path
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.control import planar, vertical
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 
 FRICTION = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
@@ -16,8 +17,8 @@ FRICTION = load_friction_model(Path(__file__).parents[2] / "params" / "friction_
 def test_vertical():
     """The strongest damper, the fastest set point: it was 65 N for ever."""
     settings = vertical.VerticalSettings(damping=500.0, gravity=0.0)
-    state, forces = vertical.initial_state(settings), []
-    inp = vertical.VerticalInput(1, 0.18, 0.0, 0.0, 0.18, 0.4, True)
+    state, forces = initial_state(settings), []
+    inp = VerticalInput(1, 0.18, 0.0, 0.0, 0.18, 0.4, True)
     for _ in range(2000):
         output, state = vertical.vertical_step(settings, FRICTION, state, inp, 0.001)
         forces.append(output.force)

@@ -11,13 +11,8 @@ from hypothesis import strategies as st
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.control.vertical import (
-    LONGEST_STEP,
-    VerticalInput,
-    VerticalSettings,
-    initial_state,
-    vertical_step,
-)
+from screw_module_ros.control.vertical import LONGEST_STEP, VerticalSettings, vertical_step
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.settings import declared
 
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")

@@ -12,6 +12,7 @@ from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 
 MILLISECOND = 1_000_000
+_SIZES = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4}  # bytes, of an expedited download
 
 
 class TiedBus(VirtualBus):
@@ -124,8 +125,10 @@ class ScriptedNode(FarEnd):
             return
         if command == 0x40:
             self._upload(key, address)
-        else:
+        elif command in _SIZES:
             self._download(command, key, address, data[4:])
+        else:  # no segments and no blocks here: command specifier unknown
+            self._reply(b"\x80" + address + b"\x01\x00\x04\x05")
 
     def _upload(self, key: tuple[int, int], address: bytes) -> None:
         if key not in self.objects:
@@ -136,7 +139,7 @@ class ScriptedNode(FarEnd):
         self._reply(bytes([command]) + address + value.ljust(4, b"\0"))
 
     def _download(self, command: int, key: tuple[int, int], address: bytes, data: bytes) -> None:
-        size = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4}[command]
+        size = _SIZES[command]
         if key in self.refused:
             self._reply(b"\x80" + address + self.refused[key].to_bytes(4, "little"))
             return

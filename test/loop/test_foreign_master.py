@@ -36,6 +36,13 @@ class Intruder:
         self._bus.send(can.Message(arbitration_id=0x201, data=data, is_extended_id=False))
         self._robot.rig.process(self._robot.now_ns)
 
+    def write(self, index, value, size):
+        """Download an object by SDO, expedited (CiA 301, 7.2.4.3.3)."""
+        code = {1: 0x2F, 2: 0x2B, 4: 0x23}[size]
+        data = struct.pack("<BHBi", code, index, 0, value)
+        self._bus.send(can.Message(arbitration_id=0x601, data=data, is_extended_id=False))
+        self._robot.rig.process(self._robot.now_ns)
+
     def close(self):
         self._bus.shutdown()
 
@@ -105,3 +112,41 @@ def test_the_rig_s_drive_obeys_its_limit(robot, intruder):
         robot.rig.process(robot.now_ns)
         seen.append(abs(robot.world.vertical_torque))
     assert LIMIT - 0.03 < max(seen) <= LIMIT + QUIET
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
+    robot, intruder, enabled
+):
+    """Its guards were read back when it was configured, and never again."""
+    robot.controller.mode = 1
+    if enabled:
+        assert robot.enable() == ""
+        robot.ticks(600)
+    limit = robot.drive.node.sdo.unsigned(0x6072)
+
+    def unguard():
+        intruder.write(0x6072, 10_000, 2)
+        intruder.write(0x6007, 0, 2)
+        intruder.write(0x6071, 1000, 2)
+
+    seen = torques(robot, unguard, 1) + torques(robot, lambda: None, 100)
+    assert max(seen[5:]) < QUIET and not robot.torque_passes
+    assert "another SDO client" in robot.drive.fault
+    assert robot.clear_fault() == ""
+    robot.ticks(10)
+    assert robot.drive.node.sdo.unsigned(0x6072) == limit
+    assert robot.drive.node.sdo.unsigned(0x6007) == 1
+    assert robot.enable() == ""
+
+
+def test_a_walk_up_by_sdo_ends_as_well(robot, intruder):
+    def walk_up():
+        intruder.write(0x6071, 1000, 2)
+        for word in (0x06, 0x07, 0x0F):
+            intruder.write(0x6040, word, 2)
+
+    seen = torques(robot, walk_up, 500)
+    assert "another SDO client" in robot.drive.fault
+    assert max(seen) <= LIMIT + QUIET
+    assert max(seen[5:]) < QUIET

@@ -13,6 +13,7 @@ from screw_module_ros.control.modes import IMPEDANCE
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Slot, SlotLimits
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.guide import RENEWED_NS, Guide
 from screw_module_ros.resources import resource_path
@@ -84,11 +85,11 @@ def test_the_plane_takes_the_slot_for_its_spring_and_gives_it_back_without_a_jum
 
 def test_the_vertical_takes_the_slot_for_its_spring():
     settings = VerticalSettings()
-    state = vertical.initial_state(settings)
+    state = initial_state(settings)
     forces = []
     for step in range(1500):
         weight = min(1.0, step / 200)
-        inp = vertical.VerticalInput(
+        inp = VerticalInput(
             IMPEDANCE, 0.2, 0.0, 0.0, 0.3, 0.0, True, 5.0 * weight, weight
         )
         output, state = vertical.vertical_step(settings, MODEL, state, inp, 0.001)

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.nodes.support.module_node import Done
+from screw_module_ros.nodes.support.serving_node import Done
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path

@@ -41,7 +41,9 @@ def test_values_are_what_rcl_takes_them_for(text, value):
     assert values("n", "-p", f"x:={text}") == {"x": value}
 
 
-@pytest.mark.parametrize("text", ["[", "{a: 1}", "[1, a]"])
+@pytest.mark.parametrize(
+    "text", ["[", "{a: 1}", "[1, a]", "2001-99-99", "[" * 3000, "*x", "9" * 5000]
+)
 def test_a_value_that_cannot_be_is_named(text):
     with pytest.raises(ParameterError, match="parameter x = "):
         values("n", "-p", f"x:={text}")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.vertical import VerticalOutput
+from screw_module_ros.control.vertical_state import VerticalOutput
 from screw_module_ros.nodes.support.flat import (
     COMMAND,
     ENCODER,

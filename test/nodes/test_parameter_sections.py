@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from screw_module_ros.nodes.support.parameter_files import (
@@ -103,3 +105,20 @@ def test_a_file_that_is_none_is_refused_by_name(file, text, told):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="nothing.yaml: No such file"):
         read_file(str(tmp_path / "nothing.yaml"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 3000, "a: &a [*a]", "a: 2001-99-99", "a: !!python/name:os.system x", "a: " + "9" * 5000],
+)
+def test_yaml_that_goes_beyond_is_refused_in_a_sentence(file, text):
+    with pytest.raises(ParameterError, match="mine.yaml") as caught:
+        file(f"encoder:\n  ros__parameters:\n    {text}\n")
+    assert len(str(caught.value)) < 500
+
+
+def test_a_fifo_and_a_device_are_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "fifo")
+    for path in (tmp_path / "fifo", "/dev/zero"):
+        with pytest.raises(ParameterError, match="FIFO or device"):
+            read_file(str(path))

@@ -12,9 +12,16 @@ from screw_module_ros.nodes.bringup import executable_path
 FILE = "{folder}/mine.yaml"
 
 
-def run(*words: str) -> subprocess.CompletedProcess:
+NEED_A_DOMAIN = (
+    "amplifier", "bench", "bringup", "characterize", "demo", "encoder", "endpoint_state", "faults",
+    "force_sensor", "impedance_controller", "manus", "module", "session_recorder", "sim_rig",
+    "soak", "supervisor", "therapy_session",
+)  # fmt: skip
+
+
+def run(*words: str, program: str = "endpoint_state") -> subprocess.CompletedProcess:
     return subprocess.run(
-        [executable_path("endpoint_state"), *words],
+        [executable_path(program), *words],
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
 
@@ -48,3 +55,18 @@ def test_what_ros_itself_cannot_do_is_a_sentence_too(monkeypatch, tmp_path):
     assert done.returncode == 2
     assert str(tmp_path) in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("program", "told"), [*((name, "7abc") for name in NEED_A_DOMAIN), ("encoder", "233")]
+)
+def test_a_domain_that_is_none_is_named_before_anything_starts(
+    program, told, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("ROS_DOMAIN_ID", told)
+    monkeypatch.chdir(tmp_path)
+    done = run(program=program)
+    assert done.returncode == 2
+    assert f"ROS_DOMAIN_ID = '{told}' is no ROS domain" in done.stderr
+    assert len(done.stderr.splitlines()) == 1, "nothing was started"
+    assert not list(tmp_path.iterdir())

@@ -110,7 +110,7 @@ def test_written_once_for_each_change(supervisor):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"\xff\xfe", b"null", b'{"estopped": 0}', b"[" * 100_000]
+    "content", [b"", b"{}", b"{", b"\xff\xfe", b"null", b'{"estopped": 0}', b"[" * 100_000]
 )
 def test_garbage_counts_as_an_emergency_stop(supervisor, content):
     node = supervisor()

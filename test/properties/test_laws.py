@@ -18,8 +18,9 @@ from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control import vertical as vertical_law
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.vertical import VerticalInput, vertical_step
+from screw_module_ros.control.vertical import vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical_state import VerticalInput
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.settings import declared, validated
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
+import itertools
 import os
 import random
 import shutil
@@ -46,24 +47,40 @@ TYPES = ("screw_module_msgs/msg/EncoderSample", "screw_module_msgs/msg/ForceSamp
 
 def make_bag(folder: Path, compression: str, files: int = 1) -> Path:
     """Write a closed bag of two topics with 400 messages in each of `files` files."""
-    settings = StorageSettings(2048, compression, max_file_duration=0.15 if files > 1 else 0.0)
-    writer = BagWriter(folder, settings)
+    writer = _begun(folder, compression, 0.15 if files > 1 else 0.0)
+    rng = random.Random(0)
+    for tick in range(0, 200 * files, 100):
+        _write(writer, rng, tick)
+    writer.close()
+    return folder
+
+
+def endless_bag(folder: Path, compression: str) -> None:
+    """Write a bag as `make_bag` does, until somebody ends this process."""
+    writer = _begun(folder, compression, 0.5)
+    for tick in itertools.count(0, 100):
+        _write(writer, random.Random(tick), tick)
+
+
+def _begun(folder: Path, compression: str, file_duration: float) -> BagWriter:
+    writer = BagWriter(folder, StorageSettings(2048, compression, max_file_duration=file_duration))
     for number, kind in enumerate(TYPES):
         writer.add_topic(Topic(f"/topic_{number}", kind, Definition("ros2msg", TEXT, "RIHS01_0")))
     writer.add_topic(Topic("/silent", "own_msgs/msg/X", Definition("ros2msg", TEXT, "RIHS01_0")))
     writer.add_metadata("parameters", {"/encoder": '{"rate": 1000.0}'})
     writer.add_metadata("configuration", {"a": "b"})
-    rng = random.Random(0)
-    for tick in range(0, 200 * files, 100):
-        batch = []
-        for number in range(tick, tick + 100):
-            stamp = struct.pack("<BBHIIIxxxxQ", 0, 1, 0, 0, 0, number, number * 1_000_000)
-            time = START + number * 1_000_000
-            batch += [Message(c, time, time, number + 1, stamp + rng.randbytes(16)) for c in (1, 2)]
-        writer.write(batch)
-        writer.flush()
-    writer.close()
-    return folder
+    return writer
+
+
+def _write(writer: BagWriter, rng: random.Random, tick: int) -> None:
+    """Write 100 messages in each topic, from the number `tick` on, and flush."""
+    batch = []
+    for number in range(tick, tick + 100):
+        stamp = struct.pack("<BBHIIIxxxxQ", 0, 1, 0, 0, 0, number, number * 1_000_000)
+        time = START + number * 1_000_000
+        batch += [Message(c, time, time, number + 1, stamp + rng.randbytes(16)) for c in (1, 2)]
+    writer.write(batch)
+    writer.flush()
 
 
 class Fuzzer:
@@ -92,8 +109,7 @@ class Fuzzer:
             signal.signal(signal.SIGALRM, _hangs)
             signal.alarm(LIMIT_S)
             try:
-                with patch.multiple(os, fsync=_not_now, fdatasync=_not_now):
-                    self._case(rng, case, plain)
+                self.damaged(rng, case, plain)
             except Exception:
                 self.counts["FAILED"] += 1
                 self.failures.append(
@@ -103,6 +119,11 @@ class Fuzzer:
                 signal.alarm(0)
             self.counts["cases"] += 1
         return not self.failures
+
+    def damaged(self, rng: random.Random, case: Path, plain: bool) -> None:
+        """Carry out one case in the folder `case`, which is not there yet."""
+        with patch.multiple(os, fsync=_not_now, fdatasync=_not_now):
+            self._case(rng, case, plain)
 
     def _case(self, rng: random.Random, case: Path, plain: bool) -> None:
         origin = rng.choice(self._bags)

@@ -8,12 +8,8 @@ from rclpy.duration import Infinite
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from screw_module_ros.nodes.session_intake import (
-    Selection,
-    matching,
-    message_class,
-    offered,
-)
+from screw_module_ros.nodes.session_intake import Selection
+from screw_module_ros.nodes.session_qos import offered_by, recorded_class, satisfying
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.recording import BagError, Qos
 
@@ -36,7 +32,7 @@ def offer(reliability, durability):
     ],
 )
 def test_request_is_as_strict_as_all_offers_allow(offers, reliability, durability):
-    request = matching([offer(*each) for each in offers])
+    request = satisfying([offer(*each) for each in offers])
     assert (request.reliability, request.durability) == (reliability, durability)
     assert request.depth >= 1000
 
@@ -45,7 +41,7 @@ def test_offer_in_rosbag2s_words():
     told = offer(BEST_EFFORT, LATCHED)
     told.qos_profile.deadline = told.qos_profile.lifespan = Infinite
     told.qos_profile.liveliness_lease_duration = Infinite
-    found = offered(told)
+    found = offered_by(told)
     assert (found.reliability, found.durability) == ("best_effort", "transient_local")
     assert found.deadline == found.lifespan == found.lease == Qos().deadline
 
@@ -67,15 +63,15 @@ def test_selection(selection, name, taken):
 
 
 def test_class_of_a_type():
-    assert message_class("std_msgs/msg/String").__name__ == "String"
-    feedback = message_class("screw_module_msgs/action/RunExperiment_FeedbackMessage")
+    assert recorded_class("std_msgs/msg/String").__name__ == "String"
+    feedback = recorded_class("screw_module_msgs/action/RunExperiment_FeedbackMessage")
     assert "feedback" in feedback.get_fields_and_field_types()
 
 
 @pytest.mark.parametrize("name", ["nowhere_msgs/msg/X", "std_msgs/msg/Nothing"])
 def test_unknown_type_is_named(name):
     with pytest.raises(BagError, match=f"{name} is not installed"):
-        message_class(name)
+        recorded_class(name)
 
 
 def test_what_is_refused_is_noted_in_the_bag():

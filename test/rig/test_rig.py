@@ -6,10 +6,10 @@ import threading
 import can
 import pytest
 
+from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.rig import port as port_module
 from screw_module_ros.rig.build import RigSettings
-from screw_module_ros.rig.echo_filter import drop_own_frames, own_stamp
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.rig import Rig
 

@@ -13,6 +13,7 @@ from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     ProtocolError,
     load_protocol,
+    parse_protocol,
     read_protocol,
 )
 
@@ -78,12 +79,12 @@ def change(values, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "words"),
     [
-        (("guidance", "duration"), None, "guidance.duration: missing"),
+        (("guidance", "duration"), None, "guidance.duration is missing"),
         (("guidance", "duration"), 0.0, "guidance.duration = 0.0 s: below"),
-        (("guidance", "duration"), "quick", "guidance.duration = 'quick': float"),
-        (("guidance", "duration"), True, "guidance.duration = True: float"),
+        (("guidance", "duration"), "quick", "guidance.duration = 'quick': a number"),
+        (("guidance", "duration"), True, "guidance.duration = True: a number"),
         (("guidance", "duration"), math.nan, "guidance.duration = nan: a finite"),
-        (("guidance", "durations"), 1.0, "guidance.durations: unknown"),
+        (("guidance", "durations"), 1.0, "guidance.durations is unknown"),
         (("guidance", "end_half_width"), 0.05, "end_half_width"),
         (("space",), "sideways", "space = 'sideways'"),
         (("centre",), [0.0, 0.0], "3 numbers"),
@@ -124,3 +125,29 @@ def test_files(tmp_path):
     own = tmp_path / "own.yaml"
     own.write_text(yaml.safe_dump(content("elevator")))
     assert load_protocol(own) == load_protocol("elevator")
+
+
+_BOMB = "&a [1, 1, 1, 1, 1, 1, 1, 1, 1]"
+for _old, _new in zip("abcdefg", "bcdefgh", strict=True):
+    _BOMB += f", &{_new} [{', '.join([f'*{_old}'] * 9)}]"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"name: [{_BOMB}]", "stand for too many values"),
+        ("name: &a [*a]", "stand for too many values"),
+        ("name: [[1, 2], [3]]", "str is wanted"),
+        (f"centre: [1, 2, {'9' * 350}]", "a finite number is wanted"),
+        (f"blocks: [{'1, ' * 500} 1]", "501 entries; 200 are allowed"),
+        ("centre: 2001-99-99", "no timestamp"),
+    ],
+)
+def test_a_few_bytes_that_stand_for_much_cost_nothing(text, told):
+    key = text.partition(":")[0]
+    shipped = content()
+    del shipped[key]
+    with pytest.raises(ProtocolError) as refused:
+        parse_protocol(f"{text}\n{yaml.safe_dump(shipped)}", "mine.yaml")
+    assert told in str(refused.value)
+    assert len(str(refused.value)) < 400

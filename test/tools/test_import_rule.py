@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import import_rule
+import rules
 
 
 def check(folder: Path, file: str, source: str) -> list[str]:
@@ -114,5 +115,4 @@ def test_a_violation_names_file_and_line(tmp_path: Path) -> None:
 
 
 def test_this_package_keeps_to_the_rule() -> None:
-    package = Path(import_rule.__file__).parent.parent / import_rule.PACKAGE
-    assert import_rule.violations(package) == []
+    assert import_rule.violations(rules.FOLDER) == []

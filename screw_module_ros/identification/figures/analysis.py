@@ -45,7 +45,7 @@ def back_drive_figures(result: Result) -> dict[str, Figure]:
 def _over_nut(result: Result, name: str, label: str, title: str) -> Figure:
     """Draw a quantity against the position of the nut.
 
-    Frequencies with one line per candidate for the screw; the inertias can hardly be told apart.
+    Frequencies with one line per candidate for the screw; the inertias can hardly be distinguished.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.4), layout="constrained")

@@ -31,7 +31,7 @@ class OneGoalServer(ActionServer):
     """Works on one goal after the other.
 
     work: called in a thread with the goal handle; refusal: returns why no goal can be taken now,
-    empty when one can; cancelling: called as soon as somebody wants the goal cancelled.
+    empty when one can; cancelling: called as soon as a client cancels the goal.
     """
 
     def __init__(

@@ -69,7 +69,7 @@ class LiveBench:
     ):
         """Begin to take samples. Raises NotPossible, RobotError.
 
-        say: tells people what is being done; hurried: whether putting back must be quick.
+        say: shows the user what is being done; hurried: whether putting back must be quick.
         """
         self.left: list[str] = []
         self.clock = robot.clock

@@ -2,8 +2,8 @@
 """`characterize`: experiments of the identification (thesis chapters 4 to 6) on the live graph.
 
 Action `~/run`: a name of the catalogue, settings as YAML, a folder that keeps what is finished. An
-empty name lists the experiments. Where a hand is needed at the bench, the feedback says so and
-`~/confirm` tells that it is done. Started by hand, beside the running robot.
+empty name lists the experiments. Where an operator must do something, the feedback says so;
+`~/confirm` reports that it is done. Started by hand, beside the running robot.
 """
 
 from __future__ import annotations

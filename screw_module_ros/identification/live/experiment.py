@@ -34,8 +34,8 @@ _WALL = WallClock()  # whoever ends the process does not wait by the robot's tim
 class Experiment:
     """One goal's hold on the graph.
 
-    rate: of the samples [1/s]; period_ns; watch: bounds of what a sample can be; say: tells people
-    what is being done; notes: sentences the result must carry.
+    rate: of the samples [1/s]; period_ns; watch: bounds of what a sample can be; say: shows the
+    user what is being done; notes: sentences the result must carry.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Experiment:
         return zero_of(recording)
 
     def unloaded_zero(self) -> Zero:
-        """Return what the transducer shows with nobody at the handle; it stays unloaded."""
+        """Return what the transducer shows with the handle untouched; it stays unloaded."""
         self.fixture.unload()
         return self.zero()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the client of an experiment hears meanwhile: how far it is, how long still, what is done."""
+"""Feedback of a running experiment: progress, remaining time, current step."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class Feedback:
         self._first: tuple[float, float] | None = None  # time and seconds of excitation done then
 
     def say(self, doing: str) -> None:
-        """Tell what is being done now, at once."""
+        """Publish the current step at once."""
         self._message.doing = doing
         self._goal.publish_feedback(self._message)
 
     def progress(self, experiment: str, done: float, total: float) -> None:
-        """Take seconds of excitation done and all there are, as `Lab` tells them."""
+        """Take seconds of excitation done and in all, from `Lab`."""
         self._watch()
         now = self._clock.now_ns() * 1e-9
         if self._first is None or done < self._first[1]:

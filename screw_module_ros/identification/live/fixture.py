@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds the handle during a trial: the simulated rig's fixtures, or somebody at the bench.
+"""What holds the handle during a trial: the simulated rig's fixtures, or an operator.
 
 Mounting (stage, locked rotor, hand) is never done for the user: the wrong fixture is refused, with
 the way out. What stage and hand do once mounted belongs to the trial.
 
-The transducer's zero is taken with nobody at the handle and the pin in, so that the nut stays where
+The transducer's zero is taken with the handle untouched and the pin in, so that the nut stays where
 it is. The rotor locked on the transducer is unloaded as soon as the torque is off.
 """
 
@@ -24,7 +24,7 @@ from .rig_fixture import RigFixture
 class Fixture(Protocol):
     """What the bench needs of the far side of the handle. All may raise RobotError.
 
-    simulated: everything is done by services, nobody is asked.
+    simulated: services do everything, no operator is asked.
     """
 
     simulated: bool
@@ -33,10 +33,10 @@ class Fixture(Protocol):
         """Raise NotPossible with the way out when the handle is mounted otherwise."""
 
     def mounted(self) -> str:
-        """Return what holds the handle, empty when nobody knows."""
+        """Return what holds the handle, empty when unknown."""
 
     def unload(self) -> None:
-        """Have the handle at rest with nobody at it."""
+        """Have the handle at rest and untouched."""
 
     def stage_at(self, height: float, upside_down: bool) -> None:
         """Have the stage hold the handle at rest at a height [m]."""
@@ -48,10 +48,10 @@ class Fixture(Protocol):
         """Let the stage move at a speed, up positive [m/s], to beyond the height `end` [m]."""
 
     def stage_passed(self, end: float) -> bool:
-        """Tell whether the stage has come to `end` [m]."""
+        """Return whether the stage has come to `end` [m]."""
 
     def stage_began_ns(self) -> float | None:
-        """Return when the stage began to move [ns] by the clock; None where nobody can tell."""
+        """Return when the stage began to move [ns] by the clock; None where it is unknown."""
 
     def stage_halt(self) -> None:
         """Stop the stage where it is."""

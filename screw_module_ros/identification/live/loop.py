@@ -16,8 +16,9 @@ from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
+from screw_module_ros.nodes.support.due import Due
+from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
 from screw_module_ros.nodes.support.module_node import ModuleNode
-from screw_module_ros.nodes.support.realtime import Inbox, Outlet
 from screw_module_ros.nodes.support.topics import offered
 
 from .samples import Recording
@@ -30,7 +31,7 @@ EVERY_SAMPLE = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )
-_STATE_PERIOD_NS = 10_000_000
+_STATE_RATE = graph.TOPICS[graph.CONTROLLER_STATE].rate
 _LOOK_NS = 5_000_000  # between looks for samples that nobody waits for
 _SILENT_NS = 2_000_000
 _PASS_S = 2.0
@@ -60,7 +61,7 @@ class LiveLoop:
         self._command = ForceCommand(mode=OFF)
         self._state = ImpedanceState(mode=OFF, calibration="characterize")
         self._state.header.frame_id = "manus_base"
-        self._state_due_ns = 0
+        self._state_due = Due(_STATE_RATE)
         self._passes = 0
 
     # Main thread ---------------------------------------------------------------------------
@@ -113,8 +114,7 @@ class LiveLoop:
                 self._recording.note_command(self._command)
         elif source.idle(now) and self.sample is not None:
             self._send(self.sample, 0.0)
-        if now >= self._state_due_ns:
-            self._state_due_ns = now + _STATE_PERIOD_NS
+        if self._state_due(now):
             self._publish_state(source)
 
     def _send(self, sample: EncoderSample, force: float) -> None:

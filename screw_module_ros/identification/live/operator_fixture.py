@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Somebody at the bench in place of the rig's services (see `fixture.Fixture`)."""
+"""An operator in place of the rig's services (see `fixture.Fixture`)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 
 class OperatorFixture:
-    """Somebody at the bench, who is told what to do and calls `~/confirm` when it is done."""
+    """Asks an operator, who calls `~/confirm` when it is done."""
 
     simulated = False
 
@@ -70,13 +70,13 @@ class OperatorFixture:
         self._say(f"PLEASE: run the stage to {1e3 * end:.0f} mm at {1e3 * speed:g} mm/s")
 
     def stage_passed(self, end: float) -> bool:
-        """Tell by where the nut is."""
+        """Return whether the nut has passed `end` [m]."""
         sample = self._newest()
         way = math.copysign(1.0, self._speed)
         return sample is not None and way * (sample.position - end) > -_NEAR
 
     def stage_began_ns(self) -> float | None:
-        """Return None: only the nut tells."""
+        """Return None: only the position of the nut is known."""
         return None
 
     def stage_halt(self) -> None:

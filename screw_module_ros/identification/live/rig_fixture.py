@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stage and hand of the simulated rig, worked through its services as somebody would at their
-controls (see `fixture.Fixture`)."""
+"""Stage and hand of the simulated rig, operated through its services (see `fixture.Fixture`)."""
 
 from __future__ import annotations
 
@@ -12,7 +11,7 @@ from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros import graph
 from screw_module_ros.identification.trials import Arm, MotionTrial, NotPossible
-from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.operator.robot import Robot, arm
 
@@ -56,7 +55,7 @@ class RigFixture:
         self._take = self._inbox.subscribe(*offered(graph.TRUTH))
 
     def close(self) -> None:
-        """Hear no more of the rig."""
+        """Remove the subscription."""
         self._inbox.close()
 
     def truth(self) -> SimTruth:
@@ -138,7 +137,7 @@ class RigFixture:
         self._fix("stage", speed=speed)
 
     def stage_passed(self, end: float) -> bool:
-        """Tell by where the stage shows that it is."""
+        """Return whether the stage has passed `end` [m]."""
         way = math.copysign(1.0, self._speed)
         return way * (self.truth().handle_position - end) > -0.1 * _THERE
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the module that is to be moved is the simulated one: seen on its bus, not told.
+"""Whether the module to be moved is the simulated one, found out on its bus.
 
-Where it is, nobody has to confirm that hands are away and the stage is mounted. A node that calls
+If it is, no operator has to confirm that hands are away and the stage is mounted. A node that calls
 itself `sim_rig` proves nothing: anybody can start one beside a real robot.
 """
 

@@ -35,7 +35,7 @@ class Stream:
         self._values = np.zeros((room, width))
 
     def add(self, sequence: int, monotonic_ns: int, *values: float) -> None:
-        """Note a sample; one that finds no room is let go."""
+        """Note a sample; one that finds no room is dropped."""
         row = self.count
         if row < len(self._sequence):
             self._sequence[row] = sequence

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """In the place of `impedance_controller`, for torque trials, and everything put back afterwards.
 
-The amplifier lets only one node command it and the supervisor wants to hear a controller. So the
+The amplifier accepts one commanding node only, and the supervisor requires a controller. So the
 controller is cleaned up, which takes its publishers out of the graph, `characterize` publishes in
 its stead, and the amplifier is configured again without its linearization and with limits of the
 force and of its rate wide enough. Giving back verifies every step; what could not be put back is

@@ -62,7 +62,7 @@ class TorqueSource:
         self._first: tuple[Sine, int, float] | None = None  # sine, its first tick, height then
 
     def begin(self, sine: Sine, begun: Callable[[int], None]) -> None:
-        """Answer from the next sample on with this sine; `begun` is told that sample's number."""
+        """Answer from the next sample on with this sine; `begun` gets that sample's number."""
         self._begun = begun
         self._sine = sine
 

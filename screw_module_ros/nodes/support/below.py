@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders that names from the network may lead to: below one that was given at start, never out.
 
-Whoever can send a message chooses such a name; the process that writes may be allowed anything.
+Any sender of a message can choose such a name; the process that writes may be allowed anything.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 def root_folder(text: str, parameter: str = "folder") -> Path:
     """Return the folder that a parameter names, ~ and links followed.
 
-    Raises ValueError naming the parameter when nobody has that home folder, or it cannot be.
+    Raises ValueError naming the parameter for a home folder of no user, or an impossible one.
     """
     try:
         return Path(text).expanduser().resolve()

@@ -13,8 +13,10 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import yaml
 from rclpy.parameter import Parameter
+
+from screw_module_ros.plain_yaml import PlainYamlError, load_plain_yaml
+from screw_module_ros.quoting import LONGEST
 
 from .parameters import ParameterError
 
@@ -88,7 +90,7 @@ def overrides(name: str, given: Arguments) -> list[Parameter]:
 
 
 def check_others(given: Arguments) -> None:
-    """Raise ParameterError for arguments that nobody would read."""
+    """Raise ParameterError for arguments that no node reads."""
     if given.others:
         raise ParameterError(
             f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "
@@ -101,15 +103,18 @@ def _parameter(name: str, text: str) -> Parameter:
     try:
         return Parameter(name, value=value)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"parameter {name} = {text}: {error}") from None
+        raise ParameterError(f"{_told(name, text)}: {error}") from None
+
+
+def _told(name: str, text: str) -> str:
+    return f"parameter {name[:LONGEST]} = {text[:LONGEST]}"
 
 
 def _value(name: str, text: str) -> Any:
     try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        where = " ".join(str(error).split())
-        raise ParameterError(f"parameter {name} = {text}: not a YAML value: {where}") from None
+        value = load_plain_yaml(text)
+    except PlainYamlError as error:
+        raise ParameterError(f"{_told(name, text)}: not a YAML value: {error}") from None
     if isinstance(value, list):
         return [_number(part) for part in value]
     return "" if value is None else _number(value)

@@ -13,10 +13,11 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from .driver import DriverNode
-from .module_node import ERROR, OK, WARN, Done, Health
+from .hot_topics import Inbox
+from .module_node import ERROR, OK, WARN, Health
 from .permission import Permission
-from .realtime import Inbox
 from .senders import Senders, too_many_senders
+from .serving_node import Done
 from .timing_report import broken_contract
 
 _CLEARED = "cleared; call ~/enable to enable"
@@ -75,7 +76,7 @@ class DriveNode(DriverNode):
         self._permission = Permission(self, inbox, attrgetter(name))
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what the supervisor permits; two senders stop it while it is open."""
+        """Pass to the gate what the supervisor permits; two senders stop it while it is open."""
         self._permission.pass_on(drives, now_ns)
         if self._senders is not None and self._senders.warning and drives.enabled:
             drives.fault = drives.fault or self._senders.warning

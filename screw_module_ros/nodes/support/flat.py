@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from rclpy.serialization import deserialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.vertical import VerticalOutput
+from screw_module_ros.control.vertical_state import VerticalOutput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 _S = 1_000_000_000

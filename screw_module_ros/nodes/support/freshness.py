@@ -10,8 +10,8 @@ from typing import Any
 class Newest:
     """The newest message of one hot subscription.
 
-    `take` returns a message or None; `max_age_ns` is how long one is believed. Arrival is when it
-    was taken, so that a sender whose clock is wrong cannot look fresh.
+    `take` returns a message or None; `max_age_ns` is how long one counts as fresh [ns]. Arrival is
+    when it was taken, so that a sender whose clock is wrong cannot look fresh.
     """
 
     def __init__(self, take: Callable[[], Any], max_age_ns: int):

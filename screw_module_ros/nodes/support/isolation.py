@@ -3,7 +3,7 @@
 
 What is taken is held by locks that die with this process. What nodes keep for their next start they
 keep in a folder of the run, so that none begins where another was stopped. A ROS_DOMAIN_ID that is
-set already is used as it is: whoever set it wants the run to meet others.
+already set stays: it lets the run meet others on purpose.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import socket
 import tempfile
 from typing import NamedTuple
 
+from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import BUSES, FIRST_PORT
 
 from .kept import STATE_VARIABLE
@@ -29,7 +30,7 @@ _SHIFTS = range(0, 1000, 10)
 class Place(NamedTuple):
     """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them.
 
-    own_domain: the domain was taken for this run, it is nobody's wish. state: what its nodes keep;
+    own_domain: the domain was chosen for this run, not by the user. state: what its nodes keep;
     state_before: the folder for that in the environment, None for none.
     """
 
@@ -69,13 +70,13 @@ def port_arguments(first_port: int) -> list[str]:
 def own_place() -> Place:
     """Take a domain and ports, and set the environment of this process and its children.
 
-    Raises AlreadyRunning when all of them are in use.
+    Raises AlreadyRunning when all of them are in use, DomainError.
     """
     os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
     locks = []
     own_domain = not os.environ.get(DOMAIN_VARIABLE)
     if not own_domain:
-        domain = int(os.environ[DOMAIN_VARIABLE])
+        domain = domain_id()
     else:
         domain, lock = _first_free(
             random.sample(_DOMAINS, len(_DOMAINS)), "ROS domain", lambda d: [_first_dds_port(d)]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a node must know again after its process has ended, however it ended: a small file.
 
-It lies in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
+It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
 the name by which `single.lock_node` locks the node: ROS domain and full node name. However the
 environment spells these, there is one file: a node that is started from another shell, by a service
 manager without HOME or with the domain as 07 must find what it left as domain 7.
@@ -59,6 +59,8 @@ class Kept:
             self._values = json.loads(content.decode("utf-8"))
         except RecursionError:
             raise ValueError("nested too deeply") from None
+        if not self._values:  # `write` leaves no file then
+            raise ValueError("it says nothing")
         return self._values
 
     def write(self, values: dict[str, Any]) -> None:

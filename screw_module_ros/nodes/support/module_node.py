@@ -8,21 +8,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection
-from contextlib import contextmanager
 from typing import Annotated, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
 from screw_module_ros import graph
-from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
-from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.settings import Setting
 
-from .command_line import arguments, overrides
+from .answering import answer_always
+from .hot_topics import Inbox, Outlet
 from .parameters import Parameters
-from .realtime import Inbox, Outlet, RealtimeSettings
+from .scheduling import RealtimeSettings
+from .serving_node import ServingNode
 from .timers import Timer, Timers
 from .topics import offered
 
@@ -42,12 +42,6 @@ class StartSettings(NamedTuple):
     ] = True
 
 
-class Done(str):
-    """What a service did, for its response; a plain string says what was wrong."""
-
-    __slots__ = ()
-
-
 class Health(NamedTuple):
     """One diagnostics entry: level, a sentence, and named values."""
 
@@ -56,29 +50,25 @@ class Health(NamedTuple):
     values: dict
 
 
-class ModuleNode(LifecycleNode):
+class ModuleNode(ServingNode):
     """A lifecycle node with parameters, diagnostics and a hot loop.
 
     Two threads share a node. The loop's thread runs `step` and owns all that it uses; the service
     thread runs services, timers and the lifecycle, and reaches into the loop only by replacing
     whole values or by what the loop takes up itself (see `loop/gated_drives`).
 
-    clock: the one clock of this process. Subclasses override what they need of `connect`, `begin`,
-    `step`, `end`, `disconnect` (each in lifecycle order), `health` and `changed`.
+    Subclasses override what they need of `connect`, `begin`, `step`, `end`, `disconnect` (each in
+    lifecycle order), `health` and `changed`.
     """
 
     def __init__(self, name: str):
-        super().__init__(name, parameter_overrides=overrides(name, arguments()))
-        self.stopping = threading.Event()
-        self.clock = self._chosen_clock()
+        super().__init__(name)
+        answer_always(self)
         self.periodic = Timers()
         self.wake: Callable[[], None] = lambda: None
         self._outlets: list[Outlet] = []
-        self._active = threading.Event()
         self._outside_step = threading.Event()
         self._outside_step.set()
-        self._phase = "unconfigured"
-        self._failure = ""
         self.parameters = Parameters(self, self.changed, self._is_configured)
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
@@ -86,26 +76,7 @@ class ModuleNode(LifecycleNode):
         self.periodic.every(self.clock, 1.0, self.publish_health)
         self._start_timer: Timer | None = None
         self._inbox: Inbox | None = None
-        self._requests = self._answers = None
-        if self.clock.simulated:
-            self._count_requests()
-
-    def _count_requests(self) -> None:
-        """Let each request hold simulated time until a service of this node works on it."""
-        self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
-        self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
-        self._requests.hold(self.clock.member.slot)
-        self.clock.idle()
-
-    def _chosen_clock(self) -> Clock:
-        if not self.get_parameter("use_sim_time").value:
-            return WallClock()
-        # Our own time comes from the page: a topic at 100 Hz would only cost a callback each.
-        for subscription in list(self.subscriptions):
-            if subscription.topic_name == "/clock":
-                self.destroy_subscription(subscription)
-        name, namespace = self.get_name(), self.get_namespace()
-        return simulated_clock(name, namespace, lambda: self.stopping.is_set())
+        self.start_serving()
 
     # What subclasses use -------------------------------------------------------------------
 
@@ -135,54 +106,6 @@ class ModuleNode(LifecycleNode):
         """Write the time of now into a message's header."""
         header.stamp.sec, header.stamp.nanosec = divmod(self.clock.stamp_ns(), 1_000_000_000)
 
-    def serve(
-        self,
-        kind: type,
-        name: str,
-        action: Callable[[Any], str],
-        done: str = "",
-        always: bool = False,
-    ) -> None:
-        """Offer a service whose response has `success` and `message`.
-
-        action: takes the request and returns what is wrong, empty when nothing is, or `Done` with
-        what it did; what it raises is the answer too, and the node lives on. done: the message
-        where it returns nothing. always: also while the node is not active.
-        """
-
-        def answer(request: Any, response: Any) -> Any:
-            with self._asked():
-                said = self._carried_out(action, request, name, always)
-            response.success = not said or isinstance(said, Done)
-            response.message = str(said) or done
-            return response
-
-        self.create_service(kind, name, answer)
-
-    def _carried_out(self, action: Callable, request: Any, name: str, always: bool) -> str:
-        if not (always or self.active):
-            return f"the node is not active: {self._failure or f'it is {self._phase}'}"
-        try:
-            return action(request) or ""
-        except (DeviceError, TimeStandsStill) as error:
-            return str(error)
-        except Exception as error:
-            self.get_logger().error(f"{name}: {type(error).__name__}: {error}")
-            return str(error) or type(error).__name__
-
-    @contextmanager
-    def _asked(self):
-        """Hold simulated time while a service works, and until whoever asked has the answer."""
-        if not self.clock.simulated:
-            yield
-            return
-        with self.clock.working():
-            self._requests.let_go()  # a second request must not hold time while the first needs it
-            yield
-            self._answers.publishing()
-            self._requests.catch_up()
-        self._answers.published()
-
     # What subclasses fill in ---------------------------------------------------------------
 
     hardware_id = ""
@@ -200,14 +123,14 @@ class ModuleNode(LifecycleNode):
         """Start streaming (lifecycle activate). Raise with a clear sentence on failure."""
 
     def step(self) -> None:
-        """One pass of the hot loop; must return within some periods, blocking is its own affair."""
+        """One pass of the hot loop; must return within some periods; it does its own waiting."""
         self.clock.sleep(_IDLE_S)
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
 
     def disconnect(self) -> None:
-        """Close what `connect` opened (lifecycle cleanup); must bear a half-done `connect`."""
+        """Close what `connect` opened (lifecycle cleanup), also after a `connect` that failed."""
 
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
@@ -220,11 +143,6 @@ class ModuleNode(LifecycleNode):
 
     def _is_configured(self) -> bool:
         return self._phase in ("inactive", "active")
-
-    @property
-    def active(self) -> bool:
-        """Whether the node is in the lifecycle state active."""
-        return self._active.is_set()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle configure."""
@@ -286,8 +204,7 @@ class ModuleNode(LifecycleNode):
             except TimeStandsStill as error:
                 self.get_logger().warning(f"not left in order: {error}")
         ended()
-        if self._requests is not None:
-            self._requests.let_go()  # nobody answers from here on
+        self.stop_serving()
         if self._phase != "finalized":
             self.disconnect()
             self.close_topics()
@@ -363,7 +280,7 @@ class ModuleNode(LifecycleNode):
         return False
 
     def leaves(self) -> None:
-        """Tell that the loop has ended its last step."""
+        """Note that the loop has ended its last step."""
         self._outside_step.set()
 
     # Diagnostics and parameters ------------------------------------------------------------
@@ -386,13 +303,3 @@ class ModuleNode(LifecycleNode):
         array = DiagnosticArray(status=[status])
         self.stamp(array.header)
         self._diagnostics.publish(array)
-
-
-def request_topic(node: str) -> str:
-    """Return what simulated time calls the requests to a node of this full name."""
-    return f"request {node}"
-
-
-def answer_topic(node: str) -> str:
-    """Return what simulated time calls the answers of a node of this full name."""
-    return f"answer {node}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a parameter file says to which node, and what in it nobody would read.
+"""Which values of a parameter file are for which node, and which no node reads.
 
 ROS 2 ignores a section that fits no node and a file that has nothing for a node, without a word. A
 section `encoder:` is for the node /encoder alone; `/**/encoder:` is for it in every namespace.
@@ -12,10 +12,12 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-import yaml
+from screw_module_ros.plain_yaml import PlainYamlError, load_plain_yaml
+from screw_module_ros.regular_file import read_regular
 
 from .parameters import ParameterError
 
+_LARGEST = 1_000_000  # bytes; ours have a few thousand
 _PARAMETERS = "ros__parameters"
 _WILD = ("*", "**")
 
@@ -48,15 +50,12 @@ class ParameterFile(NamedTuple):
 def read_file(path: str) -> ParameterFile:
     """Return what a file says. Raises ParameterError naming the file and what is wrong with it."""
     try:
-        with open(path, encoding="utf-8") as file:
-            content = yaml.safe_load(file)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        content = load_plain_yaml(read_regular(path, _LARGEST).decode())
+    except PlainYamlError as error:
+        raise ParameterError(f"parameter file {path} is not YAML: {error}") from None
+    except (OSError, ValueError) as error:  # no UTF-8 text, or no path
+        reason = getattr(error, "strerror", None) or error
         raise ParameterError(f"parameter file {path}: {reason}") from None
-    except yaml.YAMLError as error:
-        raise ParameterError(
-            f"parameter file {path} is not YAML: {' '.join(str(error).split())}"
-        ) from None
     sections: dict[str, Mapping[str, Any]] = {}
     _collect(path, content, "", sections)
     return ParameterFile(path, sections)

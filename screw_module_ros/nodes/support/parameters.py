@@ -31,7 +31,7 @@ class Parameters:
     """The parameters of one node: NamedTuples of settings under name prefixes.
 
     `changed(kind)` is called after fields of that tuple were changed at run time; `configured()`
-    tells whether fields that are not live must be refused.
+    returns whether fields that are not live must be refused.
     """
 
     def __init__(self, node: Node, changed, configured):

@@ -12,8 +12,8 @@ from screw_module_ros import graph
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from . import qos
+from .hot_topics import Inbox
 from .module_node import ModuleNode
-from .realtime import Inbox
 from .senders import Senders
 from .topics import requested
 
@@ -35,7 +35,8 @@ class Permission:
         return self._senders.warning
 
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
-        """Tell the gate what came since the last call; two senders are a refusal. now_ns [ns]."""
+        """Pass to the gate what came since the last call; two senders are a refusal. now_ns [ns].
+        """
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(self._permitted(safety), reason, now_ns)

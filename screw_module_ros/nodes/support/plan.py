@@ -27,9 +27,9 @@ BENCH_PARAMETERS = "params/bench.yaml"
 class Plan(NamedTuple):
     """What to start.
 
-    entries: the executables, in order. common: arguments of each, for behind --ros-args.
-    namespace: of all nodes, from / on, empty for none. warnings: what in the parameter file nobody
-    will read.
+    entries: the executables, in order. common: arguments of each, for behind --ros-args. namespace:
+    of all nodes, from / on, empty for none. warnings: entries of the parameter file that no node
+    reads.
     """
 
     entries: list[Entry]

@@ -21,13 +21,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
+from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.loop.ticker import BACK_OFF_S
 
 from .command_line import Arguments, arguments, check_others
 from .module_node import ModuleNode
 from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
-from .realtime import RealtimeSettings, prepare, take_priority
+from .scheduling import RealtimeSettings, prepare, take_priority
 from .single import AlreadyRunning, Lock, lock_node
 from .stopping import stop_on_signals, stopped
 from .transport import choose_transport
@@ -44,7 +45,8 @@ TELL_WHERE = signal.SIGUSR2
 def main(factory: Callable[[], ModuleNode]) -> int:
     """Run the node `factory` makes until SIGINT or SIGTERM; return the exit code.
 
-    0 after a signal, 1 after an error of the loop, 2 when a parameter or the start was refused.
+    0 after a signal, 1 after an error of the loop or of what serves requests, 2 when a parameter or
+    the start was refused.
     """
     return run_together(factory.__name__, lambda: [factory()], lambda nodes: nodes[0].run())
 
@@ -58,8 +60,8 @@ def run_together(
 
     loop: runs until `stopping` of the nodes, which is one event, is set. Each node has services,
     parameters, lifecycle and diagnostics of its own, served by a thread of its own; scheduling is
-    that of the highest priority among them, on the cores of the first. name: begins what is told
-    when the start is refused.
+    that of the highest priority among them, on the cores of the first. name: begins the message of
+    a refused start.
     """
     stopping = threading.Event()
     stop_on_signals(stopping)
@@ -76,9 +78,8 @@ def run_together(
             node.stopping = stopping
             _finish(node, files)
             locks.append(lock_node(node.get_fully_qualified_name()))
-        _live(nodes, loop)
-        return 0
-    except (ParameterError, AlreadyRunning, RCLError) as error:
+        return 0 if _live(nodes, loop) else 1
+    except (ParameterError, DomainError, AlreadyRunning, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
@@ -92,7 +93,11 @@ def run_together(
 
 
 def _begin(given: Arguments) -> list[ParameterFile]:
-    """Begin with ROS; return the parameter files. Raises ParameterError for what rcl refuses."""
+    """Begin with ROS; return the parameter files.
+
+    Raises DomainError, ParameterError for what rcl refuses.
+    """
+    domain_id()
     check_others(given)
     files = [read_file(path) for path in given.files]
     try:
@@ -110,7 +115,8 @@ def _finish(node: ModuleNode, files: list[ParameterFile]) -> None:
         node.get_logger().warning(sentence)
 
 
-def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> None:
+def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> bool:
+    """Run until the end; return whether requests were served until then."""
     ended = threading.Event()
     served = [_Served(node, ended) for node in nodes]
     first = nodes[0]
@@ -136,6 +142,7 @@ def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> 
             node.close(_end_if_locked_up)
         for one in served:
             one.executor.shutdown(timeout_sec=0.0)
+    return not any(one.failed for one in served)
 
 
 def _end_if_locked_up() -> None:
@@ -155,17 +162,28 @@ def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
 
 
 class _Served:
-    """A node with the thread that serves its services, timers and parameters."""
+    """A node with the thread that serves its services, timers and parameters.
+
+    failed: whether that ended by an error, which ends the node.
+    """
 
     def __init__(self, node: ModuleNode, ended: threading.Event):
         self.node = node
+        self.failed = False
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(node)
         node.wake = self.executor.wake
-        self._thread = threading.Thread(
-            target=_serve, args=(self.executor, node, ended), daemon=True
-        )
+        self._thread = threading.Thread(target=self._run, args=(ended,), daemon=True)
         self._thread.start()
+
+    def _run(self, ended: threading.Event) -> None:
+        try:
+            _serve(self.executor, self.node, ended)
+        except Exception as error:
+            self.failed = True
+            self.node.get_logger().fatal(
+                f"the node ends, what serves its requests failed: {type(error).__name__}: {error}"
+            )
 
     def join(self) -> None:
         """Wait until the thread has seen the end."""

@@ -3,7 +3,7 @@
 
 A second sender may be so fast, so slow or so well numbered that its messages look like the true
 ones; the middleware knows it all the same. It does not tell who sent a message (rclpy's message
-info has no publisher's gid), so all that can be done is to believe neither.
+info has no publisher's gid), so neither can be trusted.
 """
 
 from __future__ import annotations

@@ -20,7 +20,8 @@ class Lock:
     """A machine-wide name held by this process until `release` or its end."""
 
     def __init__(self, name: str, taken: str):
-        """Take `name`; raise AlreadyRunning with the sentence `taken` when somebody has it."""
+        """Take `name`; raise AlreadyRunning with the sentence `taken` when another process has it.
+        """
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             self._socket.bind(b"\0screw_module_ros/" + name.encode())

@@ -9,7 +9,7 @@ from screw_module_ros import graph
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.loop.guide import Guide
 
-from .realtime import Inbox
+from .hot_topics import Inbox
 from .topics import requested
 
 

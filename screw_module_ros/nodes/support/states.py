@@ -16,7 +16,7 @@ from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.plane import PlaneLoop
 from screw_module_ros.samples import ForceReading
 
-from .realtime import fill_stamp
+from .hot_topics import fill_stamp
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:

@@ -30,7 +30,7 @@ def stop_on_signals(stopping: threading.Event) -> None:
 
 
 def stopped() -> None:
-    """Hear no more signals: the process ends, and the interpreter gives handlers back before.
+    """Ignore further signals: the process ends, and the interpreter removes the handlers first.
 
     A second Ctrl-C would else end with a signal a process that has done all its work.
     """

@@ -24,9 +24,15 @@ _REQUESTED = {"sample": qos.SAMPLE, "command": qos.COMMAND, "state": qos.NEWEST}
 
 
 def message_class(type_name: str) -> Any:
-    """Return the class of `package/msg/Name`. Raises ImportError, AttributeError for another."""
+    """Return the class of `package/msg/Name` or of an action's feedback.
+
+    Raises ImportError, AttributeError where it is not installed.
+    """
     package, folder, name = type_name.split("/")
-    return getattr(importlib.import_module(f"{package}.{folder}"), name)
+    module = importlib.import_module(f"{package}.{folder}")
+    if folder == "action":
+        return getattr(module, name.removesuffix("_FeedbackMessage")).Impl.FeedbackMessage
+    return getattr(module, name)
 
 
 def offered(topic: str) -> tuple[Any, str, QoSProfile]:

@@ -9,7 +9,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import Clock
 from screw_module_ros.devices.errors import DeviceError
 
-from .realtime import Inbox
+from .hot_topics import Inbox
 from .topics import requested
 
 _STATE_S = 0.2
@@ -20,7 +20,7 @@ class NotPermitted(DeviceError):
 
 
 class TorqueOff:
-    """Hears the amplifier's state for the service thread. inbox: of the node."""
+    """Subscribes to the amplifier's state for the service thread. inbox: of the node."""
 
     def __init__(self, inbox: Inbox, clock: Clock):
         self._clock = clock

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """How messages travel between our processes: on this machine alone, over UDP.
 
-Whoever can send to the nodes can enable the drives, home them and record: ROS 2 asks nobody who he
-is, and by default it talks to the whole subnet. So the default here is this machine, for every
-node; `ROS_AUTOMATIC_DISCOVERY_RANGE` and `bringup --network` open it.
+Every process that can send to the nodes can enable the drives, home them and record: ROS 2 does not
+authenticate senders, and by default it talks to the whole subnet. So the default here is this
+machine, for every node; `ROS_AUTOMATIC_DISCOVERY_RANGE` and `bringup --network` open it.
 
-Not through shared memory:
-A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or just slow while it holds the lock
-of its port in Fast DDS's shared memory keeps every process waiting that sends to it: a spectator
-could stop the robot. Measured on two busy cores while the recorder ended and started: gaps of up
-to 0.56 s between encoder samples, over UDP 0.1 s. A socket's buffer only fills; the latency is the
-same, and a killed process leaves nothing in /dev/shm. Whoever subscribes may use what he likes.
+Not through shared memory: A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or just
+slow while it holds the lock of its port in Fast DDS's shared memory keeps every process waiting
+that sends to it: a spectator could stop the robot. Measured on two busy cores while the recorder
+ended and started: gaps of up to 0.56 s between encoder samples, over UDP 0.1 s. A socket's buffer
+only fills; the latency is the same, and a killed process leaves nothing in /dev/shm. Subscribers
+may use any transport.
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ _OPEN = (
 
 
 def keep_to_this_machine() -> None:
-    """Let this process and its children talk to this machine alone, unless somebody chose.
+    """Let this process and its children talk to this machine alone, unless the environment says
+    otherwise.
 
     Call before a ROS context is made.
     """

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import click
 
+from screw_module_ros.domain import end_without_domain
 from screw_module_ros.identification.pool import worker_pool
 from screw_module_ros.identification.speed import Speed, speeds
 from screw_module_ros.nodes.support.isolation import own_place
@@ -53,6 +54,7 @@ LOOP = "loop"
 )  # fmt: skip
 def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> None:
     """Measure and say."""
+    end_without_domain("bench")
     if quick:
         runs, seconds = 1, 5.0
     wanted = only or (SEPARATE, COMPOSED, LOOP)
@@ -125,7 +127,7 @@ def measure_graph(
 
 
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
-    """Return one run, None when the graph did not live through it, which is told."""
+    """Return one run; None, with a message, when a node of the graph ended."""
     try:
         with console.step(f"{case.processes} at {case.rate} Hz, {which}"):
             return measure(case, seconds)

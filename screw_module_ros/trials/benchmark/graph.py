@@ -31,7 +31,7 @@ def measure(case: Case, seconds: float) -> Run:
     """Start the whole graph, enable the vertical axis, measure for `seconds`, end it.
 
     In real time, with the guards' own limits: where the machine is too slow for them the torque
-    goes off, which is told, and what is measured goes on with commands of zero force. Raises
+    goes off, with a message, and the measurement goes on with commands of zero force. Raises
     RobotError when the graph does not come up or a node dies, Interrupted after Ctrl-C.
     """
     load = os.getloadavg()[0]
@@ -73,7 +73,7 @@ def _enable(robot: Robot) -> bool:
 
 
 class _Listener:
-    """Hears the diagnostics of encoder and amplifier."""
+    """Subscribes to the diagnostics of encoder and amplifier."""
 
     def __init__(self, robot: Robot):
         self._robot = robot

@@ -110,7 +110,7 @@ Where the robot stops, a row passes when
 
 Where it goes on, both drives stay enabled and give torque, no torque exceeds its limit, and it is
 the same when the cause goes. Where both may be, either is judged as what it turned out to be, the
-time from the first drive that went off, and a reason must be told.
+time from the first drive that went off, and a reason must be reported.
 
 Times are in samples of the vertical chain (1 ms), by simulated time: first the vertical axis, then
 the plane. They hold whatever else the machine does: time waits for every node. A process that was

@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 from rich.markup import escape
 
+from screw_module_ros.domain import end_without_domain
 from screw_module_ros.nodes.support.isolation import DOMAIN_VARIABLE
 from screw_module_ros.nodes.support.single import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
@@ -47,6 +48,7 @@ def command(group, row, listed, table, json_file, jobs) -> None:
             for one in rows:
                 click.echo(f"{one.group:12} {one.name:44} {one.fault}")
         else:
+            end_without_domain("faults")
             sys.exit(_carried_out(rows, jobs, console, json_file))
     except Interrupted:
         console.fail("stopped; every node was ended in order")

@@ -18,7 +18,7 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.graph import BUSES
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import Robot, RobotError
 
 from ..graph_run import GraphRun
@@ -33,7 +33,7 @@ _WALL = WallClock()  # the middleware finds publishers by it
 
 
 class Intruders:
-    """Everybody who was let in, until `dismiss`."""
+    """All processes and publishers that were added, until `dismiss`."""
 
     def __init__(self, robot: Robot, graph: GraphRun):
         self._robot, self._clock, self._graph = robot, robot.clock, graph
@@ -112,7 +112,7 @@ class Intruders:
         return port
 
     def dismiss(self) -> None:
-        """Send everybody away."""
+        """Remove all of them."""
         self._over.set()
         if self._threads:
             self._clock.idle()  # they end when time has come to their next act

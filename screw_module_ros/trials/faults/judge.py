@@ -216,7 +216,7 @@ class _Trial:
         self._facts["reason"] = self.heard.reasons()[0]
 
     def _await_alarm(self) -> None:
-        """Wait until the fault is told as the row says."""
+        """Wait until the fault is reported as the row says."""
         alarm, heard = self.row.alarm, self.heard
         if alarm is None:
             return

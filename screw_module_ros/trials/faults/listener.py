@@ -25,7 +25,7 @@ from screw_module_msgs.msg import (
 
 from screw_module_ros import graph
 from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.realtime import Inbox
+from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import Robot
 
 NO_TORQUE = 5e-4
@@ -61,7 +61,7 @@ class Moment(NamedTuple):
 
 
 class Listener:
-    """Hears everything a row is judged by; publishes the set points of a game.
+    """Subscribes to everything a row is judged by; publishes the set points of a game.
 
     It belongs to the thread of `robot`: `look` takes what has come, and must be called at least
     each 0.5 s of simulated time. setpoint: (x, y, z, vx, vy, vz) of the game [m], [m/s]; None = no
@@ -170,7 +170,7 @@ class Listener:
         return self._clock.now_ns() * 1e-9
 
     def mark(self) -> float:
-        """Forget what was told so far; return the simulated time of now [s]."""
+        """Forget the reports so far; return the simulated time of now [s]."""
         self.look()
         self._statuses.clear()
         self._reasons.clear()
@@ -200,11 +200,11 @@ class Listener:
         return found[::-1]
 
     def fresh(self, what: str) -> bool:
-        """Return whether a node's topic (or `diagnostics of NODE`) was heard just now."""
+        """Return whether a node's topic (or `diagnostics of NODE`) came just now."""
         return self.silent_for(what) < _FRESH_NS * 1e-9
 
     def silent_for(self, what: str) -> float:
-        """Return how long nothing has been heard [s], infinity if nothing ever was."""
+        """Return for how long no message has come [s], infinity if none ever did."""
         self.look()
         if what not in self._arrivals:
             return math.inf

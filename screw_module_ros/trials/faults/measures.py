@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a row is judged by: how long there was torque, what the patient felt, what was told."""
+"""What a row is judged by: how long there was torque, what the patient felt, what was reported."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _median(three: Sequence[Moment]) -> tuple[float, ...]:
 def missing_of(alarm: Alarm, heard: Listener, facts: dict[str, str]) -> str:
     """Return which part of the alarm has not come, empty when all has.
 
-    facts: where the words that were heard go, as `alarm` and `reason`.
+    facts: gets the messages found, as `alarm` and `reason`.
     """
     if alarm.node and not alarm.said:
         if heard.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:

@@ -35,7 +35,7 @@ class Failed(Exception):
 
 
 class Alarm(NamedTuple):
-    """How the fault is told.
+    """How the fault is reported.
 
     node: whose diagnostics entry, empty where it passes too soon for one; said: regular expression
     on its message, empty when the alarm is that its entry no longer comes; reason: regular

@@ -155,7 +155,7 @@ _STATES = (
 
 
 def _states() -> Iterator[Row]:
-    """What nodes say of themselves, said by somebody else."""
+    """States of nodes, published by a foreign sender."""
     for topic, kind, fields, what, who, alarm in _STATES:
         name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
         text = f"{what} on {topic}, from a foreign sender"

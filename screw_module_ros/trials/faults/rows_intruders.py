@@ -21,17 +21,17 @@ from screw_module_ros import graph
 from .acts import both, called, published, refused, switched
 from .limits import AT_ONCE, BY_SERVICE, COMMAND, DYING, LOST, PERIOD_NS, STALE, TOLD
 from .patient import SPRING
-from .row import EITHER, GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
+from .row import GOES_ON, MISSED, OFF, Act, Alarm, Failed, Row, nothing
 
 GROUP = "intruders"
 _FUTURE = 1_000_000
 _FOREIGN_TORQUE = 300  # per mille of the rated torque; any torque would act, for up to a period
+_NO_LIMIT = 10_000  # per mille
 _TWO_COMMAND = Alarm("amplifier", "force command|nodes publish", "amplifier")
 _FAST = AT_ONCE + 12
 """Samples: ten more than one sender's make a second one."""
 _COUNTED = 100 + AT_ONCE + 4
 """Samples: who publishes commands is counted each 0.1 s."""
-_LATER = TOLD + 2 * DYING
 _MISSED = LOST + 2 * 20 + 20 + DYING
 """Samples in which the supervisor misses a node that left in order."""
 
@@ -111,7 +111,7 @@ def _permits(testbed) -> None:
 
 
 def _enable_in_vain(testbed) -> None:
-    """Nobody may enable while two say contradictory things."""
+    """No drive may be enabled while two senders contradict each other."""
     testbed.robot.pause(0.3)
     for node in ("amplifier", "manus"):
         for _ in range(10):
@@ -173,11 +173,24 @@ def _future_commands(testbed) -> float:
 
 
 def _frames() -> Iterator[Row]:
-    sdo = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
-    yield _row("foreign-sdo-torque", "a foreign master writes 6071 by SDO, 100 a second",
-               _frames_on("amplifier", 0x601, sdo, 0.01),
-               "nobody: the next RPDO overrides it, 1 ms later", None,
-               "stop it; clear_fault, reset, enable", safe=EITHER, within=_LATER)  # fmt: skip
+    torque = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
+    limit = struct.pack("<BHBi", 0x2B, 0x6072, 0, _NO_LIMIT)
+    for name, text, data in (
+        ("torque", "writes 6071 by SDO, 100 a second", torque),
+        ("limit", "takes the drive's torque limit 6072 away by SDO", limit),
+    ):
+        yield _row(f"foreign-sdo-{name}", f"a foreign master {text}",
+                   _frames_on("amplifier", 0x601, data, 0.01),
+                   "amplifier: another SDO client; it stops the node",
+                   Alarm("amplifier", "another SDO client", "amplifier"),
+                   "stop it; amplifier/clear_fault, which configures the drive anew, reset, "
+                   "enable", within=AT_ONCE + 11)  # fmt: skip
+    turned = struct.pack("<BHBi", 0x2B, 0x6000, 0, 5)
+    yield _row("foreign-sdo-encoder", "a foreign master turns the encoder's direction by SDO",
+               _frames_on("encoder", 0x602, turned, 0.01), "encoder: another SDO client",
+               Alarm("encoder", "another SDO client", "encoder"),
+               f"stop it; encoder/home, {MISSED}, reset, enable",
+               within=STALE + 10 + DYING, apart=True)  # fmt: skip
     wrong = struct.pack(">Hh", 0x000F, 0)
     yield _row("foreign-controlword-wrong-endian", "a foreign master sends controlwords with bytes "
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",

@@ -113,7 +113,7 @@ def _operator() -> Iterator[Row]:
 
 
 def _heard(testbed) -> None:
-    """Let the drives hear of it: what is asked at the same time meets drives that are enabled."""
+    """Wait until the drives have got it: a request at the same time meets enabled drives."""
     testbed.robot.pause(_HEARD_S)
 
 

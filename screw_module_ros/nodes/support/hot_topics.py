@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hot loop's tools: ticks, subscriptions and publishers of its own, thread settings.
+"""Subscriptions and publishers of the hot loop, outside rclpy's executor.
 
 rclpy's executor spends about 60 us per callback. The hot subscriptions of a node are therefore
 kept out of its executor (`HotGroup`) and taken by hand from a wait set.
@@ -7,14 +7,8 @@ kept out of its executor (`HotGroup`) and taken by hand from a wait set.
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
-import gc
-import os
-import struct
-import sys
 from collections.abc import Callable, Collection
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
@@ -24,104 +18,10 @@ from rclpy.subscription import Subscription
 
 from screw_module_ros.clock import Clock
 from screw_module_ros.lockstep.wires import Hop, Source
-from screw_module_ros.settings import Setting
 
 from .flat import Flat
 
-_PR_SET_TIMERSLACK = 29
-_LOWEST = 1  # of SCHED_FIFO
 _LOST_NS = 900_000_000  # wall clock: a message that was published and has not come by then is lost
-_SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
-
-
-class RealtimeSettings(NamedTuple):
-    """How the process is scheduled."""
-
-    priority: Annotated[
-        int, Setting("SCHED_FIFO priority of the loop, 0 for the normal scheduler", "", 0, 90)
-    ] = 0
-    cores: Annotated[
-        tuple, Setting("processor cores this process may use, -1 for all", "", -1, 1023)
-    ] = (-1,)
-
-
-def prepare(settings: RealtimeSettings) -> list[str]:
-    """Make the process fit for a loop: cores, timers, no garbage to collect later.
-
-    Call from the loop's thread when the node is made. Returns what could not be had, as sentences.
-    """
-    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    sys.setswitchinterval(_SWITCH_INTERVAL)
-    if settings.priority:
-        _keep_processor_awake()
-    gc.collect()
-    gc.freeze()
-    wanted = {core for core in settings.cores if core >= 0}
-    missing = wanted - set(range(os.cpu_count() or 1))
-    if missing:
-        return [f"realtime.cores names {sorted(missing)}, which this machine does not have"]
-    try:
-        for thread in _threads() if wanted else ():
-            with contextlib.suppress(ProcessLookupError):
-                os.sched_setaffinity(thread, wanted)
-    except OSError as error:  # of a sandbox, or of cores that somebody has set aside
-        return [f"realtime.cores {sorted(wanted)} cannot be had: {error.strerror}"]
-    return []
-
-
-def take_priority(settings: RealtimeSettings) -> list[str]:
-    """Give the threads of the process SCHED_FIFO, where that is asked for.
-
-    Call when the node is active, not before: to configure is half a second of work that must not
-    keep the loops of other nodes waiting. The executor's thread gets the loop's priority: while it
-    holds the interpreter's lock the loop waits for it in short naps, and with less it would never
-    be let finish. Of Fast DDS's threads only those that bring samples get it: discovery is a burst
-    of work and must not come first. It gets the lowest, because it holds locks that the loop needs
-    when it publishes: left among the ordinary threads of a busy machine, it keeps the loop waiting
-    for 0.5 s. Returns what could not be had, as sentences.
-    """
-    if not settings.priority:
-        return []
-    for thread in _threads():
-        try:
-            first = _in_the_way_of_samples(thread)
-            priority = os.sched_param(settings.priority if first else _LOWEST)
-            os.sched_setscheduler(thread, os.SCHED_FIFO, priority)
-        except PermissionError:
-            return [
-                f"no permission for SCHED_FIFO {settings.priority}: running with the normal "
-                "scheduler (grant rtprio in limits.conf to have it)"
-            ]
-        except (ProcessLookupError, FileNotFoundError):
-            continue
-    return []
-
-
-def _threads() -> list[int]:
-    return [int(thread) for thread in os.listdir("/proc/self/task")]
-
-
-def _keep_processor_awake() -> None:
-    """Ask for no sleep states while this process lives, where that is permitted (Linux PM QoS).
-
-    A processor that slept through the rest of a period wakes late and with cold caches.
-    """
-    with contextlib.suppress(OSError):
-        request = os.open("/dev/cpu_dma_latency", os.O_WRONLY)
-        os.write(request, struct.pack("i", 0))  # held until the descriptor goes with the process
-
-
-def _in_the_way_of_samples(thread: int) -> bool:
-    """Return whether samples pass through `thread`: Python's own, and Fast DDS's odd ports.
-
-    By the RTPS port numbers (DDSI-RTPS 2.5, 9.6.2.3) discovery has even ones, user traffic odd.
-    """
-    with open(f"/proc/self/task/{thread}/comm") as file:
-        name = file.read().strip()
-    if not name.startswith("dds."):
-        return True
-    port = name.rpartition(".")[2]
-    return name.startswith(("dds.udp.", "dds.shm.")) and port.isdigit() and int(port) % 2 == 1
 
 
 class HotGroup(CallbackGroup):
@@ -164,9 +64,9 @@ class Inbox:
 
         It returns None when there is none.
 
-        `wakes`: `wait` returns when a message of this subscription is there. Of the others
-        simulated time gives only what was published before the time of now: what two loops tell
-        each other on the same tick is heard on the next, whoever is quicker.
+        `wakes`: `wait` returns when a message of this subscription is there. Of the others, in
+        simulated time only messages published before the current time count: what two loops publish
+        on the same tick arrives on the next, independent of the speed of their processes.
         """
         if topic in self._direct:
             return _nothing
@@ -210,7 +110,7 @@ class Inbox:
         """Take one message, None without one; is_due: it must be there, or in a moment."""
         taken = take()
         if taken is None and is_due():
-            self._await(handle)
+            await_message(self._node, handle)
             taken = take()
             if taken is None:
                 hop.let_go()  # lost: not waited for until the next one has come
@@ -219,13 +119,6 @@ class Inbox:
         hop.taken(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
 
-    def _await(self, handle: Any) -> None:
-        """Wait for a message that was published: the middleware has it in a moment."""
-        wait_set = self._new_wait_set(1)
-        wait_set.clear_entities()
-        wait_set.add_subscription(handle)
-        wait_set.wait(_LOST_NS)
-
     def now_ns(self) -> int:
         """Return the time that is waited by [ns]."""
         return self._clock.now_ns()
@@ -233,25 +126,21 @@ class Inbox:
     def wait(self, until_ns: int) -> bool:
         """Wait for a message of a waking subscription; return False when `until_ns` came first.
 
-        Who does not follow a topic yet is not woken for it: there may be a message then, too.
+        Of the messages that come just then only those count that hold no time: of publishers that
+        are not counted, or of a topic that is not followed yet.
         """
         if self._clock.simulated:
             self._clock.member.wait(until_ns, hops=self._wakers)
             in_time = self._clock.now_ns() < until_ns
-            return in_time or not all(hop.follows for hop in self._wakers)
+            return in_time or not any(hop.pending() for hop in self._wakers)
         if self._wait_set is None:
-            self._wait_set = self._new_wait_set(len(self._waking))
+            self._wait_set = _new_wait_set(self._node, len(self._waking))
         wait_set = self._wait_set
         wait_set.clear_entities()
         for handle in self._waking:
             wait_set.add_subscription(handle)
         wait_set.wait(max(0, until_ns - self._clock.now_ns()))
         return self._clock.now_ns() < until_ns
-
-    def _new_wait_set(self, subscriptions: int) -> Any:
-        context = self._node.context
-        with context.handle:
-            return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
 
     def close(self) -> None:
         """Destroy the subscriptions."""
@@ -261,6 +150,23 @@ class Inbox:
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
         self._subscriptions, self._hops, self._wakers = [], [], []
+
+
+def await_message(node: Node, handle: Any) -> None:
+    """Wait for a message that was published: the middleware has it in a moment, or it is lost.
+
+    handle: of a subscription of `node`.
+    """
+    wait_set = _new_wait_set(node, 1)
+    wait_set.clear_entities()
+    wait_set.add_subscription(handle)
+    wait_set.wait(_LOST_NS)
+
+
+def _new_wait_set(node: Node, subscriptions: int) -> Any:
+    context = node.context
+    with context.handle:
+        return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
 
 
 class _Settled:

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lifecycle node with the clock of its process, whose services name what is wrong.
+
+In simulated time a request holds time until the service works on it, and the answer until the
+client has it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import contextmanager
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode
+
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.devices.errors import DeviceError
+
+from .command_line import arguments, overrides
+
+
+class Done(str):
+    """What a service did, for its response; a plain string says what was wrong."""
+
+    __slots__ = ()
+
+
+class ServingNode(LifecycleNode):
+    """A lifecycle node with services.
+
+    clock: the one clock of this process. stopping: set when the process is to end.
+    """
+
+    def __init__(self, name: str):
+        super().__init__(name, parameter_overrides=overrides(name, arguments()))
+        self.stopping = threading.Event()
+        self.clock = self._chosen_clock()
+        self._active = threading.Event()
+        self._phase = "unconfigured"
+        self._failure = ""
+        self._requests = self._answers = None
+
+    def _chosen_clock(self) -> Clock:
+        if not self.get_parameter("use_sim_time").value:
+            return WallClock()
+        # Our own time comes from the page: a topic at 100 Hz would only cost a callback each.
+        for subscription in list(self.subscriptions):
+            if subscription.topic_name == "/clock":
+                self.destroy_subscription(subscription)
+        name, namespace = self.get_name(), self.get_namespace()
+        return simulated_clock(name, namespace, lambda: self.stopping.is_set())
+
+    def start_serving(self) -> None:
+        """Let each request hold simulated time until a service works on it; ends __init__."""
+        if not self.clock.simulated:
+            return
+        self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
+        self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
+        self._requests.hold(self.clock.member.slot)
+        self.clock.idle()
+
+    @property
+    def active(self) -> bool:
+        """Whether the node is in the lifecycle state active."""
+        return self._active.is_set()
+
+    def serve(
+        self,
+        kind: type,
+        name: str,
+        action: Callable[[Any], str],
+        done: str = "",
+        always: bool = False,
+    ) -> None:
+        """Offer a service whose response has `success` and `message`.
+
+        action: takes the request and returns what is wrong, empty when nothing is, or `Done` with
+        what it did; what it raises is the answer too, and the node lives on. done: the message
+        where it returns nothing. always: also while the node is not active.
+        """
+
+        def answer(request: Any, response: Any) -> Any:
+            with self._asked():
+                said = self._carried_out(action, request, name, always)
+            response.success = not said or isinstance(said, Done)
+            response.message = str(said) or done
+            return response
+
+        self.create_service(kind, name, answer)
+
+    def _carried_out(self, action: Callable, request: Any, name: str, always: bool) -> str:
+        if not (always or self.active):
+            return f"the node is not active: {self._failure or f'it is {self._phase}'}"
+        try:
+            return action(request) or ""
+        except (DeviceError, TimeStandsStill) as error:
+            return str(error)
+        except Exception as error:
+            self.get_logger().error(f"{name}: {type(error).__name__}: {error}")
+            return str(error) or type(error).__name__
+
+    @contextmanager
+    def _asked(self):
+        """Hold simulated time while a service works, and until the client has the answer."""
+        if not self.clock.simulated:
+            yield
+            return
+        with self.clock.working():
+            self._requests.let_go()  # a second request must not hold time while the first needs it
+            yield
+            self._answers.publishing()
+            self._requests.catch_up()
+        self._answers.published()
+
+    def stop_serving(self) -> None:
+        """Hold simulated time for requests no more: no service answers from here on."""
+        if self._requests is not None:
+            self._requests.let_go()
+
+
+def request_topic(node: str) -> str:
+    """Return what simulated time calls the requests to a node of this full name."""
+    return f"request {node}"
+
+
+def answer_topic(node: str) -> str:
+    """Return what simulated time calls the answers of a node of this full name."""
+    return f"answer {node}"
