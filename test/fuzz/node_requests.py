@@ -42,8 +42,17 @@ class NodeRequests:
         os.environ.setdefault("ROS_LOG_DIR", str(folder))
         self._place = own_place()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self._nodes = [_made(name, folder) for name in (*WITHOUT_DEVICE, *DRIVERS)]
-        for node in self._nodes:
+        self._nodes: list[ModuleNode] = []
+        try:
+            self._make_nodes(folder)
+        except BaseException:
+            self.close()  # else the next user of rclpy in this process fails
+            raise
+
+    def _make_nodes(self, folder: Path) -> None:
+        for name in (*WITHOUT_DEVICE, *DRIVERS):
+            node = _made(name, folder)
+            self._nodes.append(node)
             node.get_logger().set_level(LoggingSeverity.FATAL)
             node.parameters.finish()
             if node.get_name() in WITHOUT_DEVICE:
@@ -108,7 +117,8 @@ class NodeRequests:
 
 
 def _made(name: str, folder: Path) -> ModuleNode:
-    module = importlib.import_module(f"screw_module_ros.nodes.{name}")
+    room = "identification.live" if name == "characterize" else "nodes"
+    module = importlib.import_module(f"screw_module_ros.{room}.{name}")
     (kind,) = [
         found
         for _, found in inspect.getmembers(module, inspect.isclass)

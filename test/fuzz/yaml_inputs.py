@@ -13,14 +13,11 @@ from typing import Any
 
 from bag_damage import NOTES
 from runner import sentence
-from screw_module_ros.calibration.friction import load_friction_model
-from screw_module_ros.calibration.linearization import load_linearization
-from screw_module_ros.calibration.module import (
-    ModuleCalibration,
-    load_module_calibration,
-    write_calibration,
-)
 
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.linearization_file import load_linearization
+from screw_module_ros.calibration.module_fields import ModuleCalibration
+from screw_module_ros.calibration.module_file import load_module_calibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification.catalogue import EXPERIMENTS, settings_from_yaml
 from screw_module_ros.nodes.support.command_line import arguments, overrides

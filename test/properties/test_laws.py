@@ -20,7 +20,7 @@ from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical import vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.vertical_state import VerticalInput
+from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.settings import declared, validated
 
@@ -42,7 +42,7 @@ class VerticalLaw(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.settings = VerticalSettings().validated()
-        self.state = vertical_law.initial_state(self.settings)
+        self.state = initial_state(self.settings)
         self.mode = modes.OFF
         self.force = 0.0
         self.since_zero = 0.0
