@@ -72,12 +72,13 @@ def observer_step(
     off = position - ahead
     pole = math.exp(-bandwidth * dt)
     left = 1.0 - pole
+    rate = left / dt  # not dt squared below: a tiny dt has no square
     disturbance = state.disturbance
     if not resting:
-        disturbance -= mass * left * left * left / (dt * dt) * off
+        disturbance -= mass * left * rate * rate * off
     return ObserverState(
         ahead + (1.0 - pole * pole * pole) * off,
-        state.velocity + dt * acceleration + 1.5 * left * left * (1.0 + pole) / dt * off,
+        state.velocity + dt * acceleration + 1.5 * left * rate * (1.0 + pole) * off,
         clamp(disturbance, -limit, limit),
         state.commands,
     )

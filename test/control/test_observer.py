@@ -69,6 +69,13 @@ def test_disturbance_is_limited_and_comes_back_at_once():
     assert state.disturbance == pytest.approx(5.0, abs=0.1)
 
 
+@pytest.mark.parametrize("dt", [5e-324, 1e-300, 1e-12])
+def test_two_samples_of_nearly_one_time_change_nothing_much(dt):
+    state = observer_step(observer_at(0.1), 0.1001, 5.0, 5.5, 60.0, 1.2e-3, 35.0, False, dt)
+    assert state.position == pytest.approx(0.1, abs=1e-9)
+    assert abs(state.velocity) < 1e-6 and abs(state.disturbance) < 1e-6
+
+
 def test_at_rest_the_disturbance_stays():
     state, _, _ = watched(lambda t: 8.0, [0.0] * 100, resting=True)
     assert state.disturbance == 0.0

@@ -50,6 +50,24 @@ async def attending(page):
         task.cancel()
 
 
+@contextlib.asynccontextmanager
+async def reading(page):
+    """Read what comes, as a browser does: the server's pings are answered in between."""
+    task = asyncio.create_task(page.until(lambda message: False))
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def state_of(stage, page, *wanted):
+    """Wait until the session says so."""
+    async with reading(page):
+        await elsewhere(stage.wait_for_state, *wanted)
+
+
 async def elsewhere(function, *given):
     """Call what blocks without keeping the page from attending."""
     return await asyncio.get_running_loop().run_in_executor(None, function, *given)
@@ -115,7 +133,7 @@ def test_a_lost_bridge_pauses_the_session_and_so_does_a_silent_page(stage, kill_
         async with therapist(stage) as page, attending(page):
             answer = await start(page)
             assert answer["values"] == {"success": True, "message": ""}, answer
-            await elsewhere(stage.wait_for_state, RUNNING)
+            await state_of(stage, page, RUNNING)
             await elsewhere(kill_9, stage.bridge.pid)
 
     with contextlib.suppress(ConnectionError):
@@ -129,8 +147,8 @@ def test_a_lost_bridge_pauses_the_session_and_so_does_a_silent_page(stage, kill_
         async with therapist(stage) as page:
             async with attending(page):
                 await resume(page)
-                await elsewhere(stage.wait_for_state, RUNNING)
-            await elsewhere(stage.wait_for_state, PAUSED, SILENT)  # the connection is still there
+                await state_of(stage, page, RUNNING)
+            await state_of(stage, page, PAUSED, SILENT)  # the connection is still there
             return await page.call("/therapy_session/abort")
 
     assert run(after())["values"]["success"]
