@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shutil
 import threading
 import time
 import weakref
@@ -106,3 +107,19 @@ def no_leaked_bus(_note_buses: None) -> Iterator[None]:
     names += [f"virtual channel {n}" for n in set(can.interfaces.virtual.channels) - channels]
     if names:
         pytest.fail("left open by this test: " + ", ".join(names))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium, driven by Playwright; skips where one of them is missing."""
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="Playwright is not installed: see CONTRIBUTING.md"
+    )
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        pytest.skip("Chromium is not installed: see CONTRIBUTING.md")
+    arguments = ["--no-sandbox"] if os.getuid() == 0 else []
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
