@@ -71,13 +71,6 @@ class Observer(NamedTuple):
     damping: float = 5.0
 
 
-def spectral_radius(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Feedback | Observer
-) -> float:
-    """Return the largest magnitude of the closed sampled loop's eigenvalues."""
-    return _radius(sampled(mechanism, environment, sampling), sampling, law)
-
-
 def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float:
     step, before, after, outputs = plant
     if isinstance(law, Observer):

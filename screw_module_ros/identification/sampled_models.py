@@ -4,7 +4,7 @@
 The command is held over a sample period, comes `delay` late to a chain of poles, and the chain's
 output is sampled. What is sampled at w is the sum over all v = w + n ws that fold onto it
 (thesis eq 4.2): (1/Ts) sum over n of G(j v) exp(-j v delay) (1 - exp(-j v Ts)) / (j v).
-`sampled_response` has it in closed form, `folded_response` adds the terms up.
+`sampled_response` has it in closed form.
 """
 
 from __future__ import annotations
@@ -106,15 +106,6 @@ def sampled_response(
         older = cmath.exp(pole * late) * np.expm1(pole * early) / pole
         answer += share * (newer + older / z) / (z - cmath.exp(pole * period))
     return chain.gain * answer / z**whole
-
-
-def folded_response(
-    chain: Chain, frequencies: np.ndarray, rate: float, delay: float, terms: int = 2000
-) -> np.ndarray:
-    """Return the same as `sampled_response`, added up over n = -terms to terms (thesis eq 4.2)."""
-    numbers = np.arange(-terms, terms + 1)
-    folded = np.add.outer(np.asarray(frequencies, float), numbers * rate)
-    return np.sum(continuous_response(chain, folded, delay) * _hold(folded, rate), axis=1)
 
 
 def held_twice_response(

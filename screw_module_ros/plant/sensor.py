@@ -81,18 +81,18 @@ def true_wrench(
 
 
 def measured_wrench(
-    p: SensorParams, wrench: Wrench, time: float, noise_gain: float, first: int, second: int
+    p: SensorParams, wrench: Wrench, time: float, first: int, second: int
 ) -> tuple[Wrench, int, int]:
     """Return the wrench with zeros, drift and noise, and the next state of the noise.
 
-    time: since power-on [s]; noise_gain: 1 = as in the parameters; first, second: see `noise`.
+    time: since power-on [s]; first, second: see `noise`.
     """
     warm = 1.0 - math.exp(-time / p.drift_time)
     n1, n2, first, second = normal_pair(first, second)
     n3, n4, first, second = normal_pair(first, second)
     n5, n6, first, second = normal_pair(first, second)
-    force = noise_gain * p.force_noise
-    torque = noise_gain * p.torque_noise
+    force = p.force_noise
+    torque = p.torque_noise
     b = p.bias
     d = p.drift
     return (

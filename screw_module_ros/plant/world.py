@@ -11,7 +11,6 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiled import compiled, packed
-from ..quoting import quoted
 from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
@@ -81,8 +80,6 @@ class World:
         self._patient = resting_patient(settings.arm, start.x, start.y, start.position)
         self._sensor = sensor_params(settings.sensor, seed)
         self._noise = seeded(seed)
-        self._noise_gain = 1.0
-        self._force_bias = 0.0
         self._measured: tuple[int, Wrench] = (-1, (0.0,) * 6)
         self._owed_ns = 0  # time that has passed and is not yet integrated
         self._substep_ns = round(settings.substep * 1e9)
@@ -171,11 +168,6 @@ class World:
         )
 
     @property
-    def motor_current(self) -> float:
-        """Current of the vertical motor [A]."""
-        return self._state.vertical.current
-
-    @property
     def vertical_torque(self) -> float:
         """Torque on the vertical motor's rotor [Nm]."""
         return self._state.vertical.torque
@@ -198,7 +190,7 @@ class World:
         """
         if self._measured[0] == self._state.ticks:
             return self._measured[1]
-        v, plane, bias = self._state.vertical, self._state.planar, self._force_bias
+        v, plane = self._state.vertical, self._state.planar
         true = true_wrench(
             plane.force_x,
             plane.force_y,
@@ -207,10 +199,8 @@ class World:
             self.settings.transducer.stiffness * v.rotor_angle,
         )
         noise = advanced(*self._noise, DRAWS * self._state.ticks)
-        (fx, fy, fz, tx, ty, tz), *_ = self._measure(
-            self._sensor, true, self.simulated_time, self._noise_gain, *noise
-        )
-        self._measured = (self._state.ticks, (fx + bias, fy + bias, fz + bias, tx, ty, tz))
+        wrench, *_ = self._measure(self._sensor, true, self.simulated_time, *noise)
+        self._measured = (self._state.ticks, wrench)
         return self._measured[1]
 
     def truth(self) -> Truth:
@@ -281,16 +271,3 @@ class World:
         vertical = resting_state(module, float(position), self._fixture.upright)
         self._state = self._state._replace(vertical=vertical)
         self._fixture = running(self._fixture, module.travel, vertical.handle)
-
-    def set_disturbance(self, kind: str, value: float) -> None:
-        """Make the transducer worse until changed back.
-
-        kind: `noise_gain` (value 1 = normal) or `force_bias` (value [N] added on x, y and z).
-        Raises ValueError for another kind.
-        """
-        if kind == "noise_gain":
-            self._noise_gain = float(value)
-        elif kind == "force_bias":
-            self._force_bias = float(value)
-        else:
-            raise ValueError(f"disturbance {quoted(kind)}: noise_gain or force_bias is wanted")

@@ -58,7 +58,7 @@ class Console:
     def show(self, *what: Table | str) -> None:
         """Print tables and lines."""
         for item in what:
-            self._rich.print(item)
+            self._rich.print(item, soft_wrap=isinstance(item, str))
 
     def fail(self, text: str) -> None:
         """Print what went wrong."""

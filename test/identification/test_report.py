@@ -5,11 +5,9 @@ import math
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from screw_module_ros.identification import friction_map
 from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.identification.in_process import LoopSettings
 from screw_module_ros.identification.report import study
@@ -23,7 +21,7 @@ from screw_module_ros.identification.report.tables import (
     compared_rows,
     markdown_table,
 )
-from screw_module_ros.identification.report.truth import true_map, true_mass, true_weight
+from screw_module_ros.identification.report.truth import true_mass, true_weight
 from screw_module_ros.identification.report.words import value_text
 from screw_module_ros.identification.results import Quantity, Result
 
@@ -114,13 +112,6 @@ def test_cells_cannot_break_a_table():
 def test_truth_is_the_thesis_s(module):
     assert true_weight(module) == pytest.approx(10.04, abs=0.01)
     assert true_mass(module) == pytest.approx(5.49, abs=0.01)
-    maps = true_map(module, np.array([0.05]), np.array([0.0, 200.0]))
-    # 5.2.5: 20.0 N up at 200 mm and mean speed, -0.3 N down, ripple of up to 2.2 and 3.2 N.
-    assert maps["up"][0, 1] == pytest.approx(20.0, abs=3.0)
-    assert maps["down"][0, 1] == pytest.approx(-0.3, abs=4.0)
-    assert maps["up_inverted"] == pytest.approx(-maps["down"], abs=1e-9)
-    assert set(maps) == set(friction_map.MAPS)
-
 
 def test_changed_source_is_noticed(monkeypatch, tmp_path):
     before = study.fingerprint_of_sources()

@@ -17,8 +17,9 @@ from screw_module_ros.identification.sampled_loop import (
     Sampling,
     _feedback,
     _observer,
+    _radius,
     largest_gain,
-    spectral_radius,
+    sampled,
 )
 
 HAND = Environment()
@@ -66,7 +67,7 @@ def integrated(mechanism, environment, sampling, law, ticks=500):
 )
 def test_unstable_loops_grow_as_their_eigenvalue_says(law, sampling):
     soft = Mechanism(contact_stiffness=1e6, contact_damping=500.0)
-    radius = spectral_radius(soft, HAND, sampling, law)
+    radius = _radius(sampled(soft, HAND, sampling), sampling, law)
     assert radius > 1.005
     assert integrated(soft, HAND, sampling, law) == pytest.approx(radius, abs=0.002)
 
