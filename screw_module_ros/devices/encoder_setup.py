@@ -35,7 +35,7 @@ WARNINGS = {
 
 
 class EncoderSettings(NamedTuple):
-    """The encoder on the screw's motor: where it is, how it counts, what a count means."""
+    """The encoder on the screw's motor: its node id, its counting, the unit of a count."""
 
     node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 2
     rate: Annotated[float, Setting("ticks (SYNCs) per second", "Hz", 1.0, 4000.0)] = 1000.0
@@ -43,7 +43,7 @@ class EncoderSettings(NamedTuple):
         int, Setting("counts per turn of the screw, object 6001", "counts", 4, 2**31)
     ] = COUNTS_PER_TURN
     measuring_range: Annotated[
-        int, Setting("counts after which the position wraps, object 6002; 0 = as it is", "counts",
+        int, Setting("counts after which the position wraps, object 6002; 0 = unchanged", "counts",
                      0, FULL_RANGE - 1)
     ] = 0
     code_sequence: Annotated[
@@ -59,7 +59,7 @@ class EncoderSettings(NamedTuple):
         float, Setting("homing is refused while the nut moves faster", "m/s", 0.0, 1.0)
     ] = 0.005
     home_shift: Annotated[
-        float, Setting("homing must be asked for twice when it moves the origin further", "m",
+        float, Setting("homing needs a second call when it moves the origin further", "m",
                        0.0, 1.0)
     ] = 0.005
     velocity_cutoff: Annotated[
@@ -77,7 +77,7 @@ class EncoderSettings(NamedTuple):
 
 @dataclass
 class EncoderCounters:
-    """What happened since the driver was made.
+    """Events since the driver was created.
 
     requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
     to now. late: answers that came after the next request. unexpected: frames without a request.
@@ -114,14 +114,14 @@ def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> li
 
 
 def configure(node: CanopenNode, settings: EncoderSettings) -> int:
-    """Bring the encoder into the state the settings describe, up to but without NMT start.
+    """Configure the encoder as the settings describe, without NMT start.
 
     Returns the range at which the position wraps [counts]. Raises NotAnswering, WrongDevice,
     Refused, NotConfigured.
     """
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # what came before the first answer happened before it
+    boot_ups = node.boot_ups  # boot-ups before the first answer do no harm
     wrap = _scale(node, settings)
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))
@@ -147,7 +147,7 @@ def _scale(node: CanopenNode, settings: EncoderSettings) -> int:
 
 
 def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
-    """Take an encoder that cannot scale, if it counts as the settings say."""
+    """Accept an encoder that cannot scale, if its resolution is that of the settings."""
     sdo = node.sdo
     direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
     _set_if_other(sdo, 0x6000, direction, 2)
@@ -165,6 +165,6 @@ def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
 
 
 def _set_if_other(sdo, index: int, value: int, size: int) -> None:
-    """Write only what differs: some encoders write each change to EEPROM."""
+    """Write a value only if it differs: some encoders store each write in EEPROM."""
     if sdo.unsigned(index) != value:
         sdo.set(index, 0, value, size)
