@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong in a simulated drive, beside its cable and its CANopen side."""
+"""Faults of a simulated drive, beside those of its cable and its CANopen side."""
 
 from __future__ import annotations
 
