@@ -26,7 +26,7 @@ from .support.torque_off import TorqueOff
 
 
 class EncoderNode(DriverNode):
-    """One sample a tick, published as soon as it is there."""
+    """One sample per tick, published as soon as it arrives."""
 
     def __init__(self):
         super().__init__("encoder")
@@ -51,7 +51,7 @@ class EncoderNode(DriverNode):
         self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Let the samples flow."""
+        """Start the samples."""
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))

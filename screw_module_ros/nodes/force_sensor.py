@@ -36,7 +36,7 @@ class WrenchSettings(NamedTuple):
 
 
 class ForceSensorNode(DriverNode):
-    """One wrench a tick, of the patient on the robot."""
+    """One wrench per tick, of the patient on the robot."""
 
     def __init__(self):
         super().__init__("force_sensor")
@@ -67,7 +67,7 @@ class ForceSensorNode(DriverNode):
         self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Let the samples flow; a fault latched before is cleared, it was asked for."""
+        """Start the samples; an activation also clears a latched fault."""
         if self.device.fault:
             self.device.clear_fault()
         self.device.start()
@@ -76,7 +76,7 @@ class ForceSensorNode(DriverNode):
         self.start_polls()
 
     def end(self) -> None:
-        """Stop asking."""
+        """Stop polling."""
         self.stop_polls()
         self.device.stop()
 
@@ -86,7 +86,7 @@ class ForceSensorNode(DriverNode):
         self.close_port()
 
     def step(self) -> None:
-        """One tick: ask, wait for both halves, publish."""
+        """One tick: send the request, wait for both halves, publish."""
         self._loop.step(Parts(force_sensor=self.part))
 
     def publish(self, reading: ForceReading) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`supervisor`: permission to move, emergency stop, vertical lock.
 
-It grants nothing by itself: every drive stays off until it is enabled. What it decides, and from
-what, is `control/supervision.py`; here the states are collected and the decision is sent. An
-emergency stop and the lock outlive the process; a latched stop does too, unless it ended in order.
+A permission enables nothing: every drive stays off until it is enabled. `control/supervision.py`
+decides; this node collects the states and publishes the decision. An emergency stop and the lock
+survive a restart of the process. A latched stop also does, unless the process ended normally.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from .support.topics import offered, requested
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
 _HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
-"""Node -> the topic it is watched by; endpoint_state too, although nothing depends on it."""
+"""Node -> the topic that shows its state; also endpoint_state, although nothing depends on it."""
 
 
 class SupervisorSettings(NamedTuple):
-    """The node's clock."""
+    """Rate of the node."""
 
     rate: Annotated[float, Setting("decisions per second", "Hz", 20.0, 500.0)] = 50.0
 
 
 class SupervisorNode(ModuleNode):
-    """Looks at the newest state of every node and says whether the robot may move."""
+    """Publishes whether the robot may move, from the newest state of every node."""
 
     def __init__(self):
         super().__init__("supervisor")
@@ -59,7 +59,7 @@ class SupervisorNode(ModuleNode):
         self._message.header.frame_id = "manus_base"
         self._kept = Kept(self.get_fully_qualified_name())
         self._state = self._restored()
-        # The loop decides, services change what it decides from; both fill the one message.
+        # The loop decides, services change the state; both fill the same message.
         self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
@@ -70,7 +70,7 @@ class SupervisorNode(ModuleNode):
         self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
 
     def _restored(self) -> SupervisorState:
-        """Return the state that an earlier process left; one that cannot be read is a stop."""
+        """Return the state of an earlier process; an unreadable one counts as a stop."""
         try:
             state = supervision.restored(self._kept.read())
         except (OSError, ValueError) as error:
@@ -86,7 +86,7 @@ class SupervisorNode(ModuleNode):
         return state
 
     def _keep(self, state: SupervisorState) -> None:
-        """Write down what must not be forgotten, where it has changed; hold the lock."""
+        """Save the state that must survive a restart, if changed; the caller holds the lock."""
         try:
             self._kept.write(supervision.kept(state))
         except OSError as error:
@@ -113,21 +113,21 @@ class SupervisorNode(ModuleNode):
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
-        """Start the clock."""
+        """Start the ticks."""
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
     def disconnect(self) -> None:
         """Remove the topics; without safety_state the drives stop."""
         if self._inbox is not None:
-            with self._changing:  # when a graph is ended, the last to go sees the others missing
+            with self._changing:  # at the end of a graph the last node sees the others missing
                 self._keep(self._state._replace(latched=()))
 
     def step(self) -> None:
-        """Decide and say so."""
+        """Decide and publish the decision."""
         self._publish(self._ticker.sleep().monotonic_ns)
 
     def _publish(self, now: int) -> None:
-        with self._changing:  # as a whole: two threads must not mix their answers
+        with self._changing:  # two threads must not mix their decisions in one message
             self._decide_and_tell(now)
             self._keep(self._state)
 
@@ -158,7 +158,7 @@ class SupervisorNode(ModuleNode):
         alarmed_ns, alarm = self._alarms.get(node, (0, ""))
         alarm = alarm if now - alarmed_ns < _DIAGNOSTICS_NS else ""
         age = (now - newest.arrival_ns) * 1e-9
-        if not hasattr(message, "faulted"):  # a sample: only the diagnostics tell of an error
+        if not hasattr(message, "faulted"):  # a sample: only the diagnostics show an error
             return NodeReport(True, age, error=bool(alarm), reason=alarm)
         enabled = getattr(message, "enabled", False) and not newest.stale(now)
         return NodeReport(True, age, False, message.faulted, enabled, message.reason)
@@ -198,7 +198,7 @@ class SupervisorNode(ModuleNode):
         return Done("vertical locked" if request.data else "vertical unlocked")
 
     def health(self) -> Health:
-        """What is permitted and why not."""
+        """Permission, and the reasons against it."""
         message, now = self._message, self.clock.now_ns()
         ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._heard.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services that rclpy gives each node by itself: what they trip over is an answer, not the end.
+"""Makes rclpy's own services of each node answer with an error instead of ending the node.
 
-An exception of a callback leaves the executor's `spin_once` and would end the node. A parameter of
-an unknown type, or a transition that does not go from the present state, is a mistake of whoever
-asks.
+An exception in a callback leaves the executor's `spin_once` and would end the node. But a parameter
+of an unknown type, or a transition that is impossible in the present state, is an error of the
+client.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LONGEST = 300  # characters
 
 
 def answer_always(node: Node) -> None:
-    """Let every service that the node has by now answer, whatever its callback raises."""
+    """Make every present service of the node answer, whatever its callback raises."""
     for service in node.services:
         service.callback = _answering(node, service.srv_type, service.srv_name, service.callback)
 
@@ -42,7 +42,7 @@ def _answering(node: Node, kind: Any, name: str, callback: Callable) -> Callable
             return answer
 
     def each(request: Any, response: Any) -> Any:
-        """Set parameters one by one: an odd one among them spoils no other."""
+        """Set parameters one by one, so that an invalid one does not affect the others."""
         for parameter in request.parameters:
             try:
                 part = callback(kind.Request(parameters=[parameter]), kind.Response())
