@@ -2,8 +2,8 @@
 """The one clock: every loop, driver, guard and client takes the time from here.
 
 `WallClock` is CLOCK_MONOTONIC, for hardware. `SimulatedClock` is the time of the simulated rig
-(see `lockstep`). `ManualClock` is moved by its owner: for loops that run in one thread. No law,
-limit or guard knows which it has.
+(see `lockstep`). The owner of a `ManualClock` advances it, for loops in a single thread. Laws,
+limits and guards work with any of them.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ __all__ = [
 
 _POLL_NS = 1_000_000
 _STANDS_STILL_S = 2.0
-_LOST_S = 0.2  # wall clock: a frame that was sent and has not come by then is lost
+_LOST_S = 0.2  # wall clock after which a sent frame counts as lost
 
 
 class Arrivals(Protocol):
-    """What comes in on one bus."""
+    """Incoming frames of one bus."""
 
     def receive(self, until_ns: int) -> Any:
-        """Return the next frame, waiting for it until `until_ns` at most; None without one."""
+        """Return the next frame; wait for it until `until_ns` at most, None without one."""
 
     def expects(self) -> bool:
-        """Return whether a frame is under way; True where that cannot be known."""
+        """Return whether a frame is in transit; True if that is unknown."""
 
     def sent(self) -> None:
-        """Note a frame that the bus has taken."""
+        """Count a frame that the bus has accepted."""
 
     def close(self) -> None:
-        """Note nothing more."""
+        """Stop counting."""
 
 
 class Clock:
-    """What there is to ask of a clock; times in ns, comparable within one robot.
+    """Interface of a clock; times in ns, comparable within one robot.
 
-    simulated: time stands still between two steps and may be slower than real time.
+    simulated: time advances in steps and may be slower than real time.
     """
 
     simulated = False
@@ -66,11 +66,11 @@ class Clock:
         raise NotImplementedError
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass."""
+        """Wait for `seconds`."""
         self.sleep_until(self.now_ns() + round(seconds * 1e9))
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Wait until `condition()`, or for `seconds`; return whether it came to that."""
+        """Wait until `condition()`, for `seconds` at most; return whether it became true."""
         deadline_ns = self.now_ns() + round(seconds * 1e9)
         while not condition():
             now_ns = self.now_ns()
@@ -80,7 +80,7 @@ class Clock:
         return True
 
     def arrivals(self, bus: Any) -> Arrivals:
-        """Return what is heard on an open python-can bus."""
+        """Return the arrivals of an open python-can bus."""
         return _Plain(self, bus)
 
     def idle(self) -> None:
@@ -90,7 +90,7 @@ class Clock:
         """Tell that this thread has ended."""
 
     def close(self) -> None:
-        """Take no more part in the time."""
+        """Release the clock."""
 
     @contextmanager
     def working(self):
@@ -99,7 +99,7 @@ class Clock:
 
 
 class _Plain:
-    """A bus waited for with its own means."""
+    """Arrivals of a bus that does its own waiting."""
 
     def __init__(self, clock: Clock, bus: Any):
         self._clock, self._bus = clock, bus
@@ -132,7 +132,7 @@ class WallClock(Clock):
 
 
 class ManualClock(Clock):
-    """Time that its owner moves. A wait ends at once, at the time that it wanted."""
+    """Time that its owner advances. A wait sets the time to its end and returns at once."""
 
     simulated = True
 
@@ -146,11 +146,11 @@ class ManualClock(Clock):
     stamp_ns = now_ns
 
     def sleep_until(self, due_ns: int) -> None:
-        """Move the time to `due_ns`."""
+        """Advance the time to `due_ns`."""
         self.time_ns = max(self.time_ns, due_ns)
 
     def arrivals(self, bus: Any) -> Arrivals:
-        """Return what is heard on a bus; what is not there now is not there until the end."""
+        """Return the arrivals of a bus; a wait for a frame ends at once."""
         return _Unawaited(self, bus)
 
 
@@ -163,10 +163,10 @@ class _Unawaited(_Plain):
 
 
 class SimulatedClock(Clock):
-    """The rig's time. Each thread that waits is a member of its own, from its first wait on.
+    """The rig's time. Each waiting thread is a separate member, from its first wait on.
 
-    name: how the conductor calls this process. stopping: whether it is to end, for a process whose
-    main thread waits for time to move on however long that takes; None: no thread waits for ever.
+    name: of this process in the conductor's messages. stopping: returns whether the process shall
+    end; with it the main thread waits for time without limit. None: every wait has a limit.
     """
 
     simulated = True
@@ -187,7 +187,7 @@ class SimulatedClock(Clock):
 
     @property
     def member(self) -> Member:
-        """This thread's part in the time."""
+        """This thread's membership in simulated time."""
         try:
             return self._own.member
         except AttributeError:
@@ -201,7 +201,7 @@ class SimulatedClock(Clock):
 
     @property
     def has_rig(self) -> bool:
-        """Whether the process that moves this time is there, stopped or not."""
+        """Whether the process that advances this time exists, stopped or not."""
         return alive(self.page.conductor)
 
     def sleep_until(self, due_ns: int) -> None:
@@ -209,15 +209,15 @@ class SimulatedClock(Clock):
         self.member.wait(due_ns)
 
     def arrivals(self, bus: Any) -> Arrivals:
-        """Return what is heard on a bus that counts its members' frames."""
+        """Return the arrivals of a bus that counts its members' frames."""
         return _Counted(self, bus) if hasattr(bus, "members_frames") else _Plain(self, bus)
 
     def source(self, topic: str) -> Source:
-        """Return the publishing end of a topic; its full name."""
+        """Return the publishing end of a topic (full name)."""
         return Source(self.page, topic)
 
     def hop(self, topic: str) -> Hop:
-        """Return a receiving end of a topic; its full name."""
+        """Return a receiving end of a topic (full name)."""
         return Hop(self.page, topic)
 
     def idle(self) -> None:
@@ -241,7 +241,7 @@ class SimulatedClock(Clock):
             member.idle()
 
     def close(self) -> None:
-        """Leave the page, all threads of this process together, with the last user's call."""
+        """Close the page; effective with the call of the last user in this process."""
         with _opening:
             self._users -= 1
             if self._users > 0:
@@ -259,7 +259,7 @@ class _Counted:
         self.line = Line(clock.page, bus.members_bus)
 
     def receive(self, until_ns: int) -> Any:
-        """Return the next frame, waiting until `until_ns`; None without one."""
+        """Return the next frame; wait for it until `until_ns`, None without one."""
         if until_ns and self.line.pending() <= 0:
             self._clock.member.wait(until_ns, self.line)
         message = self._bus.recv(0.0)
@@ -271,7 +271,7 @@ class _Counted:
         return message
 
     def expects(self) -> bool:
-        """Return whether a frame of another member is under way."""
+        """Return whether a frame of another member is in transit."""
         return self.line.pending() > 0
 
     def sent(self) -> None:
@@ -288,9 +288,9 @@ _opening = threading.Lock()
 def simulated_clock(
     name: str, namespace: str, stopping: Callable[[], bool] | None = None
 ) -> SimulatedClock:
-    """Return this process's clock of the robot in `namespace` and the ROS domain it is in.
+    """Return this process's clock for the robot in `namespace` and the process's ROS domain.
 
-    Each who asks for it calls its `close`.
+    Each caller must call `close` on it.
     """
     found = page_name(str(domain_id()), namespace)
     with _opening:
