@@ -27,7 +27,7 @@ from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.due import Due
 from .support.flat import COMMAND, Command
-from .support.module_node import Health
+from .support.health import Health
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values

@@ -16,7 +16,7 @@ from screw_module_ros.samples import EncoderReading
 
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_encoder
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.health import ERROR, OK, WARN, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done

@@ -27,8 +27,9 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
+from .support.health import OK, WARN, Health
 from .support.hot_topics import fill_stamp
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.topics import offered, requested

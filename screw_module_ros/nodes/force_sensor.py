@@ -17,7 +17,7 @@ from screw_module_ros.settings import Setting
 
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
-from .support.module_node import ERROR, OK, Health
+from .support.health import ERROR, OK, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done

@@ -31,8 +31,9 @@ from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
+from .support.health import ERROR, OK, WARN, Health
 from .support.hot_topics import Inbox
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller

@@ -25,7 +25,7 @@ from screw_module_ros.settings import Setting
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
-from .support.module_node import Health
+from .support.health import Health
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane

@@ -37,7 +37,8 @@ from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
 from .support.below import one_name, root_folder
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.health import ERROR, OK, WARN, Health
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.topics import offered

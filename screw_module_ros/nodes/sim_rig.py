@@ -24,7 +24,8 @@ from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
 from .support.due import Due
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.health import OK, WARN, Health
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.topics import offered

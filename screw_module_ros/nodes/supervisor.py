@@ -29,8 +29,9 @@ from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
+from .support.health import ERROR, OK, WARN, Health
 from .support.kept import Kept
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done

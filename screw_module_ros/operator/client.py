@@ -24,8 +24,9 @@ from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, S
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.clock import WallClock, simulated_clock
+from screw_module_ros.clock import WallClock
 from screw_module_ros.loop.ticker import BACK_OFF_S
+from screw_module_ros.simulated_clock import simulated_clock
 
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest

@@ -13,8 +13,8 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from .driver import DriverNode
+from .health import ERROR, OK, WARN, Health
 from .hot_topics import Inbox
-from .module_node import ERROR, OK, WARN, Health
 from .permission import Permission
 from .senders import Senders, too_many_senders
 from .serving_node import Done

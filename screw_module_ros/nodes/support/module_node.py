@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Collection
 from typing import Annotated, Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
@@ -19,6 +19,7 @@ from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.settings import Setting
 
 from .answering import answer_always
+from .health import ERROR, OK, WARN, Health, status_message
 from .hot_topics import Inbox, Outlet
 from .parameters import Parameters
 from .scheduling import RealtimeSettings
@@ -31,8 +32,6 @@ _RETRY_S = 1.0
 _IDLE_S = 0.05
 _NO_TIME = "waiting for sim_rig: nobody moves simulated time yet (or set use_sim_time to false)"
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
 
 class StartSettings(NamedTuple):
     """Start of the node."""
@@ -40,14 +39,6 @@ class StartSettings(NamedTuple):
     autostart: Annotated[
         bool, Setting("configure and activate at start, and try again until it works")
     ] = True
-
-
-class Health(NamedTuple):
-    """One diagnostics entry: level, message and named values."""
-
-    level: bytes
-    message: str
-    values: dict
 
 
 class ModuleNode(ServingNode):
@@ -293,13 +284,7 @@ class ModuleNode(ServingNode):
             health = Health(ERROR, self._failure, {})
         else:
             health = Health(WARN, f"lifecycle state {self._phase}", {})
-        status = DiagnosticStatus(
-            level=health.level,
-            name=self.get_fully_qualified_name().lstrip("/"),
-            message=health.message,
-            hardware_id=self.hardware_id,
-            values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
-        )
+        status = status_message(health, self.get_fully_qualified_name(), self.hardware_id)
         array = DiagnosticArray(status=[status])
         self.stamp(array.header)
         self._diagnostics.publish(array)

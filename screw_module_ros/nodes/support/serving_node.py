@@ -14,8 +14,9 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.simulated_clock import simulated_clock
 
 from .command_line import arguments, overrides
 
