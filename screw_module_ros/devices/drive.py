@@ -154,7 +154,7 @@ class Drive:
         self._running = True
 
     def stop(self) -> None:
-        """Stop sending; the guards then stop the drive. `shutdown` is the clean exit."""
+        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit."""
         self._running = self._armed = False
 
     def shutdown(self) -> str:

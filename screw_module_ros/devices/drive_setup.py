@@ -64,7 +64,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     sdo = node.sdo
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # boot-ups before the first answer do no harm
+    boot_ups = node.boot_ups  # what came before the first answer happened before it
     _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)

@@ -121,7 +121,7 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
     """
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # boot-ups before the first answer do no harm
+    boot_ups = node.boot_ups  # what came before the first answer happened before it
     wrap = _scale(node, settings)
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))

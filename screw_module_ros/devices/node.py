@@ -123,10 +123,10 @@ class CanopenNode:
         return found
 
     def undisturbed(self, boot_ups: int) -> None:
-        """Check that nothing disturbed the configuration.
+        """Raise when its configuration is in doubt.
 
-        Raises NotConfigured when the node has restarted since its boot-up number `boot_ups`,
-        Occupied when another SDO client has accessed it since `identify`.
+        Raises NotConfigured when the node has restarted since it had booted `boot_ups` times,
+        Occupied when somebody else has asked it or told it something since `identify`.
         """
         if self.sdo.foreign != self._foreign_known:
             raise Occupied(

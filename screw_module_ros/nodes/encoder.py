@@ -51,7 +51,7 @@ class EncoderNode(DriverNode):
         self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Start the samples."""
+        """Let the samples flow."""
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))

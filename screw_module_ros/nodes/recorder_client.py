@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the session recorder from another node, without waiting for the answer."""
+"""Starts the session recorder from within another node, without waiting for its answer."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ from .wish_relay import WishRelay
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
-_HEARS_NS = 1_000_000_000  # from the recorder's answer until it receives all topics
+_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
 _WAITS = "waiting for the recording"
 
 
@@ -174,7 +174,7 @@ class TherapySessionNode(ModuleNode):
         return self._session.state != before
 
     def _follow_recorder(self, now_ns: int) -> None:
-        """Begin once the recorder receives our topics, so that the record has the first samples."""
+        """Begin once the recording hears us: without its first samples it would be no record."""
         session = self._session
         if not self._recording or session is None or session.state != PAUSED:
             return
