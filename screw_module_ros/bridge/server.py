@@ -249,12 +249,12 @@ class Server:
                     connection.sending_since_ns = None
         except ConnectionError:
             pass  # the reading task also notices
-        except Exception as error:  # a page without news must not look like a robot at rest
+        except Exception as error:  # otherwise a page without news looks like a robot at rest
             self._log(f"cut off a {connection.client.role}'s page: {type(error).__name__}: {error}")
             connection.transport.abort()
 
     def _look(self) -> None:
-        """Wake who waits for messages; end who does not read."""
+        """Wake the clients that wait for messages; disconnect those that do not read."""
         now_ns, patience_ns = self._clock.now_ns(), self.limits.patience * 1e9
         for connection in list(self._connections):
             since_ns = connection.sending_since_ns

@@ -3,7 +3,7 @@
 
 Torque passes only after an explicit `enable`, while commands are fresh (at most `command_periods`
 old), while a fresh safety_state permits it, and while the drive is in operation enabled. Anything
-else closes the gate, and only another `enable` opens it. A close that nobody commanded stays
+else closes the gate, and only another `enable` opens it. A closing without a request stays
 latched until `clear`. When the gate opens, the torque ramps in.
 
 The functions take times as arguments; the services call `enable`, `disable` and `clear`.

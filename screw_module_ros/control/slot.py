@@ -66,17 +66,17 @@ class Slot(NamedTuple):
     start_y: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0
     target_x: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
     target_y: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
-    duration: Annotated[float, Setting("of the back wall's way", "s", 0.1, 30.0)] = 1.4
-    back_stiffness: Annotated[float, Setting("of the back wall", "N/m", 0.0, 2000.0)] = 100.0
+    duration: Annotated[float, Setting("duration of the reach", "s", 0.1, 30.0)] = 1.4
+    back_stiffness: Annotated[float, Setting("spring of the back wall", "N/m", 0.0, 2000.0)] = 100.0
     side_stiffness: Annotated[
-        float, Setting("of side walls and front wall", "N/m", 0.0, 2000.0)
+        float, Setting("spring of side walls and front wall", "N/m", 0.0, 2000.0)
     ] = 100.0
-    damping: Annotated[float, Setting("everywhere in the slot", "Ns/m", 0.0, 100.0)] = 5.0
+    damping: Annotated[float, Setting("damper in the whole slot", "Ns/m", 0.0, 100.0)] = 5.0
     half_width: Annotated[
-        float, Setting("from the line to a side wall at the start", "m", 0.0, 0.5)
+        float, Setting("distance from the line to a side wall at the start", "m", 0.0, 0.5)
     ] = 0.01
     end_half_width: Annotated[
-        float, Setting("the same at the end, and to the front wall", "m", 0.0, 0.5)
+        float, Setting("distance to a side wall at the end, and to the front wall", "m", 0.0, 0.5)
     ] = 0.002
     growth: Annotated[
         float, Setting("rate at which the back wall stiffens over time", "N/m/s", 0.0, 500.0)

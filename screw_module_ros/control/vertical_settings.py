@@ -33,31 +33,32 @@ class VerticalSettings(NamedTuple):
         float, Setting("force that carries the moving parts' weight", "N", -50.0, 50.0, live=True)
     ] = 10.0
     force_cutoff: Annotated[
-        float, Setting("cutoff of the handle force's filter", "Hz", 1.0, 400.0)
+        float, Setting("cut-off of the handle force's filter", "Hz", 1.0, 400.0)
     ] = 30.0
     friction_stiffness: Annotated[
         float,
-        Setting("of the modelled friction at a reversal; below the module's own", "N/m", 1e3, 1e6),
+        Setting("spring of the modelled friction at a reversal, softer than the module's", "N/m",
+                1e3, 1e6),
     ] = 1e5
     friction_limit: Annotated[float, Setting("largest friction feed-forward", "N", 0.0, 60.0)] = (
         25.0
     )
     feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 60.0
     mass: Annotated[
-        float, Setting("that moves with the handle, without a hand", "kg", 0.5, 50.0, live=True)
+        float, Setting("moving mass, without a hand", "kg", 0.5, 50.0, live=True)
     ] = 5.5
     observer_gain: Annotated[
         float, Setting("force gain k of OBSERVER; it leaves mass / (1 + k)", "", 0.0, 30.0)
     ] = 9.0
     observer_cutoff: Annotated[
-        float, Setting("cutoff of the force that this gain acts on", "Hz", 1.0, 100.0)
+        float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
     ] = 9.0
     observer_bandwidth: Annotated[
         float, Setting("triple pole of the disturbance observer", "rad/s", 20.0, 1000.0)
     ] = 300.0
     observer_delay: Annotated[
         float,
-        Setting("from a sample to its force at the nut, amplifier included", "s", 0.0, 5e-3),
+        Setting("delay from a sample to its force at the nut, amplifier included", "s", 0.0, 5e-3),
     ] = 1.4e-3
     observer_limit: Annotated[float, Setting("largest disturbance estimated", "N", 0.0, 60.0)] = (
         35.0
@@ -74,7 +75,7 @@ class VerticalSettings(NamedTuple):
     ] = 0.0
     observer_damping_ratio: Annotated[
         float,
-        Setting("of a released handle in OBSERVER, at least; 0 = no damper required", "", 0.0, 1.0),
+        Setting("least damping ratio of a released handle in OBSERVER, 0 = none", "", 0.0, 1.0),
     ] = 0.25
     chatter_limit: Annotated[
         float,

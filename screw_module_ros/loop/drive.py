@@ -24,7 +24,7 @@ from .ticker import Tick
 
 LARGEST_FORCE = 150.0
 """Largest force command of any controller of this robot [N]."""
-_LONGEST_STEP = 5  # periods; an older command closes the gate (`command_periods`)
+_LONGEST_STEP = 5  # periods; longest dt of the rate limit (the gate checks the command's age)
 _ANSWER = 0.1  # periods that the drive has to answer SYNC before the loop waits for the command
 _LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
 
