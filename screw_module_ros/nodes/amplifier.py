@@ -42,7 +42,7 @@ class AmplifierSettings(NamedTuple):
     ] = 20
     state_rate: Annotated[
         float, Setting(f"{graph.AMPLIFIER_STATE} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.AMPLIFIER_STATE].rate
 
 
 class AmplifierNode(DriveNode):

@@ -41,7 +41,9 @@ _JOINTS_EVERY = 2
 class EndpointSettings(NamedTuple):
     """Rate of the topic, and the largest age of a sample."""
 
-    rate: Annotated[float, Setting("endpoint states per second", "Hz", 10.0, 500.0)] = 200.0
+    rate: Annotated[
+        float, Setting(f"{graph.ENDPOINT_STATE} messages per second", "Hz", 10.0, 500.0)
+    ] = graph.TOPICS[graph.ENDPOINT_STATE].rate
     max_age: Annotated[float, Setting("samples older than this are invalid", "s", 0.005, 1.0)] = 0.1
 
 

@@ -32,7 +32,7 @@ class WrenchSettings(NamedTuple):
 
     wrench_rate: Annotated[
         float, Setting(f"{graph.WRENCH} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.WRENCH].rate
 
 
 class ForceSensorNode(DriverNode):

@@ -57,7 +57,7 @@ class ControllerSettings(NamedTuple):
     ] = ""
     state_rate: Annotated[
         float, Setting(f"{graph.CONTROLLER_STATE} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.CONTROLLER_STATE].rate
 
 
 class ImpedanceControllerNode(ModuleNode):

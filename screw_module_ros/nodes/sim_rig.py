@@ -52,7 +52,7 @@ class SimulationSettings(NamedTuple):
     ] = 1.0
     truth_rate: Annotated[
         float, Setting(f"{graph.TRUTH} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.TRUTH].rate
 
 
 class SimRigNode(ModuleNode):

@@ -46,7 +46,9 @@ _HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t
 class SupervisorSettings(NamedTuple):
     """Rate of the node."""
 
-    rate: Annotated[float, Setting("decisions per second", "Hz", 20.0, 500.0)] = 50.0
+    rate: Annotated[
+        float, Setting(f"decisions and {graph.SAFETY_STATE} messages per second", "Hz", 20.0, 500.0)
+    ] = graph.TOPICS[graph.SAFETY_STATE].rate
 
 
 class SupervisorNode(ModuleNode):
