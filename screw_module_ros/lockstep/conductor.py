@@ -200,7 +200,8 @@ class Conductor:
         if names:
             self.given_up += len(names)
             self._tell(
-                f"no longer waited for after {PATIENCE_S:g} s without progress: {', '.join(names)}"
+                f"simulated time no longer waits for {', '.join(names)}: no progress for "
+                f"{PATIENCE_S:g} s"
             )
 
     def _give_up_line(self, line: Line) -> str:

@@ -73,7 +73,7 @@ class Process:
     def _ended(self, code: int) -> int:
         if code != -signal.SIGALRM:
             return code
-        click.echo(f"bringup: {self.name} was done, but Fast DDS did not let it go", err=True)
+        click.echo(f"bringup: {self.name} had finished but hung in Fast DDS", err=True)
         return 0
 
 

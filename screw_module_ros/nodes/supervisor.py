@@ -78,9 +78,9 @@ class SupervisorNode(ModuleNode):
             state = supervision.restored(self._kept.read())
         except (OSError, ValueError) as error:
             self.get_logger().warning(
-                f"what was stopped before cannot be read, so it counts as an emergency stop; look "
-                f"whether the vertical axis is locked, then call ~/reset ({self._kept.place}: "
-                f"{error})"
+                "the saved stop and lock cannot be read, so the supervisor starts with an "
+                "emergency stop; check whether the pin of the vertical axis is in "
+                f"(~/lock_vertical), then call ~/reset ({self._kept.place}: {error})"
             )
             return supervision.estop(SupervisorState())
         if kept := supervision.kept(state):
@@ -94,7 +94,7 @@ class SupervisorNode(ModuleNode):
             self._kept.write(supervision.kept(state))
         except OSError as error:
             self.get_logger().warning(
-                f"a restart of the supervisor would forget what is stopped or locked now: "
+                "the stop or lock cannot be saved, so a restart of the supervisor would lose it: "
                 f"{self._kept.place}: {error}"
             )
 

@@ -84,12 +84,12 @@ class WebBridgeNode(ModuleNode):
         try:
             server.start()
         except ssl.SSLError as error:
-            raise OSError(f"certificate and key do not serve: {error}") from None
+            raise OSError(f"certificate and key cannot be used: {error}") from None
         except OSError as error:
             where = self.parameters.read(Listening)
             raise OSError(
                 f"cannot listen on {where.address} port {where.port}: {error.strerror or error}; "
-                "end who listens there, or choose another port"
+                "end the program that listens there, or choose another port"
             ) from None
         self._server = server
         self.get_logger().info(

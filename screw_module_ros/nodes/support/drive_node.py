@@ -86,7 +86,7 @@ class DriveNode(DriverNode):
         self.stop_polls()
         problem = self.leave()
         if problem:
-            self.get_logger().warning(f"not left cleanly: {problem}")
+            self.get_logger().warning(f"not shut down cleanly: {problem}")
 
     def disconnect(self) -> None:
         """Close the bus."""
