@@ -2,8 +2,7 @@
 """The page of memory that the processes of one simulated robot share.
 
 It is a file of 64-bit words in shared memory, found by ROS domain and namespace. A file lock
-protects the allocation of rows; all other access reads or writes single words. The last process
-that closes the page removes it.
+protects the allocation of rows; other access is to single words. The last user removes the file.
 """
 
 from __future__ import annotations
@@ -63,11 +62,11 @@ class Page:
     """The words of one page; attributes named as in the tables are arrays of 64-bit integers.
 
     now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
-    row that is taken or returned. factor: real-time factor in per mille. user_*: one row per
-    process that has the page open. slot_*: one row per thread: the time it waits for [ns], its wake
-    word, number of its declarations. line_*: one row per open bus: frames sent and handled.
-    topic_*: messages published in all, and before the present time. hop_*: one row per
-    subscription: the newest message taken, whether it has kept up, which thread waits.
+    row that is taken or returned. factor: real-time factor in per mille.
+    user_*: one row per process that has the page open. slot_*: one row per thread: the time that it
+    waits for [ns], its wake word, number of its declarations. line_*: one row per open bus: frames
+    sent and handled. topic_*: messages published in all, and before the present time.
+    hop_*: one row per subscription: newest message taken, whether it keeps up, which thread waits.
     """
 
     def __init__(self, name: str):
@@ -167,10 +166,7 @@ class Page:
     # Rows ----------------------------------------------------------------------------------
 
     def take(self, table: memoryview, value: int, what: str) -> int:
-        """Take the first free row (0) of `table` for `value`; the caller holds the lock.
-
-        Raises TableFull.
-        """
+        """Take the first free row (0) of `table`, with the lock held. Raises TableFull."""
         for index in range(len(table)):
             if not table[index]:
                 table[index] = value
