@@ -30,12 +30,12 @@ class Agreement:
     def __init__(self, settings: AgreementSettings):
         """Start without a reference."""
         self._settings = settings
-        self._from: tuple[float, float] | None = None  # encoder and drive at the start [m]
+        self._reference: tuple[float, float] | None = None  # encoder and drive at the start [m]
         self._apart_since_ns: int | None = None
 
     def restart(self) -> None:
         """Take the next pair as the new reference; call it after homing and after a restart."""
-        self._from = self._apart_since_ns = None
+        self._reference = self._apart_since_ns = None
 
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str | None:
         """Return why the two positions [m] disagree at now_ns [ns], or None.
@@ -43,9 +43,9 @@ class Agreement:
         velocity: from the encoder [m/s]. The two measurements may be 40 ms apart. Values that are
         not finite count as a disagreement.
         """
-        if self._from is None:
-            self._from = encoder, drive
-        moved, drive_moved = encoder - self._from[0], drive - self._from[1]
+        if self._reference is None:
+            self._reference = encoder, drive
+        moved, drive_moved = encoder - self._reference[0], drive - self._reference[1]
         difference = moved - drive_moved
         if abs(difference) <= self._settings.tolerance + abs(velocity) * _SKEW:
             self._apart_since_ns = None

@@ -17,7 +17,7 @@ _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N a
 # [Nm] between torque and command up to the peak torque. The thesis's offset is 0.025 (4.1.1); four
 # times that is 33 N at the handle, which no measured amplifier needs and a patient would feel.
 _FARTHEST = 0.1
-_LOOKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
+_CHECKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
 
 
 class Linearization(NamedTuple):
@@ -104,7 +104,7 @@ def linearization_flaw(linearization: Linearization) -> tuple[str, str]:
 def _far_off(linearization: Linearization) -> tuple[str, str]:
     """Return the piece where |command - torque| is too large, and the problem; empty if nowhere."""
     peak = TorqueLimits().peak
-    torques = [peak * (2.0 * look / _LOOKS - 1.0) for look in range(_LOOKS + 1)]
+    torques = [peak * (2.0 * k / _CHECKS - 1.0) for k in range(_CHECKS + 1)]
     worst = max(torques, key=lambda torque: abs(torque_command(linearization, torque) - torque))
     command = torque_command(linearization, worst)
     if abs(command - worst) <= _FARTHEST:

@@ -27,27 +27,27 @@ class ExcessTorque:
         self._late_ns = max(_LATE_NS, _PERIODS * period_ns)
         self._longest_ns = period_ns * _PERIODS
         self._bucket = (largest - lasting) * patience_ns * (1.0 - _ROUNDING)
-        self._asked: deque[tuple[int, float]] = deque()
+        self._commanded: deque[tuple[int, float]] = deque()
         self.restart()
 
     def restart(self) -> None:
         """Reset, while the drive is not enabled."""
         self._dose = 0.0
         self._last_ns: int | None = None
-        self._asked.clear()
+        self._commanded.clear()
 
-    def check(self, asked: float, given: float, now_ns: int) -> bool:
+    def check(self, commanded: float, reported: float, now_ns: int) -> bool:
         """Return whether the excess torque [Nm] has lasted too long at now_ns [ns].
 
-        asked: torque of the newest command. The drive responds with a delay: each torque commanded
-        within the last 5 ms, or three periods if these are longer, counts as correct.
+        commanded: torque of the newest command. The drive responds with a delay: each torque
+        commanded within the last 5 ms, or three periods if these are longer, counts as correct.
         """
-        while self._asked and now_ns - self._asked[0][0] > self._late_ns:
-            self._asked.popleft()
-        self._asked.append((now_ns, asked))
-        low = min(0.0, *(torque for _, torque in self._asked))
-        high = max(0.0, *(torque for _, torque in self._asked))
-        excess = max(given - high, low - given, 0.0)
+        while self._commanded and now_ns - self._commanded[0][0] > self._late_ns:
+            self._commanded.popleft()
+        self._commanded.append((now_ns, commanded))
+        low = min(0.0, *(torque for _, torque in self._commanded))
+        high = max(0.0, *(torque for _, torque in self._commanded))
+        excess = max(reported - high, low - reported, 0.0)
         elapsed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
         self._last_ns = now_ns
         fill = (min(excess, self._largest) - self._lasting) * min(elapsed_ns, self._longest_ns)

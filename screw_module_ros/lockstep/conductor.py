@@ -33,14 +33,14 @@ class TimeTaken(RuntimeError):
 class Conductor:
     """Advances the time of one page.
 
-    speed: simulated seconds per second at most, 0 = as fast as possible. tell: called with a
+    speed: simulated seconds per second at most, 0 = as fast as possible. report: called with a
     message about members that the conductor no longer waits for.
     """
 
-    def __init__(self, page: Page, speed: float, tell: Callable[[str], None]):
+    def __init__(self, page: Page, speed: float, report: Callable[[str], None]):
         self._page = page
         self.speed = speed
-        self._tell = tell
+        self._report = report
         with page.locked():
             if page.conductor and page.conductor != os.getpid() and alive(page.conductor):
                 raise TimeTaken(
@@ -141,13 +141,13 @@ class Conductor:
         """Sleep until a member has changed its state since `look`, for `longest_s` at most."""
         page = self._page
         page.sleep_conductor(self._seen, min(longest_s, _LOOK_S))
-        self._look_after()
+        self._check_members()
 
     def look(self) -> None:
         """Record the changes so far; call it before `quiet`, so that `sleep` misses none."""
         self._seen = self._page.header[4]
 
-    def _look_after(self) -> None:
+    def _check_members(self) -> None:
         """Stop waiting for members that have ended, or that make no progress."""
         now_s = time.monotonic()
         if now_s - self._looked_s < _LOOK_S:
@@ -199,7 +199,7 @@ class Conductor:
                     page.hop_follows[hop] = 0
         if names:
             self.given_up += len(names)
-            self._tell(
+            self._report(
                 f"simulated time no longer waits for {', '.join(names)}: no progress for "
                 f"{PATIENCE_S:g} s"
             )

@@ -48,7 +48,7 @@ class Joint:
         self._settings = settings
         self._period_ns = period_ns
         self._freeze = freeze
-        self._still = FreezeState(0.0, 0.0)
+        self._freeze_state = FreezeState(0.0, 0.0)
         self._motion = Motion(settings.velocity_cutoff, period_ns)
 
     @property
@@ -96,7 +96,7 @@ class Joint:
 
     def trust(self) -> None:
         """Reset the frozen-position check: no torque passes that would move the joint."""
-        self._still = self._still._replace(doubt=0.0)
+        self._freeze_state = self._freeze_state._replace(doubt=0.0)
 
     def doubt(self, torque: float) -> str:
         """Return the fault of a frozen position, or ""; call once a period.
@@ -105,8 +105,8 @@ class Joint:
         unknown, so the home position is lost.
         """
         dt = self._period_ns * 1e-9
-        frozen, self._still = freeze_step(
-            self._freeze, self._still, self._motion.position, torque, dt
+        frozen, self._freeze_state = freeze_step(
+            self._freeze, self._freeze_state, self._motion.position, torque, dt
         )
         if not frozen:
             return ""

@@ -14,7 +14,7 @@ from .ticker import Tick
 Reading = TypeVar("Reading")
 
 
-class Asked(Protocol[Reading]):
+class PolledDevice(Protocol[Reading]):
     """A driver that sends a request per tick and returns one reading for it."""
 
     def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
@@ -31,7 +31,7 @@ class PolledSensor(Generic[Reading]):
     skipped.
     """
 
-    def __init__(self, device: Asked[Reading], port: Port, clock: Clock):
+    def __init__(self, device: PolledDevice[Reading], port: Port, clock: Clock):
         self.answers = empty_histogram()
         self.skipped = 0
         self._device, self._port, self._clock = device, port, clock

@@ -90,7 +90,7 @@ class VerticalLoop:
         output = self._act(parts, sample, force, now_ns)
         # The torque is written; the rest publishes and serves the drive.
         self._publish(parts, sample, force, output)
-        self._look_after(parts, tick, now_ns)
+        self._end_tick(parts, tick, now_ns)
         if force is None and parts.force_sensor is not None:
             self._take_late_force(parts, due_ns)
 
@@ -100,7 +100,7 @@ class VerticalLoop:
         self._act(parts, sample, force, now_ns)
         if sample is None and force is None:
             self._clock.sleep(BACK_OFF_S)
-        self._follow(parts, now_ns)
+        self._update_controller(parts, now_ns)
 
     # Encoder and force sensor --------------------------------------------------------------
 
@@ -221,15 +221,15 @@ class VerticalLoop:
         if output is not None and parts.drive is not None:
             wires.publish_command(controller.answered, output, controller.mode)
 
-    def _look_after(self, parts: Parts, tick: Tick, now_ns: int) -> None:
+    def _end_tick(self, parts: Parts, tick: Tick, now_ns: int) -> None:
         drive = parts.drive
         if drive is not None:
             drive.end_tick(tick, self._wires.permission)
             self._wires.publish_drive_state(tick.monotonic_ns)
         if parts.controller is not None:
-            self._follow(parts, now_ns)
+            self._update_controller(parts, now_ns)
 
-    def _follow(self, parts: Parts, now_ns: int) -> None:
+    def _update_controller(self, parts: Parts, now_ns: int) -> None:
         """Pass drive state, set point and resets to the controller, after the command is sent."""
         controller, drive = parts.controller, parts.drive
         if drive is not None:

@@ -44,7 +44,7 @@ def new_message(name: str) -> Any:
     return found_type(name)()
 
 
-class HeardTopic:
+class PolledTopic:
     """A polled subscription with its newest message; `kept`: number of earlier ones to keep."""
 
     def __init__(
@@ -90,7 +90,7 @@ class BridgeGateway:
     def __init__(self, node: Node, rights: Rights, periodic: Timers, answer_s: float):
         self._node, self._answer_ns = node, round(answer_s * 1e9)
         self._clock = WallClock()
-        self._heard: dict[str, HeardTopic] = {}
+        self._polled: dict[str, PolledTopic] = {}
         self._publishers: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
@@ -100,7 +100,7 @@ class BridgeGateway:
         for place, kind in rights.places(HEARD):
             kept = place.name in KEPT
             profile = qos.STATE if kept else qos.SAMPLE
-            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group, kept)
+            self._polled[place.full] = PolledTopic(node, place.full, kind, profile, group, kept)
         for place, kind in rights.places(SENT):
             self._publishers[place.full] = node.create_publisher(
                 found_type(kind), place.full, qos.COMMAND
@@ -113,8 +113,8 @@ class BridgeGateway:
     def close(self) -> None:
         """Destroy topics and clients."""
         self._periodic.cancel(self._timer)
-        for heard in self._heard.values():
-            self._node.destroy_subscription(heard.subscription)
+        for topic in self._polled.values():
+            self._node.destroy_subscription(topic.subscription)
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         for client in self._clients.values():
@@ -122,19 +122,19 @@ class BridgeGateway:
 
     def poll(self, anybody: bool) -> None:
         """Take new messages, from the node's loop; without `anybody` only those of kept topics."""
-        for heard in self._heard.values():
-            if anybody or heard.kept.maxlen:
-                heard.poll()
+        for topic in self._polled.values():
+            if anybody or topic.kept.maxlen:
+                topic.poll()
 
     # Gateway: called from the server's thread ------------------------------------------------
 
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON, with its number."""
-        return self._heard[topic].newest()
+        return self._polled[topic].newest()
 
     def history(self, topic: str) -> list[str]:
         """Return the last messages of a topic that is kept, as JSON, oldest first."""
-        return self._heard[topic].history()
+        return self._polled[topic].history()
 
     def publish(self, topic: str, content: dict) -> None:
         """Publish a message. Raises ConversionError."""

@@ -34,7 +34,7 @@ class NodeParameters:
         self._node = node
         self._leave_out = leave_out
         self._clients: list[Client] = []
-        self._asked: dict[str, int] = {}
+        self._waited: dict[str, int] = {}
         self.values: dict[str, str] = {}
 
     def ask(self) -> None:
@@ -49,7 +49,7 @@ class NodeParameters:
             if self._leave_out(name):
                 continue
             missing = True
-            waited = self._asked[name] = self._asked.get(name, -1) + 1
+            waited = self._waited[name] = self._waited.get(name, -1) + 1
             if waited >= _PATIENCE:
                 self.values.setdefault(name, NO_ANSWER)
             if waited % _PATIENCE == 0:

@@ -39,7 +39,7 @@ from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
-_HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
+_STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
 """Node -> the topic that shows its state; also endpoint_state, although nothing depends on it."""
 
 
@@ -102,16 +102,16 @@ class SupervisorNode(ModuleNode):
         """Make the topics."""
         self._period_ns = round(1e9 / self.parameters.read(SupervisorSettings).rate)
         self._settings = self.parameters.read(SupervisionSettings)
-        unknown = set(self._settings.required) - set(_HEARD_BY)
+        unknown = set(self._settings.required) - set(_STATE_TOPICS)
         if unknown:
             raise ValueError(
-                f"required names {', '.join(sorted(unknown))}; there are {', '.join(_HEARD_BY)}"
+                f"required names {', '.join(sorted(unknown))}; there are {', '.join(_STATE_TOPICS)}"
             )
         inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
         self._heard = {
             node: Newest(inbox.subscribe(*requested(topic)), age_ns)
-            for node, topic in _HEARD_BY.items()
+            for node, topic in _STATE_TOPICS.items()
         }
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
@@ -170,7 +170,7 @@ class SupervisorNode(ModuleNode):
         mine = self.get_namespace().strip("/")
         for status in array.status:
             namespace, _, node = status.name.rpartition("/")
-            if namespace == mine and node in _HEARD_BY:
+            if namespace == mine and node in _STATE_TOPICS:
                 alarm = status.message if status.level == ERROR else ""
                 self._alarms[node] = (self.clock.now_ns(), alarm)
 

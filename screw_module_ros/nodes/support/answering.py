@@ -28,17 +28,17 @@ def answer_always(node: Node) -> None:
 
 def _answering(node: Node, kind: Any, name: str, callback: Callable) -> Callable:
     def refused(error: Exception) -> str:
-        told = f"{type(error).__name__}: {error}"[:_LONGEST]
-        node.get_logger().warning(f"{name}: a request was refused: {told}")
-        return told
+        reason = f"{type(error).__name__}: {error}"[:_LONGEST]
+        node.get_logger().warning(f"{name}: a request was refused: {reason}")
+        return reason
 
     def one(request: Any, response: Any) -> Any:
         try:
             return callback(request, response)
         except Exception as error:
-            answer, told = kind.Response(), refused(error)
+            answer, reason = kind.Response(), refused(error)
             if kind is SetParametersAtomically:
-                answer.result = SetParametersResult(successful=False, reason=told)
+                answer.result = SetParametersResult(successful=False, reason=reason)
             return answer
 
     def each(request: Any, response: Any) -> Any:
@@ -48,8 +48,8 @@ def _answering(node: Node, kind: Any, name: str, callback: Callable) -> Callable
                 part = callback(kind.Request(parameters=[parameter]), kind.Response())
                 response.results.append(part.results[0])
             except Exception as error:
-                told = f"{named(parameter.name)}: {refused(error)}"
-                response.results.append(SetParametersResult(successful=False, reason=told))
+                reason = f"{named(parameter.name)}: {refused(error)}"
+                response.results.append(SetParametersResult(successful=False, reason=reason))
         return response
 
     return each if kind is SetParameters else one

@@ -103,10 +103,10 @@ def _parameter(name: str, text: str) -> Parameter:
     try:
         return Parameter(name, value=value)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"{_told(name, text)}: {error}") from None
+        raise ParameterError(f"{_described(name, text)}: {error}") from None
 
 
-def _told(name: str, text: str) -> str:
+def _described(name: str, text: str) -> str:
     return f"parameter {name[:LONGEST]} = {text[:LONGEST]}"
 
 
@@ -114,7 +114,7 @@ def _value(name: str, text: str) -> Any:
     try:
         value = load_plain_yaml(text)
     except PlainYamlError as error:
-        raise ParameterError(f"{_told(name, text)}: not a YAML value: {error}") from None
+        raise ParameterError(f"{_described(name, text)}: not a YAML value: {error}") from None
     if isinstance(value, list):
         return [_number(part) for part in value]
     return "" if value is None else _number(value)

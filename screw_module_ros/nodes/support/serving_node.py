@@ -82,7 +82,7 @@ class ServingNode(LifecycleNode):
         """
 
         def answer(request: Any, response: Any) -> Any:
-            with self._asked():
+            with self._holding_time():
                 said = self._carried_out(action, request, name, always)
             response.success = not said or isinstance(said, Done)
             response.message = str(said) or done
@@ -102,7 +102,7 @@ class ServingNode(LifecycleNode):
             return str(error) or type(error).__name__
 
     @contextmanager
-    def _asked(self):
+    def _holding_time(self):
         """Hold simulated time while a service runs, and until the client has the answer."""
         if not self.clock.simulated:
             yield
