@@ -165,7 +165,7 @@ def _followed(
 
 
 def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> float:
-    """Return the friction feed-forward [N]; modelled: all of the modelled friction [N]."""
+    """Return the friction feed-forward [N]; modelled: at full size [N]."""
     share = blend.friction * settings.friction_fraction
     share += blend.observer * settings.observer_friction
     return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
