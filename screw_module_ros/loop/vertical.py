@@ -12,12 +12,11 @@ process, a wire (`Wires`: a topic) replaces the call.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ..clock import Clock
 from ..control.vertical_state import VerticalOutput
 from ..samples import EncoderReading, ForceReading
-from .controller import VerticalController
 from .drive import Permission, VerticalDrive
 from .pace import Pace
 from .sensor import PolledSensor
@@ -27,12 +26,41 @@ _LOOK_NS = 10_000  # to read only frames that are already in the socket
 _LISTENS = 2  # periods
 
 
+class Controller(Protocol):
+    """Turns samples into a force: `controller.VerticalController`, or another in its place.
+
+    answered: newest sample turned into a command. mode: as in ForceCommand. An output has `force`
+    [N].
+    """
+
+    answered: EncoderReading | None
+    mode: int
+
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
+        """Process a force sample."""
+
+    def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
+        """Return the force for an encoder sample, None if it is not usable."""
+
+    def idle(self, now_ns: int) -> VerticalOutput | None:
+        """Return zero force when samples stop while a force is commanded, else None."""
+
+    def count(self, now_ns: int) -> None:
+        """Count the newest sample as answered."""
+
+    def end_tick(self, now_ns: int) -> None:
+        """End the period."""
+
+
 class Parts(NamedTuple):
-    """The parts of the loop; None: in another process, or not active."""
+    """The parts of the loop; None: in another process, or not active.
+
+    With a drive in this process the controller is a `VerticalController`, which needs its state.
+    """
 
     encoder: PolledSensor[EncoderReading] | None = None
     force_sensor: PolledSensor[ForceReading] | None = None
-    controller: VerticalController | None = None
+    controller: Controller | None = None
     drive: VerticalDrive | None = None
 
 
