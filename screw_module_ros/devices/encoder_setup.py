@@ -12,6 +12,7 @@ from ..settings import Setting
 from . import pdo
 from .errors import NotConfigured, Refused
 from .node import CanopenNode
+from .polled import PollCounters
 from .unwrap import FULL_RANGE
 
 PROFILE = 406
@@ -76,23 +77,13 @@ class EncoderSettings(NamedTuple):
 
 
 @dataclass
-class EncoderCounters:
-    """Events since the driver was created.
+class EncoderCounters(PollCounters):
+    """Events since the driver was created, beside those of polling.
 
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: answers that came after the next request. unexpected: frames without a request.
-    silent: ticks without a request, to distinguish late from lost. wrong_length, out_of_range:
-    frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo: requests of
-    another SDO client.
+    wrong_length, out_of_range: frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo:
+    requests of another SDO client.
     """
 
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
     wrong_length: int = 0
     out_of_range: int = 0
     emcy: int = 0

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 from ..can_io.bus_load import Traffic
 from ..settings import Setting
 from . import ati
+from .polled import PollCounters
 
 ANY_CALIBRATION = -1
 
@@ -18,25 +19,15 @@ count fewer may be equal by chance."""
 
 
 @dataclass
-class ForceSensorCounters:
-    """Events since the driver was created.
+class ForceSensorCounters(PollCounters):
+    """Events since the driver was created, beside those of polling.
 
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: frames that came after the next request. unexpected: frames without a request.
-    silent: ticks without a request, to distinguish late from lost. out_of_order: second halves
-    without their first. wrong_length: frames dropped. saturated: samples with a gauge at its end.
-    frozen: samples withheld because the gauges stood still. status_faults: samples whose status
-    makes them unusable. reserved_bits: samples with status bits that mean nothing.
-    foreign_requests: polls of another master. restarts: of the board, in mid-run.
+    out_of_order: second halves without their first. wrong_length: frames dropped. saturated:
+    samples with a gauge at its end. frozen: samples withheld because the gauges were constant.
+    status_faults: samples whose status makes them unusable. reserved_bits: samples with reserved
+    status bits. foreign_requests: polls of another master. restarts: of the board, in mid-run.
     """
 
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
     out_of_order: int = 0
     wrong_length: int = 0
     saturated: int = 0

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from ..can_io.port import Port
 from .request_tracker import FRESH, LATE, RequestTracker
@@ -11,16 +12,22 @@ from .request_tracker import FRESH, LATE, RequestTracker
 Sample = TypeVar("Sample")
 
 
-class PollCounters(Protocol):
-    """The counters that `Polled` keeps up to date; the devices have more."""
+@dataclass
+class PollCounters:
+    """The counters that `Polled` updates, since the driver was created; each device adds its own.
 
-    requests: int
-    received: int
-    missing: int
-    missing_in_a_row: int
-    late: int
-    unexpected: int
-    silent: int
+    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
+    to now. late: frames that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    missing_in_a_row: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
 
 
 class Polled(Generic[Sample]):
