@@ -33,6 +33,7 @@ from .heartbeat import Heartbeat
 from .node import CanopenNode
 
 _HEARTBEATS_MISSED = 3
+_UNWATCHED_NS = 2_000_000_000
 
 
 class Drive:
@@ -80,7 +81,7 @@ class Drive:
         )
         self._configured = self._running = self._armed = self._altered = False
         self._hears = True
-        self._started_ns = 0
+        self._started_ns = self._configured_ns = 0
         port.subscribe(self._command_id, self._on_foreign_command)
 
     # -- configuration: blocking -----------------------------------------------------------------
@@ -115,6 +116,15 @@ class Drive:
         """Whether commands are being sent."""
         return self._running
 
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: configured just now, and neither restarted nor left since.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
+
     def configure(self) -> None:
         """Find the drive, configure it and set its guards; blocking.
 
@@ -139,12 +149,18 @@ class Drive:
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
-        self._configured = True
+        self._configured_ns = self._port.clock.now_ns()
+        self._configured = True  # from here on a restart or another client is a fault
+        try:
+            self.node.undisturbed()  # nor was there one until here
+        except DeviceError:
+            self._configured = False
+            raise
 
     def start(self) -> None:
         """NMT start; from now on the loop must call `write` every tick.
 
-        Raises NotConfigured before `configure`, BusError.
+        Raises NotConfigured before `configure` and after `stop`, BusError.
         """
         if not self._configured:
             raise NotConfigured(f"the {self.label} is not configured")
@@ -152,10 +168,15 @@ class Drive:
         self.reports.restart()
         self.node.start()
         self._running = True
+        if not self._configured:  # it has restarted at just that
+            self._running = False
 
     def stop(self) -> None:
-        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit."""
-        self._running = self._armed = False
+        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit.
+
+        The configuration counts as gone: an exit disarms the guards, and nobody watches any more.
+        """
+        self._configured = self._running = self._armed = False
 
     def shutdown(self) -> str:
         """Shut down cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
@@ -317,6 +338,11 @@ class Drive:
             self._logic.recover()
         else:
             self._logic.forget()
+        if self._altered or not self._configured:  # what came meanwhile is no fault of before
+            self._logic.latch(
+                f"the {self.label} restarted, or another SDO client talked to it, while its fault "
+                "was being cleared: clear it again"
+            )
 
     def snapshot(self) -> DriveCounters:
         """Return a copy of the counters."""

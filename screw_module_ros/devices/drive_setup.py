@@ -64,7 +64,6 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     sdo = node.sdo
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # what came before the first answer happened before it
     _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)
@@ -77,7 +76,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
     unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
-    node.undisturbed(boot_ups)
+    node.undisturbed()
     return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
 
 

@@ -18,7 +18,15 @@ from ..settings import validated
 from . import encoder_setup as setup
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
-from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
+from .errors import (
+    BusError,
+    DeviceError,
+    NotAnswering,
+    NotConfigured,
+    NotHomed,
+    Occupied,
+    Refused,
+)
 from .homing import Rehoming
 from .motion import Motion
 from .node import CanopenNode
@@ -28,6 +36,7 @@ from .unwrap import Unwrapper
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
+_UNWATCHED_NS = 2_000_000_000
 
 
 class Encoder:
@@ -67,7 +76,7 @@ class Encoder:
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
         self._stamp_offset_ns = 0
-        self._foreign_sync = 0
+        self._foreign_sync = self._configured_ns = 0
         self._absent: set[int] = set()
         port.subscribe(0x180 + settings.node_id, self._on_position)
         if not port.sync_producer:
@@ -84,6 +93,15 @@ class Encoder:
     def homed(self) -> bool:
         """Whether the position is absolute."""
         return self._motion.homed
+
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: configured just now, and neither restarted nor left since.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -107,12 +125,18 @@ class Encoder:
         self._rehoming.forget()
         self._last = None
         self._poll.restart()
-        self._configured = True
+        self._configured_ns = self._port.clock.now_ns()
+        self._configured = True  # from here on a restart or another client is a fault
+        try:
+            self._node.undisturbed()  # nor was there one until here
+        except DeviceError:
+            self._configured = False
+            raise
 
     def start(self) -> None:
         """NMT start; each request from now on gives a sample.
 
-        Raises NotConfigured before `configure`, BusError.
+        Raises NotConfigured before `configure` and after `stop`, BusError.
         """
         if not self._configured:
             raise NotConfigured("the encoder is not configured")
@@ -120,10 +144,12 @@ class Encoder:
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
         self._running = True
+        if not self._configured:  # it has restarted at just that
+            self._running = False
 
     def stop(self) -> None:
-        """Back to PRE-OPERATIONAL. Raises BusError."""
-        self._running = False
+        """Back to PRE-OPERATIONAL; nobody watches, the configuration is gone. Raises BusError."""
+        self._configured = self._running = False
         self._node.pre_operational()
 
     def clear_fault(self) -> None:
@@ -131,11 +157,17 @@ class Encoder:
 
         Raises as `configure`; then the fault stays latched.
         """
-        if not self._configured:
+        stopped = not self._running
+        if stopped:
             self.configure()
-            self.start()
         self._foreign_sync = self._port.counters.foreign_sync
-        self.fault = self.emergency = ""
+        before, self.fault, self.emergency = self.fault, "", ""
+        if stopped:  # last: what comes from here on is no fault of before
+            try:
+                self.start()
+            except DeviceError:
+                self._latch(before)
+                raise
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
 

@@ -112,12 +112,11 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
     """
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # what came before the first answer happened before it
     wrap = _scale(node, settings)
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))
     pdo.configure(node.sdo, position)
-    node.undisturbed(boot_ups)
+    node.undisturbed()
     return wrap
 
 

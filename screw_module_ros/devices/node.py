@@ -78,7 +78,7 @@ class CanopenNode:
         self.heartbeat_ns: int | None = None
         self.boot_ups = 0
         self.malformed = 0
-        self._foreign_known = 0
+        self._foreign_known = self._boot_ups_known = 0
         self._on_boot_up = on_boot_up
         self._on_emergency = on_emergency
         self._nmt = NmtMaster(node_id)
@@ -111,6 +111,7 @@ class CanopenNode:
                 parts.append(sdo.unsigned(0x1018, subindex))
             except Refused:
                 parts.append(0)  # only the vendor is mandatory
+        self._boot_ups_known = self.boot_ups  # what came before its answers happened before them
         self.identity = found = Identity(*parts)
         wanted = {"profile": profile, "vendor_id": vendor_id, "product_code": product_code}
         for name, value in wanted.items():
@@ -122,18 +123,18 @@ class CanopenNode:
                 )
         return found
 
-    def undisturbed(self, boot_ups: int) -> None:
+    def undisturbed(self) -> None:
         """Raise when its configuration is in doubt.
 
-        Raises NotConfigured when the node has restarted since it had booted `boot_ups` times,
-        Occupied when somebody else has asked it or told it something since `identify`.
+        Raises NotConfigured when the node has restarted since `identify`, Occupied when somebody
+        else has asked it or told it something since then.
         """
         if self.sdo.foreign != self._foreign_known:
             raise Occupied(
                 f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
                 "configured: stop it"
             )
-        if self.boot_ups != boot_ups:
+        if self.boot_ups != self._boot_ups_known:
             raise NotConfigured(
                 f"{self.label} restarted while it was being configured; check its supply"
             )

@@ -122,7 +122,7 @@ class VerticalDrive:
     def end_tick(self, tick: Tick, permission: Permission) -> None:
         """Update gate and drive, whether a command came or not."""
         now_ns = tick.monotonic_ns
-        if tick.sequence % self._look_every == 0:
+        if tick.sequence % self._look_every <= tick.skipped:  # also one that was left out
             permission(self.drives, now_ns)
             self.drives.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
         with suppress(DeviceError):

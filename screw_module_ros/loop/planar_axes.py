@@ -73,6 +73,13 @@ class PlanarAxes:
         """Whether both angles are absolute."""
         return all(joint.homed for joint in self.joints)
 
+    def restart(self) -> None:
+        """Forget the positions, the home too: for a start, since nobody listened before it."""
+        self._acted_ns = 0
+        self.output = None
+        self._law = initial_state(self.settings)
+        self._lose_homes()
+
     def request(self, now_ns: int) -> None:
         """Send SYNC and heartbeat; the heartbeat also when SYNC fails. Raises BusError."""
         shoulder, elbow = self.drives.drives
@@ -222,10 +229,13 @@ class PlanarAxes:
         restarted = any(not drive.running for drive in self.drives.drives)
         problem = self.drives.clear_fault(clock)
         if restarted:
-            self._rehoming.forget()
-            for joint in self.joints:
-                joint.restart()
+            self._lose_homes()
         return problem
+
+    def _lose_homes(self) -> None:
+        self._rehoming.forget()
+        for joint in self.joints:
+            joint.restart()
 
     def shutdown(self, port: Port) -> str:
         """Shut both drives down cleanly after the loop has ended; return the errors."""

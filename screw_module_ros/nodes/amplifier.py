@@ -112,7 +112,7 @@ class AmplifierNode(DriveNode):
             publish_drive_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
-        drive.start()
+        self.start_drives()
         self.start_polls()
 
     def leave(self) -> str:

@@ -51,7 +51,9 @@ class EncoderNode(DriverNode):
         self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Let the samples flow."""
+        """Let the samples flow; an encoder that may have restarted unseen is configured anew."""
+        if not self.device.configured:
+            self.device.configure()
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))

@@ -99,8 +99,8 @@ class ManusNode(DriveNode):
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._loop.wanted = self._wanted
-        for drive in self.drives:
-            drive.start()
+        self._axes.restart()
+        self.start_drives()
         self.start_polls()
 
     def leave(self) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.devices import drive_start
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.loop.gated_drives import GatedDrives
 
@@ -67,9 +68,18 @@ class DriveNode(DriverNode):
         self.drives = drives
         for drive in drives:
             drive.configure()
-            for warning in drive.warnings:
-                self.get_logger().warning(warning)
+            self._tell_warnings(drive)
         self.hardware_id = ", ".join(drive.identity for drive in drives)
+
+    def start_drives(self) -> None:
+        """Start the drives, disabled and with their guards. Raises DeviceError."""
+        for drive in drive_start.start(self.drives):
+            self._tell_warnings(drive)
+        self._permission.begin()
+
+    def _tell_warnings(self, drive: Drive) -> None:
+        for warning in drive.warnings:
+            self.get_logger().warning(warning)
 
     def follow_permission(self, inbox: Inbox, name: str) -> None:
         """Follow this field of safety_state."""
