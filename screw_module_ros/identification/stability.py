@@ -111,33 +111,6 @@ def limits(
     }
 
 
-def hand_formula(
-    mechanism: Mechanism, environment: Environment, sampling: Sampling, cutoff: float
-) -> float:
-    """Return the largest gain by hand: phase 180 degrees at wp, where filter and delay meet.
-
-    Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
-    is half a period more than the delay and the amplifier's lag. NaN where the contact's resonance
-    wr lies below wp, and without a mass in the environment.
-    """
-    if environment.mass <= 0.0:
-        return math.nan
-    corner = 2.0 * math.pi * cutoff
-    tau = sampling.delay + 0.5 / sampling.rate + 0.5 / (math.pi * mechanism.amplifier)
-    low, high = 0.0, math.pi / tau
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        past = math.atan(middle / corner) + middle * tau > math.pi
-        low, high = (low, middle) if past else (middle, high)
-    outer = mechanism.handle_mass + environment.mass
-    resonance = math.sqrt(mechanism.contact_stiffness * (1.0 / mechanism.nut_mass + 1.0 / outer))
-    if low >= resonance:
-        return math.nan
-    mass = mechanism.nut_mass + outer
-    gain = mass / environment.mass * math.sqrt(1.0 + (low / corner) ** 2)
-    return gain * (1.0 - (low / resonance) ** 2)
-
-
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling]:
     """Return mechanism and sampling, of the simulated module where there is one."""
     world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))

@@ -476,15 +476,6 @@ def test_late_pair_before_the_new_one(wire, sensor, sensor_end):
     assert sensor.counters.missing == 1
 
 
-def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, sensor, sensor_end):
-    sensor_end.first = "00 00 00 00 00 64 00 00"
-    sensor.request(1, wire.advance(), 0)  # answered at once, but nobody pumps
-    sensor_end.first = "00 00 00 00 03 E8 00 00"
-    sample = tick(wire, sensor, 2)
-    assert (sample.sequence, sample.fz) == (2, pytest.approx(1.0))
-    assert (sensor.counters.missing, sensor.counters.late) == (1, 2)
-
-
 @pytest.mark.parametrize("answered", [True, False])
 def test_a_tick_without_a_sample_is_missing_also_when_the_bus_fails(
     wire, sensor, sensor_end, monkeypatch, answered
