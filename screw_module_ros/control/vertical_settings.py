@@ -72,6 +72,11 @@ class VerticalSettings(NamedTuple):
         Setting("share of modelled friction fed forward in OBSERVER", "",
                 0.0, 1.0, live=True),
     ] = 0.0
+    observer_inertia: Annotated[
+        float,
+        Setting("share of the mass left in OBSERVER that is carried too, for a mass that is known",
+                "", 0.0, 0.7, live=True),
+    ] = 0.0
     observer_damping_ratio: Annotated[
         float,
         Setting("that a released handle must have in OBSERVER; 0 asks for no damper", "", 0.0, 1.0),
