@@ -19,6 +19,9 @@ from ..filters import LowpassState, lowpass_coefficients, lowpass_step
 
 CUTOFF = 6.0
 """Corner of the acceleration's filter [Hz]: above it the hand feels M / (1 + k) again."""
+KNOWN_SHARE = 0.7
+"""Of the mass that is left, to carry where a calibration measured it: a mass 40 % too large leaves
+none."""
 FIRM = 1.0
 """Force of the hand on the handle from which all of the share is in [N]."""
 

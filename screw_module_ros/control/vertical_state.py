@@ -60,8 +60,8 @@ class VerticalState(NamedTuple):
     setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
     ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
-    back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the force
-    gains.
+    back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the
+    force gains.
     """
 
     setpoint: SetPoint

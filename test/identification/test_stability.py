@@ -133,5 +133,8 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
     result = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
+    assert result.value("formula_hand") == pytest.approx(result.value("feedback_hand"), rel=0.35)
+    with pytest.raises(KeyError):
+        result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
     assert stability_figures(result)["stability"].axes
