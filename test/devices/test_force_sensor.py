@@ -351,7 +351,7 @@ def test_zero_switches_the_look_at_frozen_gauges_off(wire, sensor_end):
     assert sensor.fault == ""
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 30)), max_size=12))
 def test_frozen_means_so_many_equal_samples_in_a_row(runs):
     """Against the obvious count; runs: what gauge 0 shows, and for how many samples."""
