@@ -120,12 +120,15 @@ def hand_formula(
 
     Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
     is half a period more than the delay and the amplifier's lag. NaN where the contact's resonance
-    wr lies below wp, and without a mass in the environment.
+    wr lies below wp, without a mass in the environment, and where the environment's spring, late by
+    filter and delay, outweighs its damper: then the loop swings on that spring at far less gain.
     """
     if environment.mass <= 0.0:
         return math.nan
     corner = 2.0 * math.pi * cutoff
     tau = sampling.delay + 0.5 / sampling.rate + 0.5 / (math.pi * mechanism.amplifier)
+    if environment.stiffness * (1.0 / corner + tau) > environment.damping:
+        return math.nan
     low, high = 0.0, math.pi / tau
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -102,6 +102,9 @@ def test_hand_formula_says_when_it_does_not_hold():
     soft = Mechanism(contact_stiffness=1e5)
     assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
     assert math.isnan(stability.hand_formula(Mechanism(), Environment(0.0), Sampling(), 30.0))
+    light_wall = Environment(1.0, 1e5, 30.0)
+    assert largest_gain(Mechanism(), light_wall, Sampling(), Feedback(1.0)) < 1.0
+    assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
 
 
 def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
