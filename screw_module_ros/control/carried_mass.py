@@ -41,5 +41,9 @@ def carried_step(
     """
     slow, state = lowpass_step(lowpass_coefficients(CUTOFF, dt), state, velocity)
     acceleration = 2.0 * math.pi * CUTOFF * (velocity - slow)
-    held = min(1.0, abs(handle_force) / FIRM)
-    return held * mass / (1.0 + gain) * acceleration, state
+    return held_share(handle_force) * mass / (1.0 + gain) * acceleration, state
+
+
+def held_share(handle_force: float) -> float:
+    """Return how far a hand holds the handle, 0 to 1, by its filtered force on it [N]."""
+    return min(1.0, abs(handle_force) / FIRM)
