@@ -12,12 +12,11 @@ a wire takes the place of a call.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ..clock import Clock
 from ..control.vertical_state import VerticalOutput
 from ..samples import EncoderReading, ForceReading
-from .controller import VerticalController
 from .drive import Permission, VerticalDrive
 from .pace import Pace
 from .sensor import PolledSensor
@@ -27,12 +26,40 @@ _LOOK_NS = 10_000  # for what lies in the socket already
 _LISTENS = 2  # periods
 
 
+class Controller(Protocol):
+    """What turns samples into force: `controller.VerticalController`, or another in its place.
+
+    answered: the newest sample acted upon. mode: as in ForceCommand. An output has `force` [N].
+    """
+
+    answered: EncoderReading | None
+    mode: int
+
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
+        """Take a force sample."""
+
+    def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
+        """Return the force for an encoder sample, None when it is not to be acted upon."""
+
+    def idle(self, now_ns: int) -> VerticalOutput | None:
+        """Return the zero to send when samples fail to come while a force is out, else None."""
+
+    def count(self, now_ns: int) -> None:
+        """Count the newest sample as answered."""
+
+    def end_tick(self, now_ns: int) -> None:
+        """End the period."""
+
+
 class Parts(NamedTuple):
-    """The parts that take part in a period; None: in another process, or not active."""
+    """The parts that take part in a period; None: in another process, or not active.
+
+    With a drive in this process the controller is a `VerticalController`: it hears of the drive.
+    """
 
     encoder: PolledSensor[EncoderReading] | None = None
     force_sensor: PolledSensor[ForceReading] | None = None
-    controller: VerticalController | None = None
+    controller: Controller | None = None
     drive: VerticalDrive | None = None
 
 
