@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vertical law takes, gives and remembers, and its states at rest."""
+"""Inputs, outputs and memory of the vertical law, and its states at rest."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .vertical_settings import VerticalSettings
 
 
 class VerticalInput(NamedTuple):
-    """What one step sees, up positive.
+    """Inputs of one step, up positive.
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
     [m/s]; active: False holds the command at zero and the set point at the measured position;
-    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
-    and damper.
+    slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, the share of spring and damper that the
+    slot replaces.
     """
 
     mode: int
@@ -86,7 +86,7 @@ def initial_state(settings: VerticalSettings) -> VerticalState:
 def idle_state(
     settings: VerticalSettings, position: float, lowpass: LowpassState, guard: GuardState
 ) -> VerticalState:
-    """Return the state in which nothing is commanded, set point at position [m]."""
+    """Return the state without a command, set point at position [m]."""
     blend = Blend(
         settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0,
         0.0,
@@ -98,7 +98,7 @@ def idle_state(
 
 
 def unplaced(state: VerticalState) -> VerticalState:
-    """Return a state that does not know where the nut was last."""
+    """Return a state without the nut's last position."""
     return VerticalState(
         state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
         state.friction, state.ratio, state.observer, state.error_lowpass, state.speed_lowpass,
@@ -107,7 +107,7 @@ def unplaced(state: VerticalState) -> VerticalState:
 
 
 def no_output(idle: VerticalState) -> VerticalOutput:
-    """Return the output of a step that commands nothing, from an idle state."""
+    """Return the output of a step without a command, from an idle state."""
     return VerticalOutput(
         0.0, 0.0, 0.0, 0.0, 0.0, False, idle.setpoint.position, 0.0, idle.guard.share
     )

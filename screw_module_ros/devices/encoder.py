@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """CiA 406 encoder on the screw's motor: one position per SYNC, unwrapped, homed on the host.
 
-CiA 406 has no object for an index pulse and its preset (6003) may write EEPROM, so homing is an
-offset kept here: the nut stands at the reference mark and `home` says so.
+CiA 406 has no object for an index pulse, and its preset (6003) may write EEPROM. So homing is an
+offset in this driver: `home` declares that the nut stands at the reference mark.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from .polled import Polled
 from .unwrap import Unwrapper
 
 _POSITION = struct.Struct("<I")
-#: Homing wants a position of now: at most so old, or ten periods where those are longer.
+#: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
 
 
 class Encoder:
     """Driver of one encoder; `request` and `reading` belong to the realtime loop.
 
-    screw: whose turns it counts.
-    fault: why no samples are delivered, empty while healthy; latched until `clear_fault`.
-    warnings: what the device reports but can live with.
+    screw: the screw whose turns it counts.
+    fault: why it delivers no samples, empty while healthy; latched until `clear_fault`.
+    warnings: reports of the device that do not stop it.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Encoder:
 
     @property
     def identity(self) -> str:
-        """Who the device says it is, for hardware_id."""
+        """Identity that the device reports, for hardware_id."""
         return self._node.identity.text
 
     @property
@@ -91,7 +91,7 @@ class Encoder:
         return setup.encoder_traffic(self.settings, self._port.sync_producer)
 
     def configure(self) -> None:
-        """Find the encoder and configure it; blocking. Position and homing start anew.
+        """Find the encoder and configure it; blocking. Position and homing restart.
 
         Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
@@ -110,7 +110,7 @@ class Encoder:
         self._configured = True
 
     def start(self) -> None:
-        """NMT start; samples flow from the next request on.
+        """NMT start; each request from now on gives a sample.
 
         Raises NotConfigured before `configure`, BusError.
         """
@@ -127,9 +127,9 @@ class Encoder:
         self._node.pre_operational()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; where the configuration is gone, configure anew (blocking).
+        """Clear a latched fault; if the configuration is lost, configure again (blocking).
 
-        Raises as `configure`; the fault stays latched then.
+        Raises as `configure`; then the fault stays latched.
         """
         if not self._configured:
             self.configure()
@@ -140,7 +140,7 @@ class Encoder:
     # -- cyclic: realtime loop -------------------------------------------------------------------
 
     def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        """Ask for one sample: sends SYNC, or, where another node sends it, passes the clocks on.
+        """Request one sample: send SYNC, or record the tick if another node sends SYNC.
 
         sequence: tick number. monotonic_ns, stamp_ns: now, on both clocks [ns]. Raises BusError.
         """
@@ -159,7 +159,7 @@ class Encoder:
             raise
 
     def reading(self) -> EncoderReading | None:
-        """Return the answer to the last request, once; None while there is none."""
+        """Return the answer to the last request once; None while there is none."""
         return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
@@ -200,8 +200,8 @@ class Encoder:
     def home(self) -> float:
         """Declare that the nut stands at the reference mark; return that height [m].
 
-        Raises NotHomed when there is no sample yet, an old one, a fault, or the nut moves, and at
-        first where it contradicts the last homing since `configure`: see `Rehoming`.
+        Raises NotHomed without a recent sample, with a fault, or while the nut moves; the first
+        time also when it contradicts the last homing since `configure`: see `Rehoming`.
         """
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
@@ -252,7 +252,7 @@ class Encoder:
             self._absent.add(index)
             return 0
 
-    # -- what the device reports by itself -------------------------------------------------------
+    # -- unsolicited reports of the device -------------------------------------------------------
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1
@@ -264,7 +264,7 @@ class Encoder:
         )
 
     def _on_foreign_sdo(self) -> None:
-        """Deliver nothing more: direction, scale and preset may be others now."""
+        """Stop delivering samples: direction, scale and preset may have changed."""
         self.counters.foreign_sdo += 1
         if self._configured:
             self._forget_configuration(

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every CANopen device has: identity, network management, heartbeat, emergencies (CiA 301)."""
+"""Services of every CANopen device: identity, network management, heartbeat, emergencies (CiA 301).
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ _TOGGLE_BIT = 0x80
 
 
 class Identity(NamedTuple):
-    """Objects 1000 and 1018 of a device; 0 where it does not say."""
+    """Objects 1000 and 1018 of a device; 0 for an entry that it does not have."""
 
     device_type: int
     vendor_id: int = 0
@@ -43,7 +44,7 @@ class Identity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Identity for people and for hardware_id."""
+        """Identity as text, for messages and hardware_id."""
         return (
             f"CiA {self.profile}, vendor 0x{self.vendor_id:X}, product 0x{self.product_code:X}, "
             f"revision 0x{self.revision:X}, serial {self.serial}"
@@ -51,11 +52,11 @@ class Identity(NamedTuple):
 
 
 class CanopenNode:
-    """One remote node: who it is, its network state, what it reports by itself.
+    """One remote node: its identity, its network state, its unsolicited reports.
 
-    label: how messages call the device, like `vertical drive`. on_boot_up(),
-    on_emergency(Emergency) and on_foreign_sdo(), the latter for each request of another SDO
-    client, are called by the thread that pumps the port.
+    label: name of the device in messages, like `vertical drive`. The thread that pumps the port
+    calls on_boot_up(), on_emergency(Emergency) and, for each request of another SDO client,
+    on_foreign_sdo().
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class CanopenNode:
         self._nmt.send_command(_NMT_STOP)
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
-        """Read who the node is and refuse another than expected; 0 = any.
+        """Read the node's identity and check it against the expected one; 0 = any.
 
         Raises WrongDevice, NotAnswering.
         """

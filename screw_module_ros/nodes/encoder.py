@@ -16,7 +16,7 @@ from screw_module_ros.samples import EncoderReading
 
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_encoder
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.health import ERROR, OK, WARN, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done
@@ -26,7 +26,7 @@ from .support.torque_off import TorqueOff
 
 
 class EncoderNode(DriverNode):
-    """One sample a tick, published as soon as it is there."""
+    """One sample per tick, published as soon as it arrives."""
 
     def __init__(self):
         super().__init__("encoder")
