@@ -41,9 +41,5 @@ def carried_step(
     """
     slow, state = lowpass_step(lowpass_coefficients(CUTOFF, dt), state, velocity)
     acceleration = 2.0 * math.pi * CUTOFF * (velocity - slow)
-    return held_share(handle_force) * mass / (1.0 + gain) * acceleration, state
-
-
-def held_share(handle_force: float) -> float:
-    """Return how far a hand holds the handle, 0 to 1, by its filtered force on it [N]."""
-    return min(1.0, abs(handle_force) / FIRM)
+    held = min(1.0, abs(handle_force) / FIRM)
+    return held * mass / (1.0 + gain) * acceleration, state

@@ -24,7 +24,7 @@ command also carries the weight and overcomes friction; its limits are 95 N and 
 from __future__ import annotations
 
 from ..filters import lowpass_coefficients, lowpass_step
-from .carried_mass import carried_step, held_share
+from .carried_mass import carried_step
 from .chatter import damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
@@ -52,7 +52,6 @@ FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 STRONGEST = 1e5  # [N]
 RESTING_SPEED = 3e-4  # [m/s]
-FREE_LESS = 0.2  # of the friction model, less in COMBINED while nobody holds the handle
 
 
 def vertical_step(
@@ -87,8 +86,7 @@ def vertical_step(
         friction_model, settings.friction_stiffness, state.friction, inp.position, inp.velocity,
         inp.position - last,
     )  # fmt: skip
-    friction = guard.share * trusted(state.ratio)
-    friction *= _friction(settings, blend, modelled, handle_force)
+    friction = guard.share * trusted(state.ratio) * _friction(settings, blend, modelled)
     gravity = blend.base * blend.gravity
     observer = observer_step(
         observed, inp.position, inp.force - gravity - friction, settings.mass,
@@ -174,16 +172,9 @@ def _followed(
     return follow(allowed, setpoint, inp.setpoint_position, inp.setpoint_velocity, dt)
 
 
-def _friction(
-    settings: VerticalSettings, blend: Blend, modelled: float, handle_force: float
-) -> float:
-    """Return the friction feed-forward [N]; modelled: at full size [N].
-
-    Force feedback divides what friction is left by 1 + Kf. On a free handle that can be too little
-    to stop it on its spring, so it keeps more there.
-    """
+def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> float:
+    """Return the friction feed-forward [N]; modelled: at full size [N]."""
     share = blend.friction * settings.friction_fraction
-    share *= 1.0 - FREE_LESS * blend.feedback * (1.0 - held_share(handle_force))
     share += blend.observer * settings.observer_friction
     return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
 
