@@ -136,7 +136,7 @@ class InProcessBench:
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
-            shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, 1.0, *noise)
+            shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
     def _params(self, trial: Trial) -> LoopParams:
