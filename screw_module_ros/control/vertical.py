@@ -24,6 +24,7 @@ command also carries the weight and overcomes friction; its limits are 95 N and 
 from __future__ import annotations
 
 from ..filters import lowpass_coefficients, lowpass_step
+from .carried_mass import carried_step
 from .chatter import damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
@@ -99,10 +100,16 @@ def vertical_step(
     pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
+    share = settings.observer_inertia * guard.share * blend.observer
+    carried, speed_lowpass = carried_step(
+        state.speed_lowpass, observer.velocity, share * settings.mass,
+        settings.observer_gain, handle_force, dt,
+    )  # fmt: skip
+    wanted = clamp(impedance + carried, -settings.force_down, settings.force_up)
     error, error_lowpass = lowpass_step(
         lowpass_coefficients(settings.observer_cutoff, dt),
         state.error_lowpass,
-        impedance + inp.force,
+        wanted + inp.force,
     )
     feedback = blend.feedback * feedback_force(
         guard.share * blend.gain, impedance, handle_force, settings.feedback_limit
@@ -110,6 +117,7 @@ def vertical_step(
     feedback += blend.observer * feedback_force(
         guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
     )
+    feedback += wanted - impedance
     unfelt = blend.friction * (1.0 - blend.feedback)
     feedback += unfelt * _over_limit(settings, blend, handle_force)
     friction += blend.observer * observer.disturbance
@@ -130,7 +138,7 @@ def vertical_step(
     observer = remembered(observer, force)
     return output, VerticalState(
         setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
-        error_lowpass, guard,
+        error_lowpass, speed_lowpass, guard,
     )  # fmt: skip
 
 

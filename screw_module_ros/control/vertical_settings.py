@@ -7,6 +7,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
+from .carried_mass import KNOWN_SHARE
 from .limits import CommandLimits
 from .modes import uses_observer
 from .observer import least_damping
@@ -72,6 +73,11 @@ class VerticalSettings(NamedTuple):
         float,
         Setting("share of modelled friction fed forward in OBSERVER", "",
                 0.0, 1.0, live=True),
+    ] = 0.0
+    observer_inertia: Annotated[
+        float,
+        Setting("share of the mass left in OBSERVER that is carried too, for a mass that is known",
+                "", 0.0, 0.7, live=True),
     ] = 0.0
     observer_damping_ratio: Annotated[
         float,
@@ -151,6 +157,10 @@ class VerticalSettings(NamedTuple):
                 f"{self.soft_stop_zone:g} m"
             )
         return self
+
+    def calibrated(self, gravity: float, mass: float) -> VerticalSettings:
+        """Return the settings for a module whose weight [N] and mass [kg] were measured."""
+        return self._replace(gravity=gravity, mass=mass, observer_inertia=KNOWN_SHARE)
 
     @property
     def least_damping(self) -> float:

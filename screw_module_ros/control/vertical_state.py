@@ -60,7 +60,8 @@ class VerticalState(NamedTuple):
     setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
     ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
-    back; guard: of the force gains.
+    back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the
+    force gains.
     """
 
     setpoint: SetPoint
@@ -73,6 +74,7 @@ class VerticalState(NamedTuple):
     ratio: float
     observer: ObserverState
     error_lowpass: LowpassState
+    speed_lowpass: LowpassState
     guard: GuardState
 
 
@@ -91,7 +93,7 @@ def idle_state(
     )  # fmt: skip
     return VerticalState(
         setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
-        observer_at(position), LowpassState(0.0, 0.0), guard,
+        observer_at(position), LowpassState(0.0, 0.0), LowpassState(0.0, 0.0), guard,
     )  # fmt: skip
 
 
@@ -99,7 +101,8 @@ def unplaced(state: VerticalState) -> VerticalState:
     """Return a state without the nut's last position."""
     return VerticalState(
         state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
-        state.friction, state.ratio, state.observer, state.error_lowpass, state.guard,
+        state.friction, state.ratio, state.observer, state.error_lowpass, state.speed_lowpass,
+        state.guard,
     )  # fmt: skip
 
 

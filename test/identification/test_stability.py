@@ -63,6 +63,7 @@ def integrated(mechanism, environment, sampling, law, ticks=500):
         (Feedback(30.0), Sampling(1000.0, 1.26e-3)),
         (Feedback(40.0), Sampling(2000.0, 0.385e-3)),
         (Observer(60.0), Sampling(1000.0, 1.26e-3)),
+        (Observer(60.0, inertia=0.7), Sampling(1000.0, 1.26e-3)),
     ],
 )
 def test_unstable_loops_grow_as_their_eigenvalue_says(law, sampling):
@@ -87,10 +88,38 @@ def test_published_study_of_this_loop():
     )
 
 
+def test_hand_formula_is_on_the_safe_side_and_near_where_the_contact_is_stiff():
+    stiff = Mechanism(contact_stiffness=1e9, contact_damping=3e4, transducer=1e5)
+    for mass in (3.0, 10.0, 30.0):
+        arm = Environment(mass, 0.0, 20.0)
+        for sampling in (Sampling(1000.0, 1.26e-3), Sampling(2000.0, 0.385e-3)):
+            exact = largest_gain(stiff, arm, sampling, Feedback(1.0, stiffness=20.0))
+            by_hand = stability.hand_formula(stiff, arm, sampling, 30.0)
+            assert 0.7 * exact < by_hand < 1.1 * exact
+
+
+def test_hand_formula_says_when_it_does_not_hold():
+    soft = Mechanism(contact_stiffness=1e5)
+    assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
+    assert math.isnan(stability.hand_formula(Mechanism(), Environment(0.0), Sampling(), 30.0))
+    light_wall = Environment(1.0, 1e5, 30.0)
+    assert largest_gain(Mechanism(), light_wall, Sampling(), Feedback(1.0)) < 1.0
+    assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
+
+
 def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
     law = Observer(10.0, stiffness=100.0, damping=6.0)
     for environment, margin in ((HAND, 2.0), (Environment(30.0, 300.0, 30.0), 1.2)):
         assert largest_gain(Mechanism(), environment, Sampling(), law) > margin * law.gain
+
+
+def test_carried_mass_leaves_the_margin_of_the_default_gain():
+    """All of the share in, as for a firm hand; the observer assumes 0.9 kg too much."""
+    light = Mechanism(nut_mass=3.6)
+    for environment, margin in ((HAND, 2.0), (Environment(30.0, 300.0, 30.0), 1.2)):
+        for inertia in (0.0, 0.7):
+            law = Observer(9.0, inertia=inertia)
+            assert largest_gain(light, environment, Sampling(), law) > margin * law.gain
 
 
 def test_what_limits_is_what_helps_most_when_taken_away():
@@ -107,5 +136,8 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
     result = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
+    assert result.value("formula_hand") == pytest.approx(result.value("feedback_hand"), rel=0.35)
+    with pytest.raises(KeyError):
+        result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
     assert stability_figures(result)["stability"].axes
