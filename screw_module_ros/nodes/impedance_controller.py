@@ -15,6 +15,7 @@ from screw_module_ros import graph
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.agreement import AgreementSettings
+from screw_module_ros.control.carried_mass import KNOWN_SHARE
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
@@ -104,7 +105,9 @@ class ImpedanceControllerNode(ModuleNode):
         chosen = self._friction = chosen_friction(settings, friction_file)
         if chosen.gravity is not None:
             before = self.parameters.read(VerticalSettings).gravity
-            refused = self.parameters.write(gravity=chosen.gravity, mass=chosen.mass)
+            refused = self.parameters.write(
+                gravity=chosen.gravity, mass=chosen.mass, observer_inertia=KNOWN_SHARE
+            )
             if refused:
                 raise ValueError(f"{settings.calibration_file}: {refused}")
             self.get_logger().info(

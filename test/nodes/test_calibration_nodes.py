@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
+from screw_module_ros.control.carried_mass import KNOWN_SHARE
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.nodes.support.serving_node import Done
 from screw_module_ros.operator.robot import Robot
@@ -115,6 +116,7 @@ def test_refused_and_put_right_the_controller_takes_it(make_node, calibration):
     assert node.get_parameter("gravity").value == GRAVITY
     node.trigger_activate()
     assert node.part.settings.gravity == GRAVITY
+    assert node.part.settings.observer_inertia == KNOWN_SHARE
     node.close()
 
 
