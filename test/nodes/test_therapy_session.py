@@ -22,9 +22,12 @@ from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.recording.bag import CLOSED
+from screw_module_ros.recording.noted import read_noted
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.bag import read_session, replayed
+from screw_module_ros.therapy.bag import read_sessions, replayed
+from screw_module_ros.therapy.session import FINISHED
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
@@ -130,15 +133,23 @@ def session(tmp_path_factory):
             robot.pause(0.3)
             robot.trigger("therapy_session/resume")
             patient.until_state(TherapyState.FINISHED)
-            robot.pause(1.0)
-            told["recorder"] = robot.stop_recording()
+            told["recorded"] = patient.states[-1].recorded
+            patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
+            robot.wait_until(
+                lambda: read_noted(bag_in(folder)).state == CLOSED, 30.0, "the bag is not closed"
+            )
         finally:
             told["code"] = node.stop()
     told.update(states=patient.states, results=patient.results, changes=patient.changes)
-    (told["bag"],) = folder.glob(f"{PATIENT}_clock_adaptive_*")
+    told["bag"] = bag_in(folder)
     if keep := os.environ.get("KEEP_THERAPY_BAG"):
         shutil.copytree(told["bag"], keep)
     return told
+
+
+def bag_in(folder):
+    (bag,) = folder.glob(f"{PATIENT}_clock_adaptive_*")
+    return bag
 
 
 def diagnosed_after_bad_slot(robot):
@@ -219,8 +230,15 @@ def test_screens_see_every_phase(session):
     assert [bool(state.definition) for state in session["states"]].count(True) == 1
 
 
+def test_the_recording_ends_with_its_session(session):
+    """Else it would hold the next patient's movements under this one's name."""
+    assert session["recorded"], "it was recorded until its end"
+    (recorded,) = read_sessions(session["bag"])
+    assert recorded.acts[-1].state == FINISHED
+
+
 def test_the_recording_gives_the_same_results_bit_for_bit(session):
-    recorded = read_session(session["bag"])
+    (recorded,) = read_sessions(session["bag"])
     assert recorded.patient == PATIENT
     assert [row["trial"] for row in recorded.trials] == list(range(1, TRIALS + 1))
     found = replayed(recorded)
