@@ -13,6 +13,7 @@ from . import (
     rows_nodes,
     rows_operator,
     rows_sensors,
+    rows_therapy,
 )
 from .measures import LARGEST_STEP
 from .row import EITHER, GOES_ON, OFF, SAFE_STATES, VERTICAL_OFF, Row
@@ -25,6 +26,7 @@ _MODULES = (
     rows_commands,
     rows_operator,
     rows_intruders,
+    rows_therapy,
 )
 PAGE = "docs/faults.md"
 
