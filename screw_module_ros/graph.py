@@ -149,7 +149,7 @@ _TOPICS = (
     Topic(SETPOINT, _OURS + "EndpointSetpoint", "command", "", 0.0,
           ("impedance_controller", "manus")),
     Topic(RECORDER_STATUS, "diagnostic_msgs/msg/DiagnosticStatus", "state", "session_recorder",
-          1.0),
+          1.0, ("therapy_session",)),
     Topic(TRUTH, _OURS + "SimTruth", "state", "sim_rig", 100.0),
     Topic(CLOCK, "rosgraph_msgs/msg/Clock", "command", "sim_rig", 100.0),
     Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", "state", "", 1.0, ("supervisor",)),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the session recorder from within another node, without waiting for its answer."""
+"""Starts and stops the session recorder from another node, without waiting for its answer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import Clock
 
-_RECORDER = "session_recorder"
+RECORDER = "session_recorder"
+_CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is waited for no more
 
 
 class RecorderClient:
@@ -24,12 +25,23 @@ class RecorderClient:
         self.refused = False
         self._node, self._clock = node, clock
         self._started_ns: int | None = None
-        self._parameters = node.create_client(SetParameters, f"{_RECORDER}/set_parameters")
-        self._starter = node.create_client(Trigger, f"{_RECORDER}/start")
+        self._parameters = node.create_client(SetParameters, f"{RECORDER}/set_parameters")
+        self._starter = node.create_client(Trigger, f"{RECORDER}/start")
+        self._stopper = node.create_client(Trigger, f"{RECORDER}/stop")
+        self._stop_ns: int | None = None
 
     def since(self, now_ns: int) -> int:
         """Return the time since the start of the recording [ns], -1 while none runs."""
         return -1 if self._started_ns is None else now_ns - self._started_ns
+
+    def is_closing(self, now_ns: int) -> bool:
+        """Return whether the recorder has been told to stop and has not answered yet."""
+        return self._stop_ns is not None and now_ns - self._stop_ns < _CLOSING_NS
+
+    def stop(self) -> None:
+        """Ask for the bag to be closed; what comes of it is told in the log."""
+        self._started_ns, self._stop_ns = None, self._clock.now_ns()
+        self._stopper.call_async(Trigger.Request()).add_done_callback(self._stopped)
 
     def start(self, name: str) -> None:
         """Request a recording under a name; the log shows the result."""
@@ -58,6 +70,16 @@ class RecorderClient:
             self._node.get_logger().info(self.told)
         else:
             self._tell(f"not recorded: {answer.message if answer else 'no answer'}")
+
+    def _stopped(self, future) -> None:
+        answer = future.result()
+        self._stop_ns = None
+        if answer is not None and answer.success:
+            self.told = f"recorded to {answer.message}"
+            self._node.get_logger().info(self.told)
+        else:
+            self.told = f"the bag was not closed: {answer.message if answer else 'no answer'}"
+            self._node.get_logger().warning(self.told)
 
     def _tell(self, problem: str) -> None:
         self.told, self.refused = problem, True

@@ -33,13 +33,14 @@ from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
 from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol
 from screw_module_ros.therapy.line import PLANE
-from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
+from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text, sha256
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
+from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
 from screw_module_ros.therapy.wishes import WishLimits
 
-from .recorder_client import RecorderClient
+from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from .support import qos
 from .support.below import below, root_folder
 from .support.due import Due
@@ -52,7 +53,6 @@ from .wish_relay import WishRelay
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
-_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
 _WAITS = "waiting for the recording"
 
 
@@ -76,14 +76,14 @@ class TherapySessionNode(ModuleNode):
         self.parameters.declare(WishLimits, "wish")
         self.parameters.declare(AssistanceLimits, "assistance")
         self.parameters.declare(AttendanceSettings, "attendance")
+        self.parameters.declare(RecorderWatchSettings, "recorder")
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._patient = self._definition = ""
-        self._recording = False
         self._sample: HandSample | None = None
         self._heard_ns: int | None = None
         self._attendance = Attendance()
-        self._recorder = RecorderClient(self, self.clock)
+        self._recording = SessionRecording(self, self.clock)
         self._slot = TherapySlot()
         self._state = TherapyState()
         for message in (self._slot, self._state):
@@ -101,6 +101,7 @@ class TherapySessionNode(ModuleNode):
         self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
+        self._recording.connect(inbox)
         self._publish_slot = self.outlet(*offered(graph.THERAPY_SLOT))
         self._publish_state = self.outlet(*offered(graph.THERAPY_STATE))
         self._publish_result = self.outlet(*offered(graph.THERAPY_TRIAL))
@@ -113,6 +114,7 @@ class TherapySessionNode(ModuleNode):
         self._session, self._told, self._wish = None, None, None
         self._heard_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
+        self._recording.begin(self.parameters.read(RecorderWatchSettings, "recorder"))
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
@@ -174,14 +176,16 @@ class TherapySessionNode(ModuleNode):
         return self._session.state != before
 
     def _follow_recorder(self, now_ns: int) -> None:
-        """Begin once the recording hears us: without its first samples it would be no record."""
+        """Begin once the recording hears us, and do not go on unrecorded without being told to."""
         session = self._session
-        if not self._recording or session is None or session.state != PAUSED:
+        if session is None:
             return
-        if self._recorder.refused:
-            self._recording = False
-            self._change(session.abort, self._recorder.told)
-        elif session.reason == _WAITS and self._recorder.since(now_ns) >= _HEARS_NS:
+        news = self._recording.follow(session.state in (RUNNING, PAUSED), now_ns)
+        if news == REFUSED:
+            self._change(session.abort, self._recording.told)
+        elif news == LOST:
+            self._change(session.pause, self._recording.told)
+        elif news == BEGUN and session.reason == _WAITS:
             self._change(session.resume)
 
     def _publish(self, said: Said) -> None:
@@ -223,6 +227,7 @@ class TherapySessionNode(ModuleNode):
         fill_state(self._state, session, self._sample)
         self._state.patient, self._state.protocol = self._patient, session.protocol.name
         self._state.sequence = self._sample.sequence if self._sample else 0
+        self._state.recorded = self._recording.runs
         if session.state == RUNNING:
             self._state.definition, self._definition = self._definition, ""
         else:
@@ -256,15 +261,16 @@ class TherapySessionNode(ModuleNode):
                 return f"a session of {self._patient} is {running.state}: call ~/abort first"
             if self._heard_ns is None:
                 return "no endpoint_state has come yet"
+            if hindrance := self._recording.hindrance(self.clock.now_ns()):
+                return hindrance
             self._attendance.begin(self.clock.now_ns())
-        with self._lock:
             self._patient, self._definition = patient, definition
+            self._state.definition_sha256 = sha256(definition)
             self._session, self._told, self._wish = Session(protocol), None, None
             self._state.state_since = self._sample.sequence
-            self._recording = request.record
             if request.record:
                 name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
-                self._recorder.start(name)
+                self._recording.ask(name)
                 self._session.pause(_WAITS)
             self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""
@@ -285,7 +291,7 @@ class TherapySessionNode(ModuleNode):
             return "" if changed else f"the session is {session.state}"
 
     def _resume(self, request: Trigger.Request) -> str:
-        if self._session is not None and self._session.reason == _WAITS:
+        if self._recording.waits:
             return _WAITS
         self._attendance.begin(self.clock.now_ns())
         return self._act("resume")
@@ -293,7 +299,7 @@ class TherapySessionNode(ModuleNode):
     def health(self) -> Health:
         """Report the progress of the session."""
         session = self._session
-        values = {"recording": self._recorder.told}
+        values = {"recording": self._recording.told}
         if session is None:
             return Health(OK, "no session", values)
         values |= {"trials done": len(session.results), "trials": session.trials}

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ from .. import graph
 from ..recording.errors import BagReadError
 from ..recording.reader import read_bag, topics
 from .protocol import Protocol
-from .protocol_file import parse_protocol
+from .protocol_file import parse_protocol, sha256
 from .readiness import stop_reason
 from .record import NUMBERS
 from .replay import Act, Replay, replay
@@ -29,7 +30,8 @@ class Recorded(NamedTuple):
 
     folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
     `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by
-    the names of AssistanceChange.msg; samples: of the hand, in order.
+    the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the YAML
+    that was carried out, hexadecimal, empty in a bag that does not tell.
     """
 
     folder: Path
@@ -39,30 +41,54 @@ class Recorded(NamedTuple):
     trials: list[dict[str, Any]]
     changes: list[dict[str, Any]]
     samples: list[HandSample]
+    protocol_sha256: str = ""
 
 
-def read_session(folder: Path | str) -> Recorded:
-    """Return the session in a bag.
+def read_sessions(folder: Path | str) -> list[Recorded]:
+    """Return the sessions in a bag, in order: one, unless somebody went on recording after it.
 
-    Raises BagReadError when the bag cannot be read or holds no session, ProtocolError when its
-    protocol is none.
+    Raises BagReadError when the bag cannot be read, holds no session or another protocol than its
+    hash says, ProtocolError when its protocol is none.
     """
     folder = Path(folder)
     names = _names(folder)
     states = [m.message for m in read_bag(folder, [names[_STATE]])]
-    first = next((state for state in states if state.definition), None)
-    if first is None:
+    begins = [index for index, state in enumerate(states) if state.definition]
+    if not begins:
         raise BagReadError(f"{folder}: no therapy session begins in it")
-    protocol = parse_protocol(first.definition, f"recorded in {folder}")
-    return Recorded(
-        folder,
-        first.patient,
-        protocol,
-        _acts(states, first.patient),
-        [_trial(m.message) for m in _read(folder, names, _TRIAL)],
-        [_change(m.message) for m in _read(folder, names, _ASSISTANCE)],
-        [_sample(m.message, protocol.space) for m in read_bag(folder, [names[_HAND]])],
+    parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
+    starts = [_ns(part[0].header.stamp) for part in parts]
+    trials, changes = (
+        [m.message for m in _read(folder, names, name)] for name in (_TRIAL, _ASSISTANCE)
     )
+    hands = [m.message for m in read_bag(folder, [names[_HAND]])]
+    return [
+        _session(
+            folder, part,
+            [_trial(m) for m in trials if begin <= _ns(m.header.stamp) < end],
+            [_change(m) for m in changes if begin <= _ns(m.header.stamp) < end],
+            [m for m in hands if begin - _S <= _ns(m.header.stamp) < end],
+        )
+        for part, begin, end in zip(parts, starts, [*starts[1:], math.inf], strict=True)
+    ]  # fmt: skip
+
+
+def _session(
+    folder: Path, states: list[Any], trials: list[dict], changes: list[dict], hands: list[Any]
+) -> Recorded:
+    first = states[0]
+    protocol = parse_protocol(first.definition, f"recorded in {folder}")
+    told = {getattr(state, "definition_sha256", "") for state in states}
+    if not told <= {"", sha256(first.definition)}:
+        raise BagReadError(
+            f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
+            f"{sha256(first.definition)}, the session tells {', '.join(sorted(told - {''}))}"
+        )
+    samples = [_sample(message, protocol.space) for message in hands]
+    acts = _acts(states, first.patient)
+    return Recorded(
+        folder, first.patient, protocol, acts, trials, changes, samples, max(told)
+    )  # fmt: skip
 
 
 def replayed(recorded: Recorded) -> Replay:

@@ -8,9 +8,16 @@ import argparse
 from pathlib import Path
 
 from ..recording.errors import BagError
-from .bag import Recorded, read_session, replayed
+from .bag import Recorded, read_sessions, replayed
+from .definitions import DEFINITIONS
 from .pseudonym import new_pseudonym, patient_folder, write_private
-from .record import csv_text
+from .record import csv_text, definitions_text
+
+_FIRST = (
+    "patient", "protocol", "protocol_sha256", "started_ns",
+    "start_x", "start_y", "start_z", "target_x", "target_y", "target_z",
+)  # fmt: skip
+"""Columns of the export in front of the figures."""
 
 
 def add_commands(commands: argparse._SubParsersAction) -> None:
@@ -38,11 +45,14 @@ def _new(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    found = replayed(_read(options.bags[0]))
-    for problem in found.problems:
-        print(f"PROBLEM {problem}")
-    print(found.verdict)
-    return 0 if not found.problems else 1
+    problems = 0
+    for session in _read(options.bags[0]):
+        found = replayed(session)
+        for problem in found.problems:
+            print(f"PROBLEM {problem}")
+        print(found.verdict)
+        problems += len(found.problems)
+    return 0 if not problems else 1
 
 
 def _report(options: argparse.Namespace) -> int:
@@ -63,23 +73,33 @@ def _report(options: argparse.Namespace) -> int:
 def _export(options: argparse.Namespace) -> int:
     rows: dict[str, list[dict]] = {}
     for session in _in_order(options.bags):
-        for row in session.trials:
-            rows.setdefault(session.patient, []).append({
-                "patient": session.patient,
-                "protocol": session.protocol.name,
-                "started_ns": row["started_ns"],
-                **row,
-            })
+        rows.setdefault(session.patient, []).extend(_exported(session))
     for patient, own in rows.items():
-        file = _folder(options.out, patient) / "trials.csv"
-        write_private(file, csv_text(own, ("patient", "protocol", "started_ns")).encode())
-        print(file)
+        folder = _folder(options.out, patient)
+        write_private(folder / "trials.csv", csv_text(own, _FIRST).encode())
+        write_private(folder / "columns.csv", definitions_text(DEFINITIONS).encode())
+        print(folder / "trials.csv")
     return 0
 
 
-def _read(bag: Path) -> Recorded:
+def _exported(session: Recorded) -> list[dict]:
+    """Return the rows of a session, with whose and what they are in front."""
+    return [
+        {
+            "patient": session.patient,
+            "protocol": session.protocol.name,
+            "protocol_sha256": session.protocol_sha256,
+            **{f"{name}_{axis}": value for name in ("start", "target")
+               for axis, value in zip("xyz", row[name], strict=True)},
+            **row,
+        }
+        for row in session.trials
+    ]  # fmt: skip
+
+
+def _read(bag: Path) -> list[Recorded]:
     try:
-        return read_session(bag)
+        return read_sessions(bag)
     except ValueError as error:  # of the protocol in it
         raise BagError(str(error)) from None
 
@@ -93,5 +113,5 @@ def _folder(root: Path, patient: str) -> Path:
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
     """Return the sessions by the time of their first trial."""
-    sessions = [_read(bag) for bag in bags]
+    sessions = [session for bag in bags for session in _read(bag)]
     return sorted(sessions, key=lambda s: s.trials[0]["started_ns"] if s.trials else 0)

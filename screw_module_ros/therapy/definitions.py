@@ -35,7 +35,8 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "pm2b": Definition(
         "lead over the wall", "mm", 1e3,
-        "Mean of the hand's way along the line minus the back wall's, until the wall has arrived.",
+        "Mean of the hand's way along the line minus the back wall's, from start to end of the "
+        "movement; once the time is over the wall waits at the target.",
     ),
     "pm3": Definition(
         "mean square off the line", "mm²", 1e6,
@@ -117,3 +118,11 @@ DEFINITIONS: dict[str, Definition] = {
         "samples lost", "", 1.0, "Samples that are missing between a trial's first and last one."
     ),
 }  # fmt: skip
+
+EFFECT = Definition(
+    "effect size d", "", 1.0,
+    "Mean of the last block of reaches without assistance minus that of the first, over their "
+    "pooled standard deviation (Cohen 1988: 0.2 is small, 0.5 medium, 0.8 large); positive where "
+    "the figure grew. It says how far two blocks differ, not why, and a block has few reaches.",
+)  # fmt: skip
+"""Of the report alone: how a figure changed from the first to the last block."""

@@ -33,9 +33,9 @@ def measures(
 ) -> Measures:
     """Return the measures of the samples from the start of a movement to its end.
 
-    duration: of the back wall's way [s]; start_ns: stamp of the start [ns]. pm2a and pm2b look at
-    the time of the back wall's way; with no sample in it they are zero, as nothing says that the
-    patient needs more or less.
+    duration: of the back wall's way [s]; start_ns: stamp of the start [ns]. Once the wall has
+    arrived it waits at the target, so that a hand that comes late lags. Without a sample that
+    counts pm2a and pm2b are zero, as nothing says that the patient needs more or less.
     """
     length = line.length
     leads, powers, off, farthest = [], [], [], 0.0
@@ -44,11 +44,10 @@ def measures(
         gone = line.gone(sample.position)
         farthest = max(farthest, gone)
         off.append(line.off(sample.position))
-        if since <= duration:
-            lead = gone - length * way(since / duration)
-            leads.append(lead)
-            if lead < 0.0:
-                powers.append(_power(sample, line))
+        lead = gone - length * way(since / duration)
+        leads.append(lead)
+        if lead < 0.0:
+            powers.append(_power(sample, line))
     return Measures(
         pm1=initiated,
         pm2a=_mean(powers),

@@ -6,6 +6,7 @@ A key that is missing, unknown or out of range is refused in one sentence that n
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,11 @@ def protocol_text(name: str | Path) -> str:
         raise ProtocolError(
             f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
         ) from None
+
+
+def sha256(text: str) -> str:
+    """Return the SHA-256 of a protocol's YAML, by which a record names it, as hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def parse_protocol(text: str, name: str) -> Protocol:

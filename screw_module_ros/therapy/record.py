@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from .definitions import Definition
 from .result import TrialResult
 
 NUMBERS = (
@@ -72,6 +73,17 @@ def csv_text(rows: Iterable[Mapping[str, Any]], first: tuple[str, ...] = ()) -> 
     writer.writerow((*first, *NUMBERS))
     for row in rows:
         writer.writerow(_cell(row[name]) for name in (*first, *NUMBERS))
+    return stream.getvalue()
+
+
+def definitions_text(definitions: Mapping[str, Definition]) -> str:
+    """Return as CSV what the columns mean: a value times `factor` is in `unit`."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(("column", "label", "factor", "unit", "definition"))
+    for name, definition in definitions.items():
+        row = (name, definition.label, definition.factor, definition.unit, definition.text)
+        writer.writerow(row)
     return stream.getvalue()
 
 

@@ -93,6 +93,7 @@ def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | N
     if act.state == PAUSED:
         session.pause(act.reason)
     elif act.state == RUNNING:
+        session.pause(act.reason)  # a pause too short to be told: the trial began anew in it too
         session.resume()
     elif act.state == ABORTED:
         session.abort(act.reason)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated patient who plays: sees what the screen shows and moves the rig's arm there.
 
-In a session the arm goes to the start and to the target of each trial; while none runs, it goes
-where a game wishes the hand to be (`therapy/wish`).
+In a session the arm goes to the start and to the target of each trial, or round its circle; while
+none runs, it goes where a game wishes the hand to be (`therapy/wish`).
 """
 
 from __future__ import annotations
@@ -13,11 +13,15 @@ from typing import NamedTuple
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
 from ..operator.robot import Robot, arm
+from ..therapy.protocol import CIRCLE
 
 HEALTHY, TREMOR, WEAK = "healthy", "tremor", "weak"
 _STILL = (0.0, 0.0, 0.0)
 _CENTRE = (0.0, 0.0, 0.18)
 _FAR_M = 0.03  # a wish that is so far from the last one is a new one
+
+
+_STEPS, _STEP_SHARE = 12, 0.5  # of a turn; of a reach's time for each
 
 
 class Person(NamedTuple):
@@ -35,6 +39,15 @@ PEOPLE = {
     TREMOR: Person("tremor", 1.2),
     WEAK: Person("weak", 1.6),
 }
+
+
+def _on_circle(state: TherapyState, step: int) -> tuple[float, float, float]:
+    """Return where the hand is to be after steps of a turn, clockwise from where it begins [m]."""
+    angle = 2.0 * math.pi * step / _STEPS
+    x, y = state.target.x - state.start.x, state.target.y - state.start.y
+    turned_x = x * math.cos(angle) + y * math.sin(angle)
+    turned_y = y * math.cos(angle) - x * math.sin(angle)
+    return state.start.x + turned_x, state.start.y + turned_y, state.target.z
 
 
 class SimulatedPlayer:
@@ -72,12 +85,20 @@ class SimulatedPlayer:
         state = self._state
         if state is not None and state.state == TherapyState.RUNNING:
             self._wish = None
-            prepares = state.phase in (TherapyState.NONE, TherapyState.PREPARE)
-            point = state.start if prepares else state.target
-            return (state.trial, prepares), (point.x, point.y, point.z)
+            return self._asked(state)
         if self._wish is not None:
             return self._wish, self._wish
         return None
+
+    def _asked(self, state: TherapyState) -> tuple[object, tuple[float, float, float]]:
+        """Return what a session asks for now; a circle begins at its target, round its start."""
+        prepares = state.phase in (TherapyState.NONE, TherapyState.PREPARE)
+        if state.kind == CIRCLE:
+            step = 0 if prepares else 1 + int((state.since if state.since > 0.0 else 0.0)
+                                              / (_STEP_SHARE * self._person.duration))  # fmt: skip
+            return (state.trial, prepares, step), _on_circle(state, step)
+        point = state.start if prepares else state.target
+        return (state.trial, prepares), (point.x, point.y, point.z)
 
     def _hear_state(self, message: TherapyState) -> None:
         self._state = message

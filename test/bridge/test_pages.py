@@ -18,7 +18,7 @@ from screw_module_ros.therapy.screens import protocols_for_screens
 
 TOKENS = Tokens("p" * 32, "t" * 32)
 DEADLINE_MS = 60_000
-PAUSED, RUNNING, FINISHED = 2, 1, 3
+PAUSED, RUNNING, FINISHED, REACHED = 2, 1, 3, 5
 RANGES = {"assistance.stiffness": 800.0, "wish.half_width": 0.1905, "wish.half_depth": 0.2286,
           "wish.low": 0.36, "wish.high": 0.36, "wish.speed": 0.6}  # fmt: skip
 VALUES = {"assistance.stiffness": 800.0, "wish.half_width": 0.15, "wish.half_depth": 0.15,
@@ -181,6 +181,23 @@ def test_each_protocol_has_its_picture(serving, open_page, protocol, target, sce
     given.until_text(page, task)
     given.state = {**given.state, "state": PAUSED, "reason": "the therapist paused it"}
     given.until_text(page, "The therapist goes on in a moment")
+
+
+def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
+    """What it has not seen it cannot count: `0 of 16 targets reached` would be wrong."""
+    given = serving()
+    given.state = {"state": RUNNING, "protocol": "elevator", "phase": 3, "trial": 7, "trials": 16}
+    page = open_page(given, "patient")
+    given.until(page, "document.body.dataset.trial === '7'")
+    given.state = {**given.state, "state": FINISHED, "trial": 16, "phase": 0}
+    given.until_text(page, "Finished. Thank you!")
+    assert "targets reached" not in page.inner_text("#veil")
+    given.state = {**given.state, "state": RUNNING, "trial": 1, "phase": 3}
+    given.until(page, "document.body.dataset.trial === '1'")
+    given.state = {**given.state, "phase": REACHED}
+    given.until_text(page, "Well done")
+    given.state = {**given.state, "state": FINISHED, "trial": 16, "phase": 0}
+    given.until_text(page, "1 of 16 targets reached")
 
 
 def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):

@@ -22,16 +22,19 @@ from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.recording.bag import CLOSED
+from screw_module_ros.recording.noted import read_noted
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.bag import read_session, replayed
+from screw_module_ros.therapy.bag import read_sessions, replayed
+from screw_module_ros.therapy.session import FINISHED
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 
 STILL = (0.0, 0.0, 0.0)
 CENTRE = (0.0, 0.0, 0.18)
-PATIENT = "P-7K3QX"
+PATIENT, OTHER = "P-7K3QX", "P-22222"
 TRIALS = 8
 
 
@@ -130,15 +133,39 @@ def session(tmp_path_factory):
             robot.pause(0.3)
             robot.trigger("therapy_session/resume")
             patient.until_state(TherapyState.FINISHED)
-            robot.pause(1.0)
-            told["recorder"] = robot.stop_recording()
+            told["recorded"] = patient.states[-1].recorded
+            patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
+            robot.wait_until(
+                lambda: read_noted(bag_in(folder)).state == CLOSED, 30.0, "the bag is not closed"
+            )
+            told["unrecorded"] = paused_without_recording(robot, patient, protocol)
         finally:
             told["code"] = node.stop()
     told.update(states=patient.states, results=patient.results, changes=patient.changes)
-    (told["bag"],) = folder.glob(f"{PATIENT}_clock_adaptive_*")
+    told["bag"] = bag_in(folder)
     if keep := os.environ.get("KEEP_THERAPY_BAG"):
         shutil.copytree(told["bag"], keep)
     return told
+
+
+def bag_in(folder, patient=PATIENT):
+    (bag,) = folder.glob(f"{patient}_clock_adaptive_*")
+    return bag
+
+
+def paused_without_recording(robot, patient, protocol):
+    """Start another patient's session, stop its recording; return what is told then, and then."""
+    request = StartTherapy.Request(protocol=protocol, patient=OTHER, record=True)
+    robot.ask(StartTherapy, "therapy_session/start", request)
+    patient.until(lambda: patient.states[-1].recorded, 60.0, "it is not recorded")
+    robot.stop_recording()
+    patient.until_state(TherapyState.PAUSED)
+    paused = patient.states[-1]
+    robot.trigger("therapy_session/resume")
+    patient.until_state(TherapyState.RUNNING)
+    running = patient.states[-1]
+    robot.trigger("therapy_session/abort")
+    return paused, running
 
 
 def diagnosed_after_bad_slot(robot):
@@ -216,11 +243,26 @@ def test_screens_see_every_phase(session):
     assert {TherapyState.PREPARE, TherapyState.WAIT, TherapyState.MOVING, TherapyState.REACHED} <= (
         seen
     )
-    assert [bool(state.definition) for state in session["states"]].count(True) == 1
+    told = [state.patient for state in session["states"] if state.definition]
+    assert told == [PATIENT, OTHER], "once each"
+
+
+def test_the_recording_ends_with_its_session(session):
+    """Else it would hold the next patient's movements under this one's name."""
+    assert session["recorded"], "it was recorded until its end"
+    (recorded,) = read_sessions(session["bag"])
+    assert recorded.acts[-1].state == FINISHED
+
+
+def test_a_recording_that_ends_pauses_its_session(session):
+    paused, running = session["unrecorded"]
+    assert paused.reason.startswith("the recording has ended: ")
+    assert not paused.recorded
+    assert not running.recorded, "it goes on, as it was told to, and says that it is not recorded"
 
 
 def test_the_recording_gives_the_same_results_bit_for_bit(session):
-    recorded = read_session(session["bag"])
+    (recorded,) = read_sessions(session["bag"])
     assert recorded.patient == PATIENT
     assert [row["trial"] for row in recorded.trials] == list(range(1, TRIALS + 1))
     found = replayed(recorded)
@@ -238,7 +280,8 @@ def test_the_commands_read_the_bag(session, tmp_path, capsys):
     assert len(lines) == 1 + TRIALS and lines[1].startswith(f"{PATIENT},clock_adaptive,")
     assert main(["report", "--out", str(out), bag]) == 0
     made = sorted((out / PATIENT).iterdir())
-    assert [file.name for file in made] == ["report.html", "report.pdf", "trials.csv"]
+    names = [file.name for file in made]
+    assert names == ["columns.csv", "report.html", "report.pdf", "trials.csv"]
     assert {stat.S_IMODE(file.stat().st_mode) for file in made} == {0o600}
 
 

@@ -101,6 +101,21 @@ def test_abort_and_no_start(recorded):
         replay(SHORT, samples, acts[1:2], results)
 
 
+def test_a_pause_too_short_to_be_told_began_the_trial_anew():
+    """Pause and resume between two messages: all that is told is that `running` began later."""
+    session = Session(SHORT)
+    simulation = Simulation(session, HEALTHY, 4)
+    samples = simulation.run(3.7)
+    acts = [Act(0, RUNNING, ""), Act(samples[-1].sequence, RUNNING, "")]
+    before = session.trial
+    session.pause("the therapist paused it")
+    session.resume()
+    assert session.trial is not before
+    samples += simulation.run()
+    results = [flat(result) for result in session.results]
+    assert replay(SHORT, samples, acts, results).problems == []
+
+
 def test_csv_keeps_every_bit(recorded):
     results = recorded[2]
     header, *lines = csv_text(results).splitlines()

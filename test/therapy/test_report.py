@@ -13,6 +13,7 @@ from screw_module_ros.therapy.definitions import DEFINITIONS
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.record import NUMBERS
 from screw_module_ros.therapy.report.content import (
+    compared,
     middle,
     other_tests,
     outward_paths,
@@ -56,7 +57,7 @@ def html(sessions, replays, tmp_path_factory):
 def test_every_link_leads_to_a_definition(html):
     links = set(re.findall(r'href="#(\w+)"', html))
     targets = set(re.findall(r'<dt id="(\w+)"', html))
-    assert targets == set(DEFINITIONS)
+    assert targets == {*DEFINITIONS, "effect"}
     assert links and links <= targets
 
 
@@ -82,14 +83,31 @@ def test_summary_counts(sessions):
     row = summary(sessions[0])
     assert (row.date, row.trials) == ("2026-01-05 08:00", "8")
     assert (row.reached, row.lost[:5]) == ("8 of 8", "0 of ")
-    assert row.assistance.startswith("1.40 → ")
+    assert row.assistance.startswith("time 1.40 → ")
     without = [r for r in reaches(sessions[0]) if not r["assisted"]]
     assert 0.5 < middle(without, "duration") < 1.5
+
+
+def test_the_first_and_the_last_block_without_assistance_are_compared(sessions, html):
+    found = compared(sessions)
+    assert (found.first_date, found.last_date) == ("2026-01-05 08:00", "2026-01-07 08:00")
+    assert [len(rows) for rows in (found.first, found.last)] == [4, 4]
+    assert not any(row["assisted"] for row in found.first + found.last)
+    size = found.effect("duration")
+    means = [sum(row["duration"] for row in rows) / 4 for rows in (found.first, found.last)]
+    assert size * (means[1] - means[0]) > 0.0
+    assert f"duration {size:+.1f}" in html and 'href="#effect"' in html
+    assert compared(sessions[:1]) is None, "one block has nothing to be compared with"
+    other = recorded(HEALTHY, short(ELEVATOR), 1, 1)
+    assert compared([sessions[0], other]) is None, "another protocol is no comparison"
 
 
 def test_paths_lead_from_the_centre_to_their_targets(sessions):
     paths = outward_paths(sessions[0])
     assert len(paths) == 4
+    assert [(path.assisted, path.late) for path in paths] == [
+        (False, False), (False, True), (True, False), (True, True)
+    ], "the later ones of each panel of the figure"  # fmt: skip
     for path in paths:
         assert abs(path.points[0]).max() < 0.011, "from when the target was shown"
         assert max(abs(path.points[-1] - path.target)) < 0.011

@@ -99,6 +99,14 @@ def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
     assert share[0] > 2.0 * share[1], "the robot does more of the work"
 
 
+def test_a_weak_patient_is_given_more_and_more_time():
+    """Who never comes by himself in time lags each time, also behind a wall that has arrived."""
+    session, _ = played(FEEBLE, part(CLOCK, 1, circuits=14, targets=1, give_up=12.0))
+    times = [change.after.duration for change in session.changes]
+    assert times == sorted(times)
+    assert times[-1] > 2.0
+
+
 def test_a_crooked_hand_gets_stiffer_walls_and_a_straighter_path():
     crooked = HEALTHY._replace(bow=0.02)
     session, _ = played(crooked, part(CLOCK, 1, circuits=8))

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from datetime import datetime, timezone
 from statistics import median
@@ -13,11 +14,14 @@ import numpy as np
 
 from ..bag import Recorded
 from ..definitions import DEFINITIONS
+from ..effect import effect_size
 from ..line import AXES
 from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH
 
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
+COMPARED = SHOWN[:-1]
+"""Those of which blocks without assistance are compared: the robot's share says nothing there."""
 OTHERS = {
     CIRCLE: ("independence", "size", "log_jerk"),
     HOLD: ("hold_deviation",),
@@ -29,7 +33,10 @@ _NS = 1e-9
 
 
 class Path(NamedTuple):
-    """One reach of the hand: axes that count, shape (samples, axes) [m]; late: of the last part."""
+    """One reach of the hand: axes that count, shape (samples, axes) [m].
+
+    late: among the last third of those with assistance, or of those without.
+    """
 
     points: np.ndarray
     target: tuple[float, ...]
@@ -58,23 +65,25 @@ def reaches(recorded: Recorded) -> list[dict[str, Any]]:
 def outward_paths(recorded: Recorded) -> list[Path]:
     """Return the paths of all reaches away from the centre, from the target's showing to the end.
 
-    The last third of the trials counts as late.
+    The last third of those with assistance counts as late, and of those without.
     """
     axes = AXES[recorded.protocol.space]
     rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
     at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
     times = np.array([sample.time_ns for sample in recorded.samples])
     found = []
-    for number, row in enumerate(rows):
+    totals, numbers = Counter(row["assisted"] for row in rows), Counter()
+    for row in rows:
         last = int(np.searchsorted(times, row["ended_ns"]))
         first = at.get(row["first"], last)
         points = np.array(
             [[s.position[a] for a in axes] for s in recorded.samples[first : last + 1]]
         )
         if len(points) > 1:
-            late = number >= 2 * len(rows) / 3
+            late = numbers[row["assisted"]] >= 2 * totals[row["assisted"]] // 3
             target = tuple(row["target"][a] for a in axes)
             found.append(Path(points, target, row["assisted"], late))
+        numbers[row["assisted"]] += 1
     return found
 
 
@@ -94,6 +103,39 @@ def middle(rows: Sequence[dict[str, Any]], name: str) -> float:
     """Return the median of a figure in its unit, NaN without any."""
     _, found = values(rows, name)
     return median(found.tolist()) if found.size else math.nan
+
+
+class Compared(NamedTuple):
+    """The first and the last block of reaches without assistance: when, and their trials."""
+
+    first_date: str
+    last_date: str
+    first: list[dict[str, Any]]
+    last: list[dict[str, Any]]
+
+    def effect(self, name: str) -> float:
+        """Return the effect size of a figure's change, NaN where it cannot be told."""
+        return effect_size(*(values(rows, name)[1].tolist() for rows in (self.first, self.last)))
+
+
+def compared(sessions: Sequence[Recorded]) -> Compared | None:
+    """Return the blocks to compare: of the latest session and of the first of its protocol.
+
+    None where there is but one block.
+    """
+    latest = sessions[-1]
+    same = [s for s in sessions if s.protocol.blocks == latest.protocol.blocks]
+    blocks = [(date_of(s), rows) for s in (same[0], latest) for rows in _free_blocks(s)]
+    if not blocks:
+        return None
+    (first_date, first), (last_date, last) = blocks[0], blocks[-1]
+    return Compared(first_date, last_date, first, last) if first != last else None
+
+
+def _free_blocks(recorded: Recorded) -> list[list[dict[str, Any]]]:
+    rows = [row for row in reaches(recorded) if not row["assisted"]]
+    numbers = sorted({row["block"] for row in rows})
+    return [[row for row in rows if row["block"] == number] for number in numbers]
 
 
 def summary(recorded: Recorded) -> Summary:
@@ -145,8 +187,8 @@ def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
     duration = last["duration"] if last else assisted[-1]["slot_duration"]
     stiffness = last["side_stiffness"] if last else assisted[-1]["side_stiffness"]
     return (
-        f"{first['slot_duration']:.2f} → {duration:.2f} s, "
-        f"{first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
+        f"time {first['slot_duration']:.2f} → {duration:.2f} s, "
+        f"side walls {first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
@@ -21,6 +22,10 @@ _FREE, _ASSISTED, _ROBOT = COLOURS[2], COLOURS[0], COLOURS[3]
 _NAMES = {False: "without assistance", True: "with assistance"}
 _HUE = {False: _FREE, True: _ASSISTED}
 _MARK = {False: "s", True: "o"}  # told apart by shape as well as by colour
+_BEST = {
+    "path_error": "0 is straight", "sparc": "nearer to 0 is smoother", "reach_error": "0 is reached"
+}  # fmt: skip
+"""What a good value is, of figures that have one."""
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
 
@@ -38,6 +43,8 @@ def paths_figure(recorded: Recorded) -> Figure:
             else:
                 _plane(axes, kept, recorded.protocol.rules.hit_radius)
         lines = {line.get_label(): line for axes in panels for line in axes.get_lines()}
+        if recorded.protocol.space != VERTICAL:
+            lines["target"] = Line2D([], [], ls="", marker="o", mfc="none", mec=DESIRED, ms=9)
         shown = {name: lines[name] for name in ("earlier", "last third", "target") if name in lines}
         if shown:
             figure.legend(shown.values(), shown.keys(), loc="outside right upper")
@@ -105,7 +112,8 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
         if number + 1 < len(sessions):
             axes.axvline(offset + 0.5, color=DESIRED, lw=0.8, ls=":")
     unit = f" [{definition.unit}]" if definition.unit else ""
-    axes.set_title(f"{definition.label}{unit}", loc="left")
+    best = f": {_BEST[name]}" if name in _BEST else ""
+    axes.set_title(f"{definition.label}{unit}{best}", loc="left")
     axes.set_xlabel("trial")
 
 

@@ -16,10 +16,20 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from ..bag import Recorded
-from ..definitions import DEFINITIONS
+from ..definitions import DEFINITIONS, EFFECT
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import SHOWN, middle, other_tests, rate_of, reaches, summary
+from .content import (
+    COMPARED,
+    SHOWN,
+    Compared,
+    compared,
+    middle,
+    other_tests,
+    rate_of,
+    reaches,
+    summary,
+)
 from .figures import assistance_figure, paths_figure, trials_figure
 
 HEADS = (
@@ -116,7 +126,34 @@ def _medians(sessions: Sequence[Recorded]) -> str:
             if kept:
                 cells = [number_text(middle(kept, name)) for name in SHOWN]
                 rows.append([f"{summary(session).date}, {words}", *cells])
-    return _table(heads, rows, {labelled(name): name for name in SHOWN})
+    return _table(heads, rows, {labelled(name): name for name in SHOWN}) + _effects(sessions)
+
+
+def _effects(sessions: Sequence[Recorded]) -> str:
+    """Return how far the last block without assistance differs from the first, in a sentence."""
+    found = compared(sessions)
+    if found is None:
+        return ""
+    return (
+        f'<p class="note">{escape(effect_text(found))} '
+        f'(<a href="#effect">{escape(EFFECT.label)}</a>).</p>'
+    )
+
+
+def effect_text(found: Compared) -> str:
+    """Return the effect sizes of all figures shown, as a sentence without its end."""
+    sizes = ", ".join(
+        f"{DEFINITIONS[name].label} {signed(found.effect(name))}" for name in COMPARED
+    )
+    return (
+        f"From the first block without assistance ({found.first_date}, {len(found.first)} reaches) "
+        f"to the last ({found.last_date}, {len(found.last)}): {sizes}"
+    )
+
+
+def signed(value: float) -> str:
+    """Return an effect size with its sign, a dash for none."""
+    return f"{value:+.1f}" if math.isfinite(value) else "–"
 
 
 def _others(sessions: Sequence[Recorded]) -> str:
@@ -175,6 +212,7 @@ def _definitions() -> str:
     for name, definition in DEFINITIONS.items():
         lines.append(f'<dt id="{name}">{escape(labelled(name))}</dt>')
         lines.append(f"<dd>{escape(definition.text)}</dd>")
+    lines.append(f'<dt id="effect">{escape(EFFECT.label)}</dt><dd>{escape(EFFECT.text)}</dd>')
     return "\n".join([*lines, "</dl></div>"])
 
 

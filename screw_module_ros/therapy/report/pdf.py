@@ -15,12 +15,12 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from ..bag import Recorded
-from ..definitions import DEFINITIONS
+from ..definitions import DEFINITIONS, EFFECT
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import other_tests, rate_of, summary
+from .content import compared, other_tests, rate_of, summary
 from .figures import assistance_figure, paths_figure, trials_figure
-from .page import STATEMENT, labelled, number_text, patient_of
+from .page import STATEMENT, effect_text, labelled, number_text, patient_of
 
 _A4 = (8.27, 11.69)  # [inch]
 _DPI = 200
@@ -61,7 +61,7 @@ def front(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Figure:
 def _session_line(recorded: Recorded) -> str:
     row = summary(recorded)
     return (
-        f"{row.date}  {row.protocol}: {row.trials} trials, {row.reached} targets reached, "
+        f"{row.date} UTC  {row.protocol}: {row.trials} trials, {row.reached} targets reached, "
         f"{row.initiated} started by the patient;\n    assistance {row.assistance}; robot's share "
         f"of the work {row.share}; samples lost {row.lost}"
     )
@@ -92,6 +92,8 @@ def _closing(
             f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others
         ]
         lines.append(f"Medians of the latest session. {'; '.join(medians)}.")
+    if found := compared(sessions):
+        lines.append(f"{effect_text(found)} ({EFFECT.label}).")
     if sessions[-1].changes:
         change = sessions[-1].changes[-1]
         lines.append(f"Last change of assistance: {change['reason']}.")
@@ -114,8 +116,9 @@ def back() -> Figure:
     axes.axis("off")
     axes.text(_LEFT, 0.965, "What each number means", size=14, weight="bold")
     y = 0.945
-    for name, definition in DEFINITIONS.items():
-        axes.text(_LEFT, y, labelled(name), size=7.5, weight="bold", va="top")
+    meanings = {labelled(name): definition for name, definition in DEFINITIONS.items()}
+    for label, definition in (meanings | {EFFECT.label: EFFECT}).items():
+        axes.text(_LEFT, y, label, size=7.5, weight="bold", va="top")
         lines = textwrap.wrap(definition.text, 100)
         axes.text(_LEFT + 0.25, y, "\n".join(lines), size=7.5, va="top", linespacing=1.25)
         y -= 0.012 * max(1, len(lines)) + 0.009

@@ -17,6 +17,7 @@ from . import (
     rows_patient,
     rows_sensors,
     rows_storms,
+    rows_therapy,
 )
 from .measures import LARGEST_STEP
 from .row import EITHER, GOES_ON, OFF, SAFE_STATES, VERTICAL_OFF, Row
@@ -33,6 +34,7 @@ _MODULES = (
     rows_intruders,
     rows_foreign_frames,
     rows_storms,
+    rows_therapy,
 )
 PAGE = "docs/faults.md"
 

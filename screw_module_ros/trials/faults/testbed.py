@@ -43,7 +43,8 @@ _FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
 class Testbed:
     """The graph in simulated time, an operator, a patient, a game, and means to do harm.
 
-    deadline: simulated time by which the row must be over [s].
+    deadline: simulated time by which the row must be over [s]. added: what a row has put beside the
+    graph, by a name of its own.
     """
 
     def __init__(self, extra: Iterable[str] = (), composed: bool = False):
@@ -56,6 +57,7 @@ class Testbed:
         self.recovery: Recovery = None
         self.intruders: Intruders = None
         self.deadline = math.inf
+        self.added: dict[str, Any] = {}
         self._frozen: set[str] = set()
         self._restarted: set[str] = set()
 

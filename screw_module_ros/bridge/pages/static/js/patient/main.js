@@ -24,7 +24,7 @@ const sound = new Sound();
 const world = {
   hand: { x: 0, y: 0, z: 0, isKnown: false }, force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
-  heardAt: -Infinity, stateAt: -Infinity, reached: 0, trials: 0,
+  heardAt: -Infinity, stateAt: -Infinity, reached: 0, trials: 0, hasSeenAll: false,
 };
 let play = null; // the FruitGame, "free", or null: the menu
 let bridge, config, robot;
@@ -45,7 +45,9 @@ function hearState(state) {
     world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
   }
-  if (state.trial === 1 && state.state === RUNNING && before?.trial !== 1) world.reached = 0;
+  if (state.trial === 1 && state.state === RUNNING && before?.trial !== 1) {
+    Object.assign(world, { reached: 0, hasSeenAll: true });
+  }
   if (state.phase === REACHED && before?.phase !== REACHED) {
     world.reached += 1;
     sound.play("reached");

@@ -23,12 +23,14 @@ export function task(state) {
 }
 
 // What covers the picture, [title, more]; null when nothing does.
-export function veil({ sentence, isOpen, isHeard, state, safety, reached, trials }) {
+export function veil({ sentence, isOpen, isHeard, state, safety, reached, trials, hasSeenAll }) {
   if (!isOpen) return ["One moment …", sentence || "Connecting to the robot"];
   if (!isHeard) return ["One moment …", "The robot does not tell anything yet"];
   if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
   if (safety !== SAFETY_OK) return ["The robot rests", "Your therapist knows what to do"];
-  if (state?.state === FINISHED) return ["Finished. Thank you!", `${reached} of ${trials} targets reached`];
+  if (state?.state === FINISHED) {
+    return ["Finished. Thank you!", hasSeenAll ? `${reached} of ${trials} targets reached` : ""];
+  }
   if (state?.state === ABORTED) return ["The exercise has ended", ""];
   return null;
 }

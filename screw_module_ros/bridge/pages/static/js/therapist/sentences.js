@@ -15,14 +15,15 @@ const PHASES = {
 export function sessionSentence(state, protocols) {
   if (!state) return "The session node is silent.";
   const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
+  const kept = state.recorded ? "It is recorded." : "It is not recorded.";
   const count = `movement ${state.trial} of ${state.trials}`;
   switch (state.state) {
     case RUNNING: {
       const phase = PHASES[state.phase] ? `: ${PHASES[state.phase]}` : "";
-      return `${state.patient}: ${title}. Running, ${count}${phase}.`;
+      return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
     case PAUSED:
-      return `Paused, ${count}: ${state.reason}.`;
+      return `Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `Finished: ${title}, ${state.trials} movements.`;
     case ABORTED:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recording of a therapy session: begins before it, is watched over, and ends with it.
+
+A recording that went on would hold the next patient's movements in a bag of this one's name.
+"""
+
+from __future__ import annotations
+
+from rclpy.node import Node
+
+from screw_module_ros import graph
+from screw_module_ros.clock import Clock
+from screw_module_ros.therapy.recorder_watch import RecorderWatch, RecorderWatchSettings
+
+from .recorder_client import RECORDER, RecorderClient
+from .support.hot_topics import Inbox
+from .support.topics import requested
+
+BEGUN, REFUSED, LOST = "begun", "refused", "lost"
+"""What `follow` returns."""
+_HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
+_OFF, _ASKED, _ON = range(3)
+
+
+class SessionRecording:
+    """One recording at a time. told: what the recorder answered, or why the recording was lost."""
+
+    def __init__(self, node: Node, clock: Clock):
+        self.told = ""
+        self._client = RecorderClient(node, clock)
+        self._watch = RecorderWatch()
+        self._phase = _OFF
+        self._ended_ns: int | None = None
+
+    def connect(self, inbox: Inbox) -> None:
+        """Subscribe to what the recorder reports."""
+        kind, name, profile = requested(graph.RECORDER_STATUS)
+        self._take = inbox.subscribe(kind, name.replace("~", RECORDER), profile)
+
+    def begin(self, settings: RecorderWatchSettings) -> None:
+        """Start without a recording."""
+        self._watch, self._phase, self._ended_ns = RecorderWatch(settings), _OFF, None
+
+    @property
+    def waits(self) -> bool:
+        """Whether a session waits for its recording."""
+        return self._phase == _ASKED
+
+    @property
+    def runs(self) -> bool:
+        """Whether a session is being recorded."""
+        return self._phase == _ON
+
+    def hindrance(self, now_ns: int) -> str:
+        """Return why no session can start now: the last one's bag is still being written."""
+        if self._phase != _OFF or self._client.is_closing(now_ns):
+            return "the recording of the last session is being closed: try again in a moment"
+        return ""
+
+    def ask(self, name: str) -> None:
+        """Ask for a recording of this name."""
+        self._phase, self._ended_ns = _ASKED, None
+        self._client.start(name)
+
+    def follow(self, in_session: bool, now_ns: int) -> str:
+        """Look at the recorder; return what has happened, empty for nothing.
+
+        in_session: the session runs or is paused; a second after its end the recording ends.
+        """
+        heard = self._take()
+        if heard is not None:
+            values = {value.key: value.value for value in heard.values}
+            self._watch.hear(values.get("recording") == str(True), heard.message, now_ns)
+        if self._phase == _OFF:
+            return ""
+        self._end(in_session, now_ns)
+        return self._asked(now_ns) if self._phase == _ASKED else self._recorded(now_ns)
+
+    def _asked(self, now_ns: int) -> str:
+        self.told = self._client.told
+        if self._client.refused:
+            self._phase = _OFF
+            return REFUSED
+        if self._client.since(now_ns) < _HEARS_NS:
+            return ""
+        self._phase = _ON
+        self._watch.begin(now_ns)
+        return BEGUN
+
+    def _recorded(self, now_ns: int) -> str:
+        problem = self._watch.lost(now_ns) if self._phase == _ON else ""
+        if not problem:
+            return ""
+        self._phase, self.told = _OFF, problem
+        return LOST
+
+    def _end(self, in_session: bool, now_ns: int) -> None:
+        if in_session:
+            return
+        self._ended_ns = now_ns if self._ended_ns is None else self._ended_ns
+        if self._phase == _ON and now_ns - self._ended_ns >= _HEARS_NS:
+            self._phase = _OFF
+            self._client.stop()

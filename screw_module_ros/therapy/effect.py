@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far two groups of movements differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import mean, variance
+
+
+def effect_size(one: Sequence[float], other: Sequence[float]) -> float:
+    """Return Cohen's d [1]: mean of `other` minus mean of `one`, over the pooled deviation.
+
+    Of two groups of unequal size the larger counts for more in it (Cohen 1988, 2.5.1). NaN with
+    less than two values in a group, or where no value differs from its group's mean.
+    """
+    degrees = len(one) + len(other) - 2
+    if min(len(one), len(other)) < 2:
+        return math.nan
+    spread = (len(one) - 1) * variance(one) + (len(other) - 1) * variance(other)
+    pooled = math.sqrt(spread / degrees)
+    return (mean(other) - mean(one)) / pooled if pooled > 0.0 else math.nan

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two robots in two namespaces, one bridge, and one therapist's page with both, in a browser."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import pytest
+from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState, TherapyState
+
+from screw_module_ros.bridge.tokens import tokens_in
+from screw_module_ros.lockstep.page import sweep
+from screw_module_ros.nodes import bringup
+from screw_module_ros.operator.robot import Robot, RobotError
+
+pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
+
+NAMES = ("left", "right")
+ONE_ROBOT = ["sim_rig", "supervisor", "module", "endpoint_state"]
+PARTS = ["encoder", "force_sensor", "impedance_controller", "amplifier"]
+SESSION, BRIDGE = "therapy_session", "web_bridge"
+DEADLINE_MS = 170_000
+SILENT = "the therapist's page has been silent for 2 s"
+
+
+class Operator:
+    """One robot's operator: homed, enabled, and hears its session."""
+
+    def __init__(self, robot):
+        self.robot = robot
+        self.states: list[TherapyState] = []
+        robot.node.create_subscription(TherapyState, "therapy/state", self._hear, 10)
+
+    def _hear(self, state):
+        self.states = [*self.states[-5:], state]
+
+    def make_ready(self):
+        robot = self.robot
+        robot.wait_until_ready(["sim_rig", "supervisor", *PARTS, "endpoint_state", SESSION])
+        robot.clear_amplifier()
+        robot.trigger("encoder/home")
+        robot.set_mode(ForceCommand.IMPEDANCE)
+        robot.trigger("supervisor/reset")
+        robot.wait_until(
+            lambda: (state := robot.state(SafetyState)) and state.motion_permitted, 30.0,
+            "no permission",
+        )  # fmt: skip
+        robot.enable()
+
+    def until_paused(self, reason):
+        self.robot.wait_until(
+            lambda: self.states and self.states[-1].state == TherapyState.PAUSED
+            and reason in self.states[-1].reason,
+            60.0, f"the session does not pause: {reason}",
+        )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory, ros_domain_id, module_ports):
+    """Return the operators by name, the bridge's address, and its tokens."""
+    tokens = tmp_path_factory.mktemp("bridge") / "state" / "tokens.json"
+    required = f"supervisor:required:=[{', '.join(PARTS)}]"
+    processes: list[bringup.Process] = []
+
+    def watch():
+        for process in processes:
+            if process.exit_code() is not None:
+                raise RobotError(f"{process.name} ended by itself")
+
+    try:
+        for number, name in enumerate(NAMES):
+            processes += bringup.start(
+                namespace=name, first_port=module_ports + 4 * number, only=ONE_ROBOT,
+                composed=True, extra=["-p", required],
+            )  # fmt: skip
+            simulated = ["-p", "use_sim_time:=true", "-r", f"__ns:=/{name}"]
+            processes.append(bringup.Process(SESSION, ["--ros-args", *simulated]))
+        bridge = ["-p", "robots:=[left, right]", "-p", "port:=0", "-p", f"token_file:={tokens}"]
+        processes.append(bringup.Process(BRIDGE, ["--ros-args", *bridge]))
+        with ExitStack() as stack:
+            found = {name: Operator(stack.enter_context(Robot("tester", name, watch)))
+                     for name in NAMES}  # fmt: skip
+            watcher = stack.enter_context(Robot("watcher", watch=watch))
+            for operator in found.values():
+                operator.make_ready()
+            watcher.wait_until_ready([BRIDGE])
+            watcher.wait_until(lambda: "http://" in watcher.said(BRIDGE), 30.0, "no address")
+            yield found, watcher.said(BRIDGE).rpartition(" ")[2], tokens_in(tokens)
+    finally:
+        codes = [process.stop() for process in reversed(processes)]
+        sweep(str(ros_domain_id))
+    assert set(codes) == {0}
+
+
+def opened(browser, address, errors, size=(1400, 900)):
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.set_default_timeout(DEADLINE_MS)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address)
+    return page
+
+
+def start_on(panel):
+    panel.get_by_role("button", name="New").click()
+    panel.get_by_label("Protocol", exact=True).select_option("elevator")
+    panel.get_by_label("Record").uncheck()
+    panel.get_by_role("button", name="Start").click()
+
+
+def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
+    operators, address, tokens = started
+    errors: list[str] = []
+    page = opened(browser, f"{address}/therapist#token={tokens.therapist}", errors)
+    left, right = page.locator("#robot-left"), page.locator("#robot-right")
+    left.get_by_text("The torque is off: plane.").wait_for()  # these robots have no plane
+
+    start_on(left)
+    left.get_by_text("Running, movement 1 of").wait_for()
+    assert right.get_by_text("No session.").is_visible()
+    start_on(right)
+    right.get_by_text("Running, movement 1 of").wait_for()
+    names = {name: operator.states[-1].patient for name, operator in operators.items()}
+    assert len(set(names.values())) == 2, "each has its own patient"
+
+    left.get_by_role("button", name="Pause").click()
+    left.get_by_text("Paused, movement 1 of").wait_for()
+    assert operators["right"].states[-1].state == TherapyState.RUNNING
+    left.get_by_role("button", name="Resume").click()
+    left.get_by_text("Running, movement 1 of").wait_for()
+
+    screen = opened(browser, f"{address}/patient?robot=/right#token={tokens.patient}", errors)
+    screen.locator("body[data-shown=vertical]").wait_for()
+
+    left.get_by_role("button", name="Software stop (not the emergency stop)").click()
+    left.get_by_text("Stopped: emergency stop").wait_for()
+    operators["left"].until_paused("the supervisor permits no motion")
+    assert not operators["left"].robot.newest(AmplifierState).enabled
+    assert operators["right"].robot.newest(AmplifierState).enabled
+    assert operators["right"].states[-1].state == TherapyState.RUNNING
+    assert right.get_by_text("Stopped:").count() == 0
+
+    page.close()
+    operators["right"].until_paused(SILENT)
+    assert errors == []
+    screen.close()

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of simulated sessions, with the messages that the nodes write."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+from rclpy.serialization import serialize_message
+from screw_module_msgs.msg import EndpointState, TherapyState
+from simulated_patient import Person, Simulation
+
+from screw_module_ros import graph
+from screw_module_ros.nodes.therapy_messages import STATES, change_message, result_message
+from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
+from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.protocol_file import parse_protocol, sha256
+from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.session import RUNNING, Session
+
+TOPICS = (
+    graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
+)  # fmt: skip
+_S = 1_000_000_000
+
+
+class Played(NamedTuple):
+    """A session that was played: whose, the protocol's YAML, samples, and the messages beside."""
+
+    patient: str
+    definition: str
+    samples: list[HandSample]
+    told: list[tuple[int, str, object]]
+
+
+def short_text(name: str = "clock_adaptive", count: int = 2) -> str:
+    """YAML of a protocol with a circuit without and one with assistance, of few targets."""
+    content = yaml.safe_load(resource_path(f"params/therapy/{name}.yaml").read_text())
+    content["blocks"] = content["blocks"][:2]
+    for block in content["blocks"]:
+        block["circuits"], block["targets"] = 1, {**block["targets"], "count": count, "rounds": 1}
+    content["rules"]["give_up"] = 4.0
+    return yaml.safe_dump(content)
+
+
+def played(
+    person: Person, seed: int, definition: str, patient: str = "P-7K3QX", begin_s: int = 0
+) -> Played:
+    """Play a session. begin_s: after the epoch [s]."""
+    session = Session(parse_protocol(definition, "test"))
+    simulation = Simulation(session, person, seed)
+    simulation.now_ns = begin_s * _S
+    first = simulation.sample()
+    samples, told = [first], [(first.time_ns, graph.THERAPY_STATE, _state(
+        session, patient, definition, first.sequence - 5, definition))]  # fmt: skip
+    name, results, changes = session.protocol.name, 0, 0
+    session.take(first)
+    while session.state == RUNNING:
+        simulation.step()
+        simulation.step()
+        sample = simulation.sample()
+        samples.append(sample)
+        session.take(sample)
+        simulation.look()
+        for result in session.results[results:]:
+            message = result_message(result, patient, name)
+            told.append((sample.time_ns, graph.THERAPY_TRIAL, message))
+        for change in session.changes[changes:]:
+            message = change_message(change, patient, name, 2)
+            told.append((sample.time_ns, graph.THERAPY_ASSISTANCE, message))
+        results, changes = len(session.results), len(session.changes)
+    last = samples[-1]
+    told.append((last.time_ns, graph.THERAPY_STATE,
+                 _state(session, patient, "", last.sequence, definition)))  # fmt: skip
+    return Played(patient, definition, samples, told)
+
+
+def write_bag(
+    folder: Path, sessions: list[Played], keep: Callable[[HandSample], bool] = lambda _: True
+) -> Path:
+    """Write sessions into one bag, one after the other. keep: of the samples."""
+    writer, definitions = BagWriter(folder), Definitions()
+    kinds = {name: graph.TOPICS[name].type for name in TOPICS}
+    channels = {
+        name: writer.add_topic(Topic(f"/{name}", kind, definitions.find(kind)))
+        for name, kind in kinds.items()
+    }
+    for session in sessions:
+        kept = [sample for sample in session.samples if keep(sample)]
+        hands = [(sample.time_ns, graph.ENDPOINT_STATE, _endpoint(sample)) for sample in kept]
+        for time_ns, name, message in sorted([*hands, *session.told], key=lambda each: each[0]):
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(time_ns, _S)
+            data = bytes(serialize_message(message))
+            writer.write([Message(channels[name], time_ns, time_ns, 0, data)])
+    writer.close()
+    return folder
+
+
+def _endpoint(sample: HandSample) -> EndpointState:
+    message = EndpointState(
+        sequence=sample.sequence, valid=[True] * 3, enabled=[True] * 2, vertical_locked=False
+    )
+    for part, values in (("position", sample.position), ("velocity", sample.velocity),
+                         ("force", sample.force)):  # fmt: skip
+        point = getattr(message, part)
+        point.x, point.y, point.z = values
+    return message
+
+
+def _state(session: Session, patient: str, told: str, since: int, definition: str) -> TherapyState:
+    return TherapyState(
+        state=STATES[session.state], state_since=since, patient=patient, definition=told,
+        protocol=session.protocol.name, definition_sha256=sha256(definition), recorded=True,
+    )  # fmt: skip

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The effect sizes in docs/therapy.md are those of the simulated patients."""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
+
+from screw_module_ros.therapy.effect import effect_size
+from screw_module_ros.therapy.protocol_file import load_protocol
+from screw_module_ros.therapy.result import Figures
+from screw_module_ros.therapy.session import Session
+
+DOCS = Path(__file__).parents[2] / "docs" / "therapy.md"
+ROW = re.compile(r"^\| (\w+) \| ([+-][\d.]+) \| ([+-][\d.]+) \|$", re.MULTILINE)
+OF_OTHER_TRIALS = {"independence", "size", "hold_deviation", "largest_force",
+                   "largest_vertical_force", "patient_work", "robot_work"}  # fmt: skip
+
+
+def reaches(person):
+    """Figures of two sessions of sixteen reaches without assistance."""
+    clock = load_protocol("clock_adaptive")
+    protocol = clock._replace(
+        blocks=clock.blocks[:1], rules=clock.rules._replace(give_up=6.0)
+    )
+    found = []
+    for seed in range(2):
+        session = Session(protocol)
+        Simulation(session, person, seed).run()
+        found += [result.figures for result in session.results]
+    return found
+
+
+@pytest.fixture(scope="module")
+def groups():
+    return {name: reaches(person) for name, person in
+            (("healthy", HEALTHY), ("tremor", SHAKING), ("weak", FEEBLE))}  # fmt: skip
+
+
+def of(figures, name):
+    return [value for each in figures if math.isfinite(value := getattr(each, name))]
+
+
+def test_the_table_of_effect_sizes(groups):
+    table = {name: (float(tremor), float(weak)) for name, tremor, weak in ROW.findall(
+        DOCS.read_text("utf-8"))}  # fmt: skip
+    assert set(table) == set(Figures._fields) - OF_OTHER_TRIALS
+    for name, sizes in table.items():
+        for who, size in zip(("tremor", "weak"), sizes, strict=True):
+            found = effect_size(of(groups["healthy"], name), of(groups[who], name))
+            assert found == pytest.approx(size, abs=0.06), (name, who)

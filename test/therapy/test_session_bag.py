@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded sessions give the same numbers again, bit for bit, or are told to lack something."""
+
+import csv
+
+import pytest
+from session_bag import played, short_text, write_bag
+from simulated_patient import FEEBLE, HEALTHY, SHAKING
+
+from screw_module_ros.recording.errors import BagReadError
+from screw_module_ros.session_command import main
+from screw_module_ros.therapy.bag import read_sessions, replayed
+from screw_module_ros.therapy.protocol_file import sha256
+
+CLOCK = short_text()
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return played(HEALTHY, 1, CLOCK)
+
+
+@pytest.fixture(scope="module")
+def bag(healthy, tmp_path_factory):
+    return write_bag(tmp_path_factory.mktemp("bags") / "healthy", [healthy])
+
+
+@pytest.mark.parametrize(
+    ("person", "name"), [(SHAKING, "clock_adaptive"), (FEEBLE, "reach_3d"), (HEALTHY, "elevator")]
+)
+def test_three_sessions_are_equal_bit_for_bit(person, name, tmp_path, capsys):
+    folder = write_bag(tmp_path / name, [played(person, 2, short_text(name))])
+    (recorded,) = read_sessions(folder)
+    assert recorded.protocol.name == name
+    assert replayed(recorded).problems == []
+    assert main(["replay", str(folder)]) == 0
+    assert capsys.readouterr().out.startswith(f"equal: {len(recorded.trials)} trials from ")
+
+
+def test_a_cut_bag_names_its_gap(healthy, tmp_path, capsys):
+    at = len(healthy.samples) // 2
+    gone = {sample.sequence for sample in healthy.samples[at : at + 30]}
+    folder = write_bag(tmp_path / "cut", [healthy], lambda sample: sample.sequence not in gone)
+    assert main(["replay", str(folder)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    before = healthy.samples[at - 1].sequence
+    assert lines[0].startswith(f"PROBLEM 30 samples missing after tick {before}, ")
+    assert lines[-1].endswith("30 samples missing")
+
+
+def test_the_next_patient_in_the_same_bag_is_another_session(healthy, tmp_path):
+    """Somebody went on recording: no number of the one may be told of the other."""
+    other = played(SHAKING, 5, CLOCK, "P-22222", begin_s=1000)
+    again = played(FEEBLE, 6, CLOCK, begin_s=2000)
+    found = read_sessions(write_bag(tmp_path / "long", [healthy, other, again]))
+    assert [each.patient for each in found] == ["P-7K3QX", "P-22222", "P-7K3QX"]
+    assert [len(each.trials) for each in found] == [8, 8, 8]
+    assert [replayed(each).problems for each in found] == [[], [], []]
+    assert len({each.trials[0]["path_error"] for each in found}) == 3
+
+
+def test_the_record_names_its_protocol_by_a_hash(bag):
+    (recorded,) = read_sessions(bag)
+    assert recorded.protocol_sha256 == sha256(CLOCK)
+
+
+def test_another_protocol_than_was_carried_out_is_refused(healthy, tmp_path, capsys):
+    (time_ns, topic, state), *rest = healthy.told
+    changed = type(state)(
+        state=state.state, state_since=state.state_since, patient=state.patient,
+        protocol=state.protocol, definition_sha256=state.definition_sha256,
+        definition=state.definition.replace("hit_radius: 0.01", "hit_radius: 0.02"),
+    )  # fmt: skip
+    tampered = healthy._replace(told=[(time_ns, topic, changed), *rest])
+    folder = write_bag(tmp_path / "tampered", [tampered])
+    with pytest.raises(BagReadError, match="not the one that was carried out: its SHA-256 is"):
+        read_sessions(folder)
+    assert main(["replay", str(folder)]) == 1
+    assert "SHA-256" in capsys.readouterr().err
+
+
+def test_the_export_tells_targets_and_what_its_columns_mean(bag, tmp_path):
+    assert main(["export", "--out", str(tmp_path), str(bag)]) == 0
+    folder = tmp_path / "P-7K3QX"
+    rows = list(csv.DictReader((folder / "trials.csv").open()))
+    first, second = rows[:2]
+    assert [first[f"target_{axis}"] for axis in "xyz"] == ["0.0", "0.14", "0.18"]
+    assert [second[f"target_{axis}"] for axis in "xyz"] == ["0.0", "0.0", "0.18"]
+    assert {row["protocol_sha256"] for row in rows} == {sha256(CLOCK)}
+    columns = {row["column"]: row for row in csv.DictReader((folder / "columns.csv").open())}
+    assert float(columns["path_error"]["factor"]) == 1e3 and columns["path_error"]["unit"] == "mm"
+    assert set(columns) <= set(first)
