@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A game from outside, without ROS: hears the hand and wishes where the robot pulls, by websocket.
+"""A game without ROS: receives the hand's position and requests set points, by websocket.
 
 tools/run python examples/web_game.py 'ws://127.0.0.1:8090/ws?token=THE_PATIENTS_TOKEN'
 """
@@ -32,7 +32,7 @@ async def play(address: str) -> None:
                 break
             message = text.json()
             if message["op"] != "publish":
-                print(message.get("msg", message), flush=True)  # a status: what was wrong
+                print(message.get("msg", message), flush=True)  # a status: the error
                 continue
             hand = [message["msg"]["position"][axis] for axis in "xyz"]
             if None in hand:

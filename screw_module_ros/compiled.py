@@ -2,13 +2,13 @@
 """Compiled twins of the pure functions of this package.
 
 Laws and physics are plain Python functions of floats, ints, bools and NamedTuples of these.
-`compiled(function)` gives the same function as machine code (numba, nopython), with the functions
-of this package it calls compiled too. The source and the plain function stay as they are, so the
-realtime node, the fast simulation and the tests run one and the same text.
+`compiled(function)` returns the same function as machine code (numba, nopython), with the functions
+of this package that it calls compiled too. Source and plain function stay unchanged, so the
+realtime node, the fast simulation and the tests run the same source.
 
-Machine code is kept on disk in a folder named after everything that went into it: the source files
-of all functions reached and the constants they use, because numba's own cache does not notice that
-a called function has changed. Processes may share the folder.
+The machine code is cached on disk. The folder's name is a hash of the source files of all functions
+reached and the constants they use, because numba's own cache does not detect a change of a called
+function. Processes may share the folder.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from typing import Any
 PACKAGE = __name__.partition(".")[0]
 KEPT_FOLDERS = 40  # compiled generations kept on disk, the oldest are removed first
 
-_twins: dict[Callable, Callable] = {}  # what `compiled` has given out
-_inner: dict[Callable, Callable] = {}  # what these call: no way in from Python, not cached alone
+_twins: dict[Callable, Callable] = {}  # results of `compiled`
+_inner: dict[Callable, Callable] = {}  # their callees: not called from Python, not cached alone
 
 
 class CompileError(RuntimeError):
-    """A function cannot be compiled; the text says why and what to do."""
+    """A function cannot be compiled; the message says why and what to do."""
 
 
 def compiled(function: Callable) -> Callable:
@@ -122,7 +122,7 @@ def _name(function: Callable) -> str:
 
 
 def _fingerprint(functions: list[Callable]) -> str:
-    """Return a short hash of everything that decides what the machine code does."""
+    """Return a short hash of everything that determines the machine code."""
     digest = hashlib.sha256(f"{sys.version_info[:2]}".encode())
     for path in sorted({function.__code__.co_filename for function in functions}):
         digest.update(Path(path).read_bytes())
@@ -204,10 +204,10 @@ def _folder(fingerprint: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         os.utime(folder)
-        with contextlib.suppress(OSError):  # another process may be at it
+        with contextlib.suppress(OSError):  # another process may do the same
             _prune(base)
         return folder
-    except (OSError, RuntimeError):  # no home, or one that cannot be written
+    except (OSError, RuntimeError):  # no home folder, or a read-only one
         return _private_folder(fingerprint)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS domain of this process: the same number however ROS_DOMAIN_ID spells it."""
+"""The ROS domain of this process as a number, for any spelling of ROS_DOMAIN_ID."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ _DEFAULT = 0
 # As rcl reads it (rcl_get_default_domain_id): C's strtoul with base 0.
 _NUMBER = re.compile(r"\s*\+?(0[xX][0-9a-fA-F]+|[0-9]+)\s*", re.ASCII)
 _LONGEST = 20
-_HIGHEST = 232  # beyond it the UDP ports end (DDSI-RTPS 2.5, section 9.6.2.3)
+_HIGHEST = 232  # higher domains exceed the range of UDP ports (DDSI-RTPS 2.5, section 9.6.2.3)
 
 
 class DomainError(ValueError):
-    """ROS_DOMAIN_ID holds no number of a domain; the message says what is wanted."""
+    """ROS_DOMAIN_ID is not a valid domain number; the message gives the range."""
 
 
 def domain_id() -> int:
     """Return the number of the ROS domain: 07 is 7, and an empty or missing variable is 0.
 
-    What names something of a graph on this machine, a lock, a file or the page of simulated time,
-    names it by this number. Raises DomainError for a value that is none.
+    Locks, files and the page of simulated time of a graph have this number in their name. Raises
+    DomainError for an invalid value.
     """
     value = os.environ.get(VARIABLE, "")
     if not value:
@@ -44,7 +44,7 @@ def domain_id() -> int:
 
 
 def end_without_domain(program: str) -> None:
-    """End the program with exit code 2 and a sentence where ROS_DOMAIN_ID is no domain."""
+    """End the program with exit code 2 and a message if ROS_DOMAIN_ID is not a valid domain."""
     try:
         domain_id()
     except DomainError as error:

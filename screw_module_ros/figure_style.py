@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How all figures look, and how they are written; drawn without a display."""
+"""Style of all figures, and their output; needs no display."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ STYLE = {
     "lines.linewidth": 1.1,
     "savefig.dpi": 150,
 }
-# Okabe and Ito's colours: told apart in grey and by the colour-blind.
+# Okabe and Ito's colours: distinguishable in grey and for the colour-blind.
 COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7", "#56b4e9")
 DESIRED = "#222222"
 
 
 def save(figure: Figure, file: Path | str) -> Path:
-    """Write the figure as PNG (or what the name's ending says); return the path.
+    """Write the figure as PNG (or the format of the name's suffix); return the path.
 
     Raises OSError when the file cannot be written.
     """

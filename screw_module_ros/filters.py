@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Back difference and first-order Butterworth low-pass (thesis 3.3, 6.4.3), state passed in.
+"""Backward difference and first-order Butterworth low-pass (thesis 3.3, 6.4.3), state passed in.
 
-The thesis filters velocity and handle force at 30 Hz. The Butterworth filter is discretised by the
+The thesis filters velocity and handle force at 30 Hz; the callers' settings hold these cutoffs
+(`force_cutoff` in `control/vertical_settings.py`). The Butterworth filter is discretised by the
 bilinear transform with prewarping, so its gain at the cutoff is -3 dB at any sample rate.
 """
 
@@ -33,7 +34,7 @@ class VelocityState(NamedTuple):
 
 
 LONGEST_GAP = 10
-"""Samples; after more lost ones the velocity starts anew and is not filtered through the gap."""
+"""Lost samples; after more of them the velocity restarts and is not filtered through the gap."""
 
 
 def back_difference(previous: float, current: float, dt: float) -> float:
@@ -44,15 +45,15 @@ def back_difference(previous: float, current: float, dt: float) -> float:
 def lowpass_coefficients(cutoff_hz: float, dt: float) -> LowpassCoefficients:
     """Return the filter for a cutoff [Hz] at a sample time dt [s].
 
-    A cutoff above a quarter of the sample rate is held there, where the filter just does not
-    overshoot yet: after lost samples dt is longer than the usual period.
+    A cutoff above a quarter of the sample rate is clamped to it, the limit without overshoot: after
+    lost samples dt is longer than the usual period.
     """
     warped = math.tan(math.pi * min(cutoff_hz * dt, 0.25))
     return LowpassCoefficients(warped / (1.0 + warped), (1.0 - warped) / (1.0 + warped))
 
 
 def lowpass_settled(x: float) -> LowpassState:
-    """Return the state of a filter that has seen the constant input x for ever."""
+    """Return the steady state of a filter with the constant input x."""
     return LowpassState(x, x)
 
 
@@ -65,7 +66,7 @@ def lowpass_step(
 
 
 def velocity_settled(position: float) -> VelocityState:
-    """Return the state of something that has rested at `position` [unit] for ever."""
+    """Return the state at rest at `position` [unit]."""
     return VelocityState(position, lowpass_settled(0.0))
 
 
@@ -78,7 +79,7 @@ def velocity_step(
 ) -> tuple[float, VelocityState]:
     """Return the filtered velocity [unit/s] at the next position [unit] and the next state.
 
-    dt: since the last position [s]; periods: of the sampling that went by meanwhile, 1 = none lost.
+    dt: since the last position [s]; periods: sampling periods since then, 1 = no sample lost.
     """
     raw = back_difference(state.position, position, dt)
     if periods > LONGEST_GAP:

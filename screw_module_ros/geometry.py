@@ -18,11 +18,11 @@ from typing import Annotated, NamedTuple
 from .settings import Setting
 
 COUNTS_PER_TURN = 20_000
-"""Counts of the motor's encoder per turn, as the thesis has it (3.1.8)."""
+"""Counts of the motor's encoder per turn (thesis 3.1.8)."""
 
 
 class Screw(NamedTuple):
-    """The screw (thesis 2.3). Encoder, drive position and torque must all go by the same one."""
+    """The screw (thesis 2.3). Encoder, drive position and torque must all use the same one."""
 
     lead: Annotated[
         float, Setting("travel of the nut per turn; the same in encoder and amplifier", "m",
@@ -31,7 +31,7 @@ class Screw(NamedTuple):
 
 
 class PlanarArm(NamedTuple):
-    """Dimensions of the planar arm and where its base stands (thesis 2.3, MIT-MANUS)."""
+    """Dimensions of the planar arm and position of its base (thesis 2.3, MIT-MANUS)."""
 
     upper_arm: Annotated[float, Setting("length of the upper arm", "m", 0.05, 2.0)] = 0.4064
     forearm: Annotated[float, Setting("length of the forearm", "m", 0.05, 2.0)] = 0.51435
@@ -51,7 +51,7 @@ def counts_to_height(
 
 
 def force_to_torque(force: float, screw: Screw = SCREW) -> float:
-    """Return the motor torque [Nm] that makes a force at the handle [N], without friction (3.1)."""
+    """Return the motor torque [Nm] for a force at the handle [N], without friction (eq 3.1)."""
     return force * screw.lead / (2.0 * math.pi)
 
 
@@ -71,8 +71,8 @@ def forward(shoulder: float, elbow: float, arm: PlanarArm = MANUS) -> tuple[floa
 def inverse(x: float, y: float, arm: PlanarArm = MANUS) -> tuple[float, float]:
     """Return absolute joint angles [rad] that put the handle at x, y [m] from the workspace centre.
 
-    Of the two solutions the one with elbow - shoulder in [0, pi] is taken: the elbow stands out to
-    the right (+x). A point out of reach gives the arm stretched or folded towards it.
+    Of the two solutions it returns the one with elbow - shoulder in [0, pi]: the elbow points to
+    the right (+x). For a point out of reach the arm is stretched or folded towards it.
     """
     dx = x - arm.base_x
     dy = y - arm.base_y

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of the graph: executables, topics, CAN buses. Whatever else lists them reads it here.
+"""The one table of the graph: executables, topics, CAN buses. All other code reads it from here.
 
-No ROS: a type is named as `package/msg/Name`, a quality of service by its name in
+The table is independent of ROS: a type is `package/msg/Name`, a quality of service is a name in
 `nodes/support/qos.py`. Tests compare the table with the running graph, the security policy,
 setup.py, the parameter files and the README.
 """
@@ -18,10 +18,10 @@ class Entry(NamedTuple):
     """One executable of the graph.
 
     executable: its name, and that of its node
-    simulation: started only against the simulated rig
-    core: processor core on a machine with two of them, None for either: the chain from encoder to
-    amplifier keeps one core and its caches, the rig and the force sensor the other
-    parts: names of the nodes in it where there are several
+    simulation: started only with the simulated rig
+    core: processor core on a machine with two cores, None for any: the chain from encoder to
+    amplifier uses one core and its caches, the rig and the force sensor use the other
+    parts: names of its nodes, if it has several
     """
 
     executable: str
@@ -40,12 +40,13 @@ class Topic(NamedTuple):
 
     name: relative to the namespace of the robot, or ~/ below its publisher
     type: of its messages
-    qos: of its publisher, and of a subscriber that asks for no other: sample, command or state
-    publisher: name of the one node that may publish it; empty where any may
-    rate: messages a second by default [1/s], 0 where they follow an event
+    qos: of its publisher, and default of its subscribers: sample, command or state
+    publisher: name of the only node that may publish it; empty if any may
+    rate: messages per second by default [1/s], 0 if they follow an event; the publisher's parameter
+    may change it
     subscribers: nodes of the table that subscribe to it
     clock: node whose ticks the `sequence` of the messages counts, empty for none
-    every: ticks from one message to the next, or the parameter of `clock` that has the number
+    every: ticks from one message to the next, or the name of the parameter of `clock` with it
     """
 
     name: str
@@ -61,7 +62,7 @@ class Topic(NamedTuple):
 class Bus(NamedTuple):
     """One CAN bus of the simulated robot.
 
-    name: prefix of the rig's parameters. node: the driver at the near end. port: default UDP port.
+    name: prefix of the rig's parameters. node: the driver node. port: default UDP port.
     """
 
     name: str
@@ -86,7 +87,7 @@ GRAPH = (
 COMPOSED = Entry(
     "module", core=0, parts=("encoder", "force_sensor", "impedance_controller", "amplifier")
 )
-"""One process with one hot loop in place of its four parts."""
+"""One process with one hot loop, instead of its four parts."""
 
 BESIDE = ("characterize", "therapy_session", "web_bridge")
 """Nodes that are started by hand beside the graph."""
@@ -118,8 +119,8 @@ THERAPY_TRIAL = "therapy/trial"
 THERAPY_ASSISTANCE = "therapy/assistance"
 
 DECIMATED_RATE = 200.0
-"""Of the decimated topics [1/s]. A subscription at 1 kHz costs its process 4 to 5 % of a core in
-the middleware alone, so only the chain from encoder to amplifier has any."""
+"""Rate of the decimated topics [1/s]. The middleware alone uses 4 to 5 % of a core for each
+subscription at 1 kHz, so only the chain from encoder to amplifier has any."""
 
 _OURS = "screw_module_msgs/msg/"
 _TOPICS = (
@@ -196,7 +197,7 @@ def published_by(node: str) -> list[Topic]:
 
 
 def table(composed: bool) -> list[Entry]:
-    """Return the whole graph, `composed`: with `module` in place of its four parts."""
+    """Return the whole graph; composed: with `module` instead of its four parts."""
     if not composed:
         return list(GRAPH)
     left = [entry for entry in GRAPH if entry.executable not in COMPOSED.parts]
@@ -218,7 +219,7 @@ def chosen(
     """Return the entries to start, in order.
 
     simulation: with the simulated rig. only: these executables, empty for all. without: not these.
-    composed: `module` in place of its four parts.
+    composed: `module` instead of its four parts.
     Raises ValueError naming an executable that is not in the table.
     """
     known = [entry.executable for entry in table(composed)]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML from others: mappings, lists and scalars, and nothing of YAML that goes beyond.
+"""Safe reader for foreign YAML: mappings, lists and scalars only.
 
-No merge keys and, unless they are asked for, no aliases, with which a few hundred bytes stand for
-gigabytes; no tags, which name Python's classes; no key twice, no deep nesting. Every problem is
-one short sentence that names key and line.
+It refuses tags, which can name Python classes, merge keys, repeated keys, deep nesting and, unless
+requested, aliases, with which a few hundred bytes expand to gigabytes. Every error is a short
+message with key and line.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import yaml
 from .quoting import LONGEST, quoted
 
 LARGEST = 1_000_000
-"""Characters of a text that is parsed at all; what we read has a few thousand."""
+"""Largest text that is parsed [characters]; our files have a few thousand."""
 _DEEPEST = 20
 _MOST_VALUES = 100_000  # of a text with aliases, each written out
 _SCALARS = frozenset(
@@ -26,11 +26,11 @@ _DIGITS = 400  # of a number: the largest float has 309
 
 
 class PlainYamlError(ValueError):
-    """A text that is no plain YAML; the message is one sentence."""
+    """A text that is not plain YAML; the message is one sentence."""
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes down to a bounded depth; aliases: whether there may be some."""
+    """Composes nodes down to a bounded depth; aliases: whether they are allowed."""
 
     depth, aliases = 0, False
 
@@ -52,8 +52,8 @@ class _Loader(yaml.SafeLoader):
 def load_plain_yaml(text: str, largest: int = LARGEST, aliases: bool = False) -> Any:
     """Return the content of a YAML text: dict, list, str, int, float, bool, date or None.
 
-    largest: text that is parsed at all [characters]. aliases: parts may be named and used again;
-    the whole has a bounded number of values all the same. Raises PlainYamlError.
+    largest: largest text that is parsed [characters]. aliases: whether aliases are allowed; the
+    number of values remains bounded. Raises PlainYamlError.
     """
     if len(text) > largest:
         raise PlainYamlError(f"longer than {largest} characters")
@@ -77,13 +77,13 @@ def load_plain_yaml(text: str, largest: int = LARGEST, aliases: bool = False) ->
 
 
 class _Reading:
-    """Makes values of nodes; an alias is its node again. most: values that are made at all."""
+    """Converts nodes to values; an alias repeats its node. most: largest number of values."""
 
     def __init__(self, most: int):
         self._left, self._deep = most, 0
 
     def value(self, node: yaml.Node, where: str = "") -> Any:
-        """Return the value of a node; where: the key it stands under."""
+        """Return the value of a node; where: its key."""
         self._left -= 1
         if self._left < 0 or self._deep > _DEEPEST:
             sentence = "its aliases stand for too many values"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values in error messages: short, whatever they are.
+"""Short quotations of any value, for error messages.
 
-`repr` of a foreign value may take minutes and hundreds of megabytes: a list of lists of the same
+`repr` of a foreign value may take minutes and hundreds of megabytes: nested lists of the same
 lists, a text of a million characters, an integer that Python refuses to print.
 """
 
@@ -11,12 +11,12 @@ import reprlib
 from typing import Any
 
 LONGEST = 80
-"""Characters of a quotation."""
+"""Length of a quotation [characters]."""
 _BITS = 4 * LONGEST
 
 
 class _Short(reprlib.Repr):
-    """Looks three levels deep at four entries each, and at no more of a text than is shown."""
+    """Reads three levels with four entries each, and only the shown part of a text."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -42,13 +42,13 @@ _short = _Short()
 
 
 def quoted(value: Any) -> str:
-    """Return `repr` of a value, cut to 80 characters and without looking at all of it."""
+    """Return `repr` of a value, cut to 80 characters, without reading the whole value."""
     text = _short.repr(value)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
 def named(key: Any) -> str:
-    """Return a key for a message: a text without quotes, anything else as `quoted`."""
+    """Return a key for a message: a string without quotes, anything else as `quoted`."""
     if not isinstance(key, str):
         return quoted(key)
     return key if len(key) <= LONGEST else f"{key[: LONGEST - 3]}..."

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads files of foreign names: only regular ones of bounded size.
+"""Reads files with names from others: only regular files of bounded size.
 
-A FIFO blocks who opens it, a device may act on it or never end, and a large file fills the memory.
+Opening a FIFO blocks, reading a device may have effects or never end, and a large file fills the
+memory.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from pathlib import Path
 
 
 class NotRegular(OSError):
-    """What a path names is no regular file, or one that is too large; `strerror` says which."""
+    """The path is not a regular file, or the file is too large; `strerror` says which."""
 
 
 def read_regular(path: str | Path, largest: int) -> bytes:
@@ -22,7 +23,7 @@ def read_regular(path: str | Path, largest: int) -> bytes:
     """
     _check(path, os.stat(path), largest)
     with open(path, "rb", opener=_without_waiting) as file:
-        # What is open may be another thing than the path named a moment ago.
+        # The path may have been replaced since the check; the open file counts.
         _check(path, os.fstat(file.fileno()), largest)
         content = file.read(largest + 1)
     if len(content) > largest:

@@ -10,13 +10,13 @@ PACKAGE = "screw_module_ros"
 
 
 class ResourceError(FileNotFoundError):
-    """A file that should have come with the package is not there."""
+    """A file of the package is missing."""
 
 
 def resource_path(name: str) -> Path:
     """Return the path of a file of the package, for example `params/plant.yaml`.
 
-    Looked for in the Python package, in its source tree, and in `share/screw_module_ros` of each
+    The search covers the Python package, its source tree, and `share/screw_module_ros` of each
     prefix in AMENT_PREFIX_PATH. Raises ResourceError naming the places.
     """
     package = Path(__file__).resolve().parent

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples that cross from the device drivers to the laws, in SI units with stamps in integer ns.
+"""Samples from the device drivers to the laws, in SI units with stamps in integer ns.
 
-Units end at the drivers: above them there is no raw sensor word. Every sample carries the number of
-the tick it was asked for. All nodes that poll or send SYNC tick at whole multiples of their period
-of CLOCK_MONOTONIC, so the tick number of one instant is the same in every process of a machine, and
-samples of different devices line up without a clock server.
+The drivers convert all units: no raw sensor word passes beyond them. Every sample carries the
+number of the tick of its request. All nodes that poll or send SYNC tick at whole multiples of their
+period of CLOCK_MONOTONIC. So the tick number of an instant is the same in every process of a
+machine, and samples of different devices are aligned without a clock server.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class EncoderReading(NamedTuple):
     stamp_ns: the same instant on the system clock [ns since the epoch].
     count: encoder count, unwrapped [counts].
     position: nut height above the bottom of travel, up positive [m].
-    velocity: back difference of position through the 30 Hz filter [m/s].
+    velocity: backward difference of position after the encoder's `velocity_cutoff` filter [m/s].
     homed: position is absolute.
     """
 
@@ -40,7 +40,7 @@ class ForceReading(NamedTuple):
     """One wrench of the patient on the robot, in the handle frame, tare removed.
 
     sequence: tick number, modulo 2^32.
-    monotonic_ns: when the sensor was asked, on CLOCK_MONOTONIC [ns].
+    monotonic_ns: time of the request, on CLOCK_MONOTONIC [ns].
     stamp_ns: the same instant on the system clock [ns since the epoch].
     fx, fy, fz: force [N], fz up positive.
     tx, ty, tz: torque [Nm].
@@ -64,8 +64,8 @@ class DriveReading(NamedTuple):
 
     monotonic_ns: arrival on CLOCK_MONOTONIC [ns].
     statusword: object 6041.
-    position: object 6064, unwrapped, with the robot's sign [m of the nut, or rad of a joint]; from
-        wherever the drive counts, so it has no home.
+    position: object 6064, unwrapped, with the robot's sign [m of the nut, or rad of a joint];
+        relative to the drive's own zero, not homed.
     torque: object 6077 on the motor shaft, with the robot's sign [Nm].
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session`: look at, audit and repair recorded bags, and evaluate therapy sessions; no ROS."""
+"""`session`: show, verify and repair recorded bags, and evaluate therapy sessions; without ROS."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; return 0 when all is well, 1 when the bag is not, 2 on wrong usage."""
     options = _parser().parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
-        stream.reconfigure(errors="backslashreplace")  # a name may hold what cannot be printed
+        stream.reconfigure(errors="backslashreplace")  # a name may have unprintable characters
     try:
         code = options.run(options)
         sys.stdout.flush()
@@ -37,12 +37,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="session", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
-        ("info", _info, "topics, counts and what the recorder noted"),
-        ("verify", _verify, "count everything anew: complete, or what is missing and where"),
+        ("info", _info, "topics, counts and the recorder's notes"),
+        ("verify", _verify, "recount every message: complete, or what is missing and where"),
         (
             "recover",
             _recover,
-            "complete a bag that was cut off or damaged; what cannot be read is kept beside",
+            "repair a truncated or damaged bag; unreadable parts are kept beside it",
         ),
     ):
         command = commands.add_parser(name, help=text, description=text)

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings declared once: a NamedTuple field carries its description, unit and bounds.
 
-A law or a driver keeps its numbers in a NamedTuple whose annotations say everything there is to
-know about them::
+A law or a driver has its parameters in a NamedTuple with complete annotations::
 
     class Spring(NamedTuple):
         stiffness: Annotated[float, Setting("spring constant", "N/m", 0.0, 5000.0)] = 100.0
 
-`validated` checks the values against the bounds; `nodes/support/parameters.py` turns the same
-annotations into ROS parameters. NamedTuples, because the compiled twins take them as they are.
+`validated` checks the values against the bounds; `nodes/support/parameters.py` declares ROS
+parameters from the same annotations. Compiled functions accept NamedTuples directly.
 """
 
 from __future__ import annotations
@@ -22,15 +21,15 @@ Settings = TypeVar("Settings", bound=tuple)
 
 
 class Setting(NamedTuple):
-    """What is known of one field.
+    """Description of one field.
 
     text: description, one sentence without the unit
-    unit: SI unit as it is written, empty for none
+    unit: SI unit as text, empty for none
     low: smallest value allowed, None for no bound
     high: largest value allowed, None for no bound
     choices: the values allowed, empty for any
     live: may change while the node is configured or active
-    at_start: is given when the process starts and never changes: who can send a message must not
+    at_start: set when the process starts and fixed from then on: a sender of messages must not
         choose where the node writes
     """
 
@@ -74,9 +73,9 @@ def _read(kind: type):
 
 
 def problem(field: Field, value: Any, label: str | None = None) -> str:
-    """Say what is wrong with `value` for `field`, or return an empty string.
+    """Return the problem of `value` for `field`, or an empty string.
 
-    `label` is the name the user knows the field by, where that is another one.
+    label: the user's name of the field, if it differs.
     """
     name, setting = label or field.name, field.setting
     unit = f" {setting.unit}" if setting.unit else ""
@@ -97,7 +96,7 @@ def problem(field: Field, value: Any, label: str | None = None) -> str:
 
 
 def _is_finite(number: float) -> bool:
-    """Return whether a number is one that a float can hold."""
+    """Return whether a number fits into a finite float."""
     try:
         return math.isfinite(number)
     except OverflowError:  # an integer beyond

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings tuples from the mapping of a file: every key known, every value checked."""
+"""Converts the mapping of a file to settings tuples; checks every key and value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from .quoting import named, quoted
 from .settings import declared, problem
 
-_MOST = 200  # entries of a list; with aliases a few bytes make many
+_MOST = 200  # entries of a list; with aliases a few bytes could make many
 NO_SIZES: Mapping[str, int] = types.MappingProxyType({})
 
 

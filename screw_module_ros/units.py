@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Torque as a CiA 402 drive takes and shows it: whole per mille of its rated torque (6071, 6077).
+"""Torque in the unit of a CiA 402 drive: whole per mille of its rated torque (6071, 6077).
 
-Apart from the drivers, since what simulates a loop without a bus must round as they do.
+This is separate from the drivers, because a simulation without a bus must round in the same way.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ LARGEST_PER_MILLE = 32767
 
 
 def to_per_mille(torque: float, rated_torque: float) -> int:
-    """Return a torque [Nm] in whole per mille of the rated torque [Nm], held within 16 bits."""
+    """Return a torque [Nm] in whole per mille of the rated torque [Nm], clamped to 16 bits."""
     per_mille = round(torque / rated_torque * PER_MILLE)
     return max(-LARGEST_PER_MILLE, min(LARGEST_PER_MILLE, per_mille))
 

@@ -18,12 +18,17 @@ from collections.abc import Callable, Iterator
 import can
 import can.interfaces.virtual
 import pytest
+from hypothesis import settings
 
 import isolation
 import leftovers
 
 PORTS_PER_TEST = 8
 SECONDS_BETWEEN_POLLS = 0.005
+
+# How long an example takes is no property of the code. `make fuzz` looks deeper.
+settings.register_profile("suite", deadline=None, max_examples=40)
+settings.load_profile("suite")
 
 _buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
 _blocks = itertools.cycle(range(0, isolation.CAN_PORTS_PER_RUN, PORTS_PER_TEST))

@@ -4,7 +4,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros import filters
@@ -33,7 +33,6 @@ def test_first_order_slope_a_decade_up():
     assert amplitude(300.0, 30.0, 1 / 20_000) == pytest.approx(1 / math.sqrt(101), rel=0.02)
 
 
-@settings(deadline=None)
 @given(st.floats(-1e3, 1e3), st.floats(1.0, 100.0))
 def test_a_constant_passes_unchanged(level, cutoff_hz):
     coefficients = filters.lowpass_coefficients(cutoff_hz, 0.001)
@@ -41,7 +40,6 @@ def test_a_constant_passes_unchanged(level, cutoff_hz):
     assert y == pytest.approx(level, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(st.lists(st.floats(-1.0, 1.0), max_size=200), st.floats(0.1, 5000.0))
 def test_output_never_exceeds_the_largest_input(inputs, cutoff_hz):
     coefficients, state = filters.lowpass_coefficients(cutoff_hz, 0.001), filters.lowpass_settled(0)

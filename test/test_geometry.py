@@ -4,7 +4,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros import geometry
@@ -24,7 +24,6 @@ def test_one_turn_lifts_one_lead():
     assert geometry.counts_to_height(20_000) == pytest.approx(0.01905)
 
 
-@settings(deadline=None)
 @given(st.floats(-1.0, 1.0))
 def test_force_and_torque_undo_each_other(value):
     assert geometry.torque_to_force(geometry.force_to_torque(value)) == pytest.approx(value)
@@ -35,7 +34,6 @@ def test_arm_along_the_axes():
     assert geometry.forward(0.0, math.pi / 2) == pytest.approx((0.4064, 0.51435 - 0.65))
 
 
-@settings(deadline=None)
 @given(st.floats(-0.19, 0.19), st.floats(-0.228, 0.228))
 def test_inverse_reaches_the_whole_workspace(x, y):
     shoulder, elbow = geometry.inverse(x, y)
@@ -43,7 +41,6 @@ def test_inverse_reaches_the_whole_workspace(x, y):
     assert 0.0 < elbow - shoulder < math.pi
 
 
-@settings(deadline=None)
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 def test_inverse_out_of_reach_stays_finite(x, y):
     assert all(math.isfinite(angle) for angle in geometry.inverse(x, y))
@@ -54,7 +51,6 @@ def test_inverse_out_of_reach_points_at_the_target():
     assert (shoulder, elbow) == pytest.approx((math.pi / 2, math.pi / 2))
 
 
-@settings(deadline=None)
 @given(angles, angles)
 def test_jacobian_is_the_derivative_of_forward(shoulder, elbow):
     step = 1e-6

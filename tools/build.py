@@ -77,7 +77,7 @@ def build(ros: Path | None, progress: Progress) -> bool:
 def plan(ros: Path | None) -> list[Step]:
     """Return the steps from a fresh clone to installed packages, with the stamps of today."""
     environment = digest([str(ROOT), sys.version, str(ros)])
-    tools, imports = tool_lists(ros), requirements("runtime", "dev")
+    tools, imports = tool_lists(ros), import_lists()
     builders = tools[2:]
     definitions = sorted(file for file in (ROOT / "msg_defs").rglob("*") if file.is_file())
     described = [ROOT / name for name in ("setup.py", "setup.cfg", "package.xml")]
@@ -198,6 +198,12 @@ def install_nodes(ros: Path | None, progress: Progress) -> None:
 def tool_lists(ros: Path | None) -> list[Path]:
     """Return the lists of what builds, in the order in which they are installed."""
     return requirements("installer", "bootstrap", "build", *([] if ros else ["ros"]))
+
+
+def import_lists() -> list[Path]:
+    """Return what nodes and tests import; what drives a browser only where Chromium is."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    return requirements("runtime", "dev", *(["browser"] if browser else []))
 
 
 def requirements(*names: str) -> list[Path]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The clock rule: time is taken from `clock.py`, and nowhere else in the graph.
 
-A loop, driver or guard that reads the system's clock would go on when simulated time stands. What
-deals with processes, terminals and disks is exempt, by name and with its reason.
+A loop, driver or guard that reads the system's clock would go on when simulated time stands. Code
+for processes, terminals and disks is exempt, by name and with its reason.
 """
 
 from __future__ import annotations

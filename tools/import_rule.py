@@ -29,14 +29,14 @@ SHARED = (
     "settings_mapping", "samples", "geometry", "filters", "compiled", "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
-    *SHARED, "lockstep", "clock", "plant", "can_io", "rig", "control", "calibration", "devices",
-    "loop", "recording", "identification", "therapy", "bridge",
+    *SHARED, "lockstep", "clock", "simulated_clock", "plant", "can_io", "rig", "control",
+    "calibration", "devices", "loop", "recording", "identification", "therapy", "bridge",
     "session_command",
     "nodes", "operator", "identification/live", "trials",
 )  # fmt: skip
 FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...
-    "plant": ("lockstep", "clock"),
-    "control": ("lockstep", "clock", "can_io", "plant", "rig"),
+    "plant": ("lockstep", "clock", "simulated_clock"),
+    "control": ("lockstep", "clock", "simulated_clock", "can_io", "plant", "rig"),
     "calibration": ("plant", "rig"),
     "devices": ("control", "calibration", "plant", "rig"),
     "loop": ("calibration", "plant", "rig"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Browsers at the robot: a subset of rosbridge v2, who may ask for what, and the pages.
+"""The robot in browsers: a subset of rosbridge v2, the rights of each role, and the pages.
 
-Knows no ROS: `nodes/web_bridge.py` gives it the robot as a `Gateway`.
+It is independent of ROS: `nodes/web_bridge.py` passes it the robot as a `Gateway`.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much a client may send: a bucket of messages that fills again at a steady rate."""
+"""Rate limit of a client: a token bucket that fills at a constant rate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from .settings import Limits
 
 
 class Budget:
-    """What a client has left."""
+    """Remaining messages of a client."""
 
     def __init__(self, limits: Limits, now_ns: int):
         self._limits = limits
@@ -15,7 +15,7 @@ class Budget:
         self._at_ns = now_ns
 
     def spend(self, now_ns: int) -> bool:
-        """Take one message's worth; return whether there was that much."""
+        """Take one message from the bucket; return whether it held one."""
         limits = self._limits
         gained = (now_ns - self._at_ns) * 1e-9 * limits.messages
         self._left = min(limits.burst, self._left + gained)

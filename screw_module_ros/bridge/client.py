@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One client's side of the bridge: what it has subscribed to, what it is owed, what it asks for.
+"""One client of the bridge: its subscriptions, its pending answers, its requests.
 
-Nothing is queued but answers, and of those only a few: of each topic there is the newest message,
-or none that is new. Time is handed in, so nothing here waits.
+Only a few answers are queued; of each topic the client gets only the newest message. Times are
+arguments, and no call waits.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .settings import Limits
 
 _MOST_ANSWERS = 64
 _MOST_CALLS = 8
-_EARLY = 0.5  # of the sampling period: a poll that comes early need not wait for the next one
+_EARLY = 0.5  # of the sampling period: a poll may be early by this share
 
 
 class Gateway(Protocol):
-    """The robots, as clients reach them. Called from the server's thread."""
+    """Access to the robots for clients. Called from the server's thread."""
 
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON with its number from 1, None before the first."""
@@ -35,18 +35,18 @@ class Gateway(Protocol):
         """Publish. Raises ConversionError."""
 
     def call(self, service: str, arguments: dict, answered: Callable[[Any, bool], None]) -> None:
-        """Call a service; `answered` gets its response, or a sentence and False, from any thread.
+        """Call a service; `answered` gets its response, or a message and False, in any thread.
 
         Raises ConversionError.
         """
 
 
 class CutOff(Exception):
-    """A client that has to go; the message tells it why."""
+    """The bridge disconnects a client; the message says why."""
 
 
 class Subscription:
-    """One topic a client wants: the number it was sent last, and when it may have the next."""
+    """One subscribed topic: number of the last message sent, and time of the next."""
 
     def __init__(self, period_ns: int):
         self.period_ns = period_ns
@@ -55,10 +55,10 @@ class Subscription:
 
 
 class Client:
-    """Takes a client's texts and says what to send it.
+    """Processes a client's texts and returns the texts to send.
 
     role: of its token. wake: called when there is something to send. answers_from: wraps the
-    callback of a service's answer, so that it comes in the thread that all else is called from.
+    callback of a service's answer, so that it runs in the thread of all other calls.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Client:
         self._calls: set[object] = set()
 
     def take(self, text: str, now_ns: int) -> None:
-        """Do what a text asks for; what is wrong with it is answered. Raises CutOff."""
+        """Execute a text; answer an error with a status. Raises CutOff."""
         if not self._budget.spend(now_ns):
             raise CutOff(
                 f"more than {self._limits.messages:g} messages a second: connect again, and send "
@@ -97,7 +97,7 @@ class Client:
             self._answer(rosbridge.status("error", str(error), id))
 
     def due(self, now_ns: int) -> list[str]:
-        """Return what to send now: answers, and of each topic the newest message if it is new."""
+        """Return the texts to send now: answers, and the newest message of each topic if new."""
         texts = list(self._answers)
         self._answers.clear()
         for topic, (name, wanted) in self._topics.items():
@@ -113,14 +113,14 @@ class Client:
 
     @property
     def subscribed(self) -> frozenset[str]:
-        """Full names of the topics it hears."""
+        """Full names of its subscribed topics."""
         return frozenset(self._topics)
 
     def _subscribe(self, wish: rosbridge.Subscribe) -> None:
         place, kind = self._rights.hears(self.role, wish.topic)
         _check_kind(wish.kind, kind, wish.topic)
         period = max(wish.throttle, 1.0 / self._limits.rate) - _EARLY / self._limits.rate
-        # By the name that it uses itself: roslibjs compares.
+        # With the client's own spelling of the name: roslibjs compares names.
         self._topics[place.full] = (wish.topic, Subscription(round(period * 1e9)))
 
     def _unsubscribe(self, wish: rosbridge.Unsubscribe) -> None:
@@ -152,7 +152,7 @@ class Client:
             except ConversionError:
                 self._calls.discard(call)
                 raise
-        except (Denied, ConversionError) as error:  # who called waits for an answer, not a status
+        except (Denied, ConversionError) as error:  # the caller expects a response, not a status
             text = rosbridge.service_response(wish.service, wish.id, str(error), False)
             self._answer(text)
 
@@ -166,7 +166,7 @@ class Client:
 
     def _answer(self, text: str) -> None:
         if len(self._answers) >= _MOST_ANSWERS:
-            self._answers.popleft()  # it asks and does not read; how slow it may be, others judge
+            self._answers.popleft()  # a client that asks but does not read
         self._answers.append(text)
         self._wake()
 

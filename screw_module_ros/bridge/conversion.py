@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS messages as plain values for JSON and back, by what a message tells of its own fields.
+"""Converts ROS messages to plain values for JSON and back, by the messages' field types.
 
-Any object with `get_fields_and_field_types()` will do, so nothing here knows ROS. A floating-point
-number that is none (NaN, infinite) is None in plain values; None is read as NaN.
+It accepts any object with `get_fields_and_field_types()`, so it is independent of ROS. NaN and
+infinite numbers become None in plain values; None is read as NaN.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who is let in: by which name the bridge was called, from which page, with which token.
+"""Access control of the bridge: by name of the host, origin of the page, and token.
 
-The name (Host) keeps out pages whose own name was made to lead here (DNS rebinding), the Origin all
-other pages that a browser of this machine shows, the token everybody else.
+The check of the name (Host) excludes pages whose own name resolves to this machine (DNS rebinding).
+The check of the Origin excludes all other pages in a browser of this machine. The token excludes
+everybody else.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ _EVERYWHERE = ("0.0.0.0", "::", "")
 
 
 class Refused(PermissionError):
-    """Somebody is not let in; the message says why."""
+    """Access is refused; the message says why."""
 
 
 class Door(NamedTuple):
-    """names: by which the bridge may be called, without port. port: that it listens on.
+    """Checks name, origin and token of a request.
 
-    scheme: http or https. origins: of other pages that may connect, like `https://games.example`,
-    or `null` for pages opened from a file. tokens: one per role.
+    names: allowed names of the bridge, without port. port: that it listens on. scheme: http or
+    https. origins: of other pages that may connect, like `https://games.example`, or `null` for
+    pages opened from a file. tokens: one per role.
     """
 
     names: tuple[str, ...]
@@ -37,7 +39,7 @@ class Door(NamedTuple):
     tokens: Tokens
 
     def check_host(self, host: str | None) -> None:
-        """Raise Refused unless the bridge was called by one of its names."""
+        """Raise Refused unless the request uses one of the bridge's names."""
         if _split(f"{self.scheme}://{host or ''}") not in self._own():
             raise Refused(
                 "the bridge does not know itself by that name: open it by the address that it "
@@ -45,7 +47,7 @@ class Door(NamedTuple):
             )
 
     def check_origin(self, origin: str | None) -> None:
-        """Raise Refused for a page from elsewhere; programs other than browsers tell no origin."""
+        """Raise Refused for a page from another origin; only browsers send an origin."""
         if origin is None or origin in self.origins or _split(origin) in self._own():
             return
         raise Refused(
@@ -53,7 +55,7 @@ class Door(NamedTuple):
         )
 
     def role_of(self, token: str | None) -> str:
-        """Return the role that a token gives. Raises Refused for none and for a wrong one."""
+        """Return the role of a token. Raises Refused for a missing or wrong one."""
         given = (token or "").encode()
         for role, right in self.tokens._asdict().items():
             if secrets.compare_digest(given, right.encode()):
@@ -66,7 +68,7 @@ class Door(NamedTuple):
 
 
 def _split(address: str) -> tuple | None:
-    """Return scheme, host and port of an address, None when it is none or has more to it."""
+    """Return scheme, host and port of an address, None if it is invalid or has other parts."""
     try:
         parts = urlsplit(address)
         port = parts.port or _PORTS.get(parts.scheme)
@@ -78,7 +80,7 @@ def _split(address: str) -> tuple | None:
 
 
 def is_loopback(address: str) -> bool:
-    """Return whether only this machine reaches an address."""
+    """Return whether only this machine can reach an address."""
     if address == "localhost":
         return True
     try:
@@ -88,7 +90,7 @@ def is_loopback(address: str) -> bool:
 
 
 def names_of(address: str, hosts: Sequence[str]) -> tuple[str, ...]:
-    """Return the names by which a bridge on an address may be called."""
+    """Return the allowed names of a bridge on an address."""
     own = () if address in _EVERYWHERE else (address,)
     return tuple(dict.fromkeys(("127.0.0.1", "localhost", "::1", *own, *filter(None, hosts))))
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may hear, send and ask for what. What is not listed here, no browser reaches.
+"""Rights of each role: topics to subscribe and to publish, services to call.
 
-Nobody may publish `setpoint`: what a game wishes goes through `therapy_session`, which bounds it.
+A browser cannot reach anything that is not listed here. No role may publish `setpoint`: the wishes
+of a game pass through `therapy_session`, which limits them.
 Names in the tables are relative to a robot's namespace.
 """
 
@@ -21,9 +22,9 @@ HEARD = {
     name: graph.TOPICS[name].type
     for name in (*_READ, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE)
 }
-"""Topics that the bridge hears, with their types."""
+"""Topics that the bridge subscribes to, with their types."""
 KEPT = (graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE)
-"""Of these each message counts: the last ones are kept, for a page that is opened or reloaded."""
+"""Topics of which the last messages are kept, for a page that is opened or reloaded."""
 SENT = {name: graph.TOPICS[name].type for name in (WISH, ATTENDANCE)}
 """Topics that the bridge publishes, with their types."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"
@@ -54,7 +55,7 @@ _ASKS = {PATIENT: (), THERAPIST: tuple(ASKED)}
 
 
 class Denied(PermissionError):
-    """A client may not do that, or there is no such thing; the message says so."""
+    """The client has no right to that, or it does not exist; the message says which."""
 
 
 class Place(NamedTuple):
@@ -70,7 +71,7 @@ class Place(NamedTuple):
 
 
 class Rights:
-    """What each role may do with the robots of a bridge.
+    """Rights of each role for the robots of a bridge.
 
     robots: their namespaces, with leading /. wishes: whether the patient's token, which otherwise
     only reads, may publish `therapy/wish`; it can be changed at any time.
@@ -121,7 +122,7 @@ class Rights:
         return place, known[place.name]
 
     def _place(self, name: str) -> Place | None:
-        """Return where a name leads; one without a leading / is of the first robot."""
+        """Return the place of a name; a name without a leading / belongs to the first robot."""
         if not name.startswith("/"):
             return Place(self.robots[0], name)
         for robot in self.robots:
@@ -132,7 +133,7 @@ class Rights:
 
 
 def _parameters_in(arguments: dict) -> list[Any]:
-    """Return the names of the parameters that a call of a parameter service is about."""
+    """Return the names of the parameters in a call of a parameter service."""
     (key, named), *more = [*arguments.items(), ("", None)]
     if key not in ("names", "parameters") or len(more) > 1 or not isinstance(named, list):
         raise Denied("one list, names or parameters, is wanted")

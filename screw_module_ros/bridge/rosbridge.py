@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wire: the subset of the rosbridge v2 protocol that games written with roslibjs need.
+"""The wire format: the subset of the rosbridge v2 protocol that roslibjs games need.
 
-Source: ROSBRIDGE_PROTOCOL.md, version 2.1.0, of rosbridge_suite. Understood are subscribe,
-unsubscribe, advertise, unadvertise, publish and call_service; sent are publish, service_response
-and status. JSON alone; no fragments, no compression. A number that is none travels as null.
+Source: ROSBRIDGE_PROTOCOL.md, version 2.1.0, of rosbridge_suite. It reads subscribe, unsubscribe,
+advertise, unadvertise, publish and call_service, and writes publish, service_response and status.
+Only JSON, without fragments or compression. NaN and infinite numbers are written as null.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _DEEPEST = 12  # nesting of a message's content
 
 
 class ProtocolError(ValueError):
-    """What a client sent cannot be understood; the message says what and the way out.
+    """A client's text is invalid; the message names the problem and the way out.
 
-    id: of the operation where it told one, for the answer.
+    id: of the operation if it has one, for the answer.
     """
 
     def __init__(self, text: str, id: str | None = None):
@@ -29,7 +29,7 @@ class ProtocolError(ValueError):
 
 
 class Subscribe(NamedTuple):
-    """Wants a topic's newest message, at most every `throttle` [s]; kind: its type, or empty."""
+    """Request for a topic's newest message, at most every `throttle` [s]; kind: type or empty."""
 
     topic: str
     kind: str
@@ -38,14 +38,14 @@ class Subscribe(NamedTuple):
 
 
 class Unsubscribe(NamedTuple):
-    """Wants a topic no more."""
+    """End of a subscription."""
 
     topic: str
     id: str | None
 
 
 class Advertise(NamedTuple):
-    """Tells that it is going to publish, or (`off`) that it is not any more."""
+    """Announcement that the client will publish, or (`off`) that it stops."""
 
     topic: str
     kind: str

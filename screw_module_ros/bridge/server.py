@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server: pages and websocket on one port, in a thread of its own, so that nobody waits for it.
+"""The server: pages and websocket on one port, in its own thread, so that no other thread waits.
 
-A client that does not read is cut off after `patience`; until then it holds up nobody but itself.
-Nothing is written to a log that could hold a token.
+A client that does not read is disconnected after `patience`; until then it delays only itself. The
+log never contains a token.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _END_S = 3.0
 class Connection:
     """A websocket with its client.
 
-    sending_since_ns: when the text that is being sent was begun, None while nothing is.
+    sending_since_ns: start of the present transmission, None while the server sends nothing.
     """
 
     def __init__(self, socket: web.WebSocketResponse, transport: Any):
@@ -71,7 +71,7 @@ class Server:
     # From other threads --------------------------------------------------------------------
 
     def start(self) -> None:
-        """Listen. Raises OSError or ssl.SSLError in a sentence when that cannot be."""
+        """Listen. Raises OSError or ssl.SSLError if that fails."""
         self._thread.start()
         future = asyncio.run_coroutine_threadsafe(self._listen(), self._loop)
         try:
@@ -94,20 +94,20 @@ class Server:
             self._loop.close()
 
     def look(self) -> None:
-        """Tell that there may be new messages, or that time has passed; cheap without clients."""
+        """Send new messages and check times; call it regularly. Cheap without clients."""
         if self._connections and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._look)
 
     @property
     def address(self) -> str:
-        """Where the pages are, like http://127.0.0.1:8090."""
+        """Address of the pages, like http://127.0.0.1:8090."""
         door, name = self._door, self._listening.address
         name = door.names[0] if name not in door.names else name
         return f"{door.scheme}://{f'[{name}]' if ':' in name else name}:{door.port}"
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """Number of connected clients."""
         return len(self._connections)
 
     # In the server's thread ----------------------------------------------------------------
@@ -153,7 +153,7 @@ class Server:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Callable) -> web.StreamResponse:
-        """Let nobody in who calls us by a foreign name or comes from a foreign page."""
+        """Refuse requests with a foreign host name or from a foreign page."""
         try:
             self._door.check_host(request.headers.get("Host"))
             self._door.check_origin(request.headers.get("Origin"))
@@ -163,13 +163,13 @@ class Server:
             raise web.HTTPForbidden(text=f"{error}\n") from None
 
     async def _configured(self, request: web.Request) -> web.Response:
-        """Tell a page its role, the robots and the protocols; needs a token, like the websocket."""
+        """Return a page's role, robots and protocols; requires a token, like the websocket."""
         role = self._door.role_of(token_in(request.query, request.headers))
         config = {**self._config, "role": role, "wishes": self._rights.wishes or role != "patient"}
         return web.Response(text=json.dumps(config), content_type="application/json")
 
     async def _history(self, request: web.Request) -> web.Response:
-        """Tell a page what was before it was there: /history.json?topic=/therapy/trial."""
+        """Return earlier messages to a page: /history.json?topic=/therapy/trial."""
         role = self._door.role_of(token_in(request.query, request.headers))
         try:
             place, _ = self._rights.hears(role, request.query.get("topic", ""))
@@ -219,13 +219,13 @@ class Server:
                 return
             try:
                 connection.client.take(message.data, self._clock.now_ns())
-                connection.wake.set()  # who has just subscribed is sent what there is
+                connection.wake.set()  # a new subscriber gets the newest message at once
             except CutOff as error:
                 await self._cut_off(connection, str(error))
                 return
 
     async def _cut_off(self, connection: Connection, sentence: str) -> None:
-        """Tell a client why it has to go, as far as it listens, and close."""
+        """Send a client the reason of its disconnection, if it reads, and close."""
         self.cut_off += 1
         self._log(f"cut off a {connection.client.role}'s page: {sentence}")
         socket = connection.socket
@@ -248,13 +248,13 @@ class Server:
                     await connection.socket.send_str(text)
                     connection.sending_since_ns = None
         except ConnectionError:
-            pass  # whoever reads from it notices too
-        except Exception as error:  # a page without news must not look like a robot at rest
+            pass  # the reading task also notices
+        except Exception as error:  # otherwise a page without news looks like a robot at rest
             self._log(f"cut off a {connection.client.role}'s page: {type(error).__name__}: {error}")
             connection.transport.abort()
 
     def _look(self) -> None:
-        """Wake who waits for messages; end who does not read."""
+        """Wake the clients that wait for messages; disconnect those that do not read."""
         now_ns, patience_ns = self._clock.now_ns(), self.limits.patience * 1e9
         for connection in list(self._connections):
             since_ns = connection.sending_since_ns

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two tokens: random, in a file that only its owner can read.
 
-They outlive the bridge's process, so that pages connect again by themselves after it was started
-anew. Without the file, new ones are made.
+They survive the bridge's process, so that pages reconnect after a restart of the bridge. If the
+file is missing, the bridge creates new ones.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class TokenError(OSError):
 
 
 class Tokens(NamedTuple):
-    """One per role; whoever has it has the role."""
+    """One token per role; its owner has the role."""
 
     patient: str
     therapist: str
 
 
 def tokens_in(file: Path) -> Tokens:
-    """Return the tokens of a file, made when it is not there. Raises TokenError."""
+    """Return the tokens of a file; create a missing file. Raises TokenError."""
     try:
         if not file.exists():
             return _made(file)
@@ -48,7 +48,7 @@ def tokens_in(file: Path) -> Tokens:
 def _made(file: Path) -> Tokens:
     if not file.parent.is_dir():
         file.parent.mkdir(parents=True, mode=PRIVATE_FOLDER)
-        file.parent.chmod(PRIVATE_FOLDER)  # whatever the umask leaves
+        file.parent.chmod(PRIVATE_FOLDER)  # independent of the umask
     tokens = Tokens(secrets.token_urlsafe(_BYTES), secrets.token_urlsafe(_BYTES))
     write_private(file, json.dumps(tokens._asdict()).encode())
     _check_private(file)

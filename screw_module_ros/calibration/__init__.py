@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration files: what a module's file holds, the checks on every value, load and save.
+"""Calibration files: content of a module's file, checks of every value, load and save.
 
 module_file          one module's calibration, the file that the nodes load
 module_fields        its keys, ranges and checksum
-friction_file, linearization_file    the two parts that may also be files of their own
+friction_file, linearization_file    the two parts that may also be separate files
 selection            the calibration that a node's parameters name
 yaml_file            YAML of a known format and version, and its identity
 strict_mapping       every key known, taken once and checked

@@ -95,7 +95,7 @@ def _branch_values(branch: FrictionBranch) -> dict[str, Any]:
 
 
 def _check_plausible(section: Section, model: FrictionModel) -> None:
-    """Refuse coefficients that make forces no such module has, each 1 % of the range."""
+    """Refuse coefficients that give implausible forces, checked at each 1 % of the range."""
     for step in range(101):
         z = (model.low + (model.high - model.low) * step / 100.0) / 1000.0
         for speed in (model.ramp_speed, model.fastest):

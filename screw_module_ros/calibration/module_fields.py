@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a module's calibration holds, its keys in the file, their ranges and their checksum.
+"""Content of a module's calibration: keys in the file, their ranges and their checksum.
 
-The file itself is read and written by `module`, which shows it.
+`module_file` shows the file, reads and writes it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _RESIDUAL_RANGES = {
 
 
 class ModuleCalibration(NamedTuple):
-    """What the characterization found for one module.
+    """Result of the characterization of one module.
 
     serial: of the module; date: of the identification, ISO 8601 in UTC with seconds, ending in Z
     or +00:00; software: version of this package; gravity: force that carries the moving parts'
@@ -107,10 +107,10 @@ def read_content(top: Section) -> ModuleCalibration:
 
 
 def content_checksum(calibration: ModuleCalibration) -> str:
-    """Return the SHA-256 of the canonical content (see `module`), in hexadecimal.
+    """Return the SHA-256 of the canonical content (see `module_file`), in hexadecimal.
 
-    Of the tuple instead of the file's keys: each key is read exactly once and unknown ones are
-    refused, so the tuple holds all of the file.
+    It covers the tuple instead of the file's keys: each key is read exactly once and unknown keys
+    are refused, so the tuple holds the whole file.
     """
     values = {"format": FORMAT, "version": VERSION, **content_values(calibration)}
     canonical = json.dumps(_with_doubles(values), sort_keys=True, separators=(",", ":"))

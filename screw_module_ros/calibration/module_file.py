@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of one module: what the characterization found, as one file that the nodes load.
+"""Calibration of one module: the result of the characterization, in one file for the nodes.
 
 ::
 
@@ -16,10 +16,10 @@
     linearization: ...    # the keys of a linearization file without its format and version
     checksum: ...         # 64 hexadecimal digits
 
-The checksum is the SHA-256 of all keys but itself in a canonical form: JSON with the keys sorted at
+The checksum is the SHA-256 of all other keys in a canonical form: JSON with the keys sorted at
 every level, no spaces, ASCII only, and each number as the shortest decimal of its double (`10`,
-`10.0` and `1.0e+1` are one number). Another layout or a comment leaves it as it is, any other value
-changes it. It guards against accidents and edits by hand, not against forgery.
+`10.0` and `1.0e+1` are the same number). Layout and comments do not change it; any change of a
+value does. It protects against accidents and edits by hand, not against forgery.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class CalibrationSettings(NamedTuple):
         str, Setting("calibration file of the module, empty for none")
     ] = ""
     module_serial: Annotated[
-        str, Setting("serial of the module this is, empty when unknown")
+        str, Setting("serial of the connected module, empty when unknown")
     ] = ""
 
 
@@ -73,8 +73,8 @@ def chosen_calibration(
 ) -> ModuleCalibration | None:
     """Return the calibration that the settings name, None for none.
 
-    other, other_file: name and value of the setting for a file with a part of it, which excludes a
-    whole calibration. Raises ModuleCalibrationError.
+    other, other_file: name and value of the setting for a file with a part of the calibration; only
+    one of the two files may be named. Raises ModuleCalibrationError.
     """
     path = settings.calibration_file
     if not path:
@@ -91,8 +91,8 @@ def load_module_calibration(path: str | Path, serial: str) -> ModuleCalibration:
     """Read the calibration of the module with that serial.
 
     Raises ModuleCalibrationError naming file, key, problem and way out: when the file cannot be
-    read or understood, holds a value out of range, was changed after it was written, or belongs to
-    another module; also when serial is empty, since then it might.
+    read or parsed, has a value out of range, was changed after it was written, or belongs to
+    another module. An empty serial is also refused, because the module is then unknown.
     """
     top = read_calibration(path, FORMAT, ModuleCalibrationError, _IDENTIFY)
     noted = top.text("checksum")
@@ -124,10 +124,10 @@ def _check_serial(file: str, written: str, serial: str) -> None:
 
 
 def write_calibration(path: str | Path, calibration: ModuleCalibration) -> ModuleCalibration:
-    """Write a calibration, replacing the file at once or not at all; return what is in it.
+    """Write a calibration atomically; return the calibration with its checksum.
 
-    Values are checked as by the loader; the checksum given is not looked at. Raises
-    ModuleCalibrationError, also when the disk refuses.
+    Values are checked as by the loader; the given checksum is ignored. Raises
+    ModuleCalibrationError, also for an error of the disk.
     """
     given = content_values(calibration)
     checked = read_content(Section(str(path), "", given, ModuleCalibrationError, _NOT_WRITTEN))
@@ -152,7 +152,7 @@ def write_calibration(path: str | Path, calibration: ModuleCalibration) -> Modul
 
 
 def _replace(path: Path, text: str) -> None:
-    """Put text into the file so that at any moment it is the old one or the new one."""
+    """Replace the file's text atomically: at any moment the file is the old or the new one."""
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         with beside.open("w", encoding="utf-8") as file:
@@ -164,6 +164,6 @@ def _replace(path: Path, text: str) -> None:
         beside.unlink(missing_ok=True)
     folder = os.open(path.parent, os.O_RDONLY)
     try:
-        os.fsync(folder)  # else a power failure may bring the old file back
+        os.fsync(folder)  # otherwise a power failure may restore the old file
     finally:
         os.close(folder)

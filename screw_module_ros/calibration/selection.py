@@ -20,7 +20,7 @@ FRICTION_FILE = "params/friction_thesis.yaml"
 class ChosenFriction(NamedTuple):
     """A friction model, its identity, and the module's weight [N] and mass [kg].
 
-    None where weight and mass are not known: then the friction model is not this module's either.
+    Weight and mass are None if unknown: then the friction model is not this module's either.
     """
 
     model: FrictionModel
@@ -29,7 +29,7 @@ class ChosenFriction(NamedTuple):
     mass: float | None = None
 
     def described(self, gravity: float) -> str:
-        """Return the identity, and that another gravity [N] was set by hand."""
+        """Return the identity, with a note if gravity [N] was set by hand."""
         if self.gravity is None or gravity == self.gravity:
             return self.identity
         return f"{self.identity}, gravity {gravity:g} N by hand"
@@ -49,10 +49,10 @@ def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
 
 
 class LinearizationSettings(NamedTuple):
-    """Which linearization the amplifier uses."""
+    """Linearization of the amplifier."""
 
     linearize: Annotated[
-        bool, Setting("undo the amplifier's dead zone around zero (thesis 4.1.1)")
+        bool, Setting("compensate the amplifier's dead zone around zero (thesis 4.1.1)")
     ] = True
     linearization_file: Annotated[
         str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
@@ -63,9 +63,9 @@ class LinearizationSettings(NamedTuple):
 def chosen_linearization(
     settings: CalibrationSettings, own: LinearizationSettings
 ) -> tuple[Linearization | None, str]:
-    """Return the linearization, None where none is wanted, and its identity.
+    """Return the linearization, None if switched off, and its identity.
 
-    A calibration that is not used is checked too. Raises CalibrationError, ValueError.
+    An unused calibration is checked too. Raises CalibrationError, ValueError.
     """
     path = own.linearization_file
     module = chosen_calibration(settings, "linearization_file", path)

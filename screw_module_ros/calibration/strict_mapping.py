@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strict reading of a mapping: every key is known, taken once and checked.
+"""Strict reading of a mapping: every key is known, read once and checked.
 
-A calibration decides forces on a patient, so nothing is guessed: a missing, unknown or doubled key,
-a wrong type, a number that is not finite or a list of the wrong length is refused in one sentence
-that names the file, the key, the problem and the way out.
+A calibration determines forces on a patient, so the reader guesses nothing. It refuses a missing,
+unknown or repeated key, a wrong type, a number that is not finite and a list of the wrong length,
+each with a message that names the file, the key, the problem and the way out.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ class CalibrationError(ValueError):
 
 
 class Section:
-    """One mapping of a calibration file; each reader below takes a key off it exactly once.
+    """One mapping of a calibration file; each method below reads one key exactly once.
 
-    way_out: of every problem in it, in place of the readers' own: a file that a program wrote is
-    not corrected key by key.
+    way_out: of every problem, instead of the methods' own ones: nobody corrects a generated file
+    key by key.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Section:
     def numbers(
         self, key: str, count: int, meaning: str, low: float = -math.inf, high: float = math.inf
     ) -> tuple[float, ...]:
-        """Return the list of exactly count numbers under a key; meaning says what they are."""
+        """Return the list of exactly count numbers under a key; meaning: text for the error."""
         values = self._take(key)
         if not isinstance(values, list):
             self.fail(key, f"a list is needed, found {kind_of(values)}", f"give {meaning}")
@@ -80,7 +80,7 @@ class Section:
         )
 
     def names(self) -> list[str]:
-        """Return the keys not taken yet, for a section whose keys are not fixed."""
+        """Return the keys not read yet, for a section whose keys are not fixed."""
         return [str(key) for key in self._left]
 
     def finish(self) -> None:

@@ -20,7 +20,7 @@ def read_calibration(
 ) -> Section:
     """Return the top mapping of a calibration file after checking its `format` and `version`.
 
-    kind: what its `format` key must say; way_out: see `Section`. Raises `error` when the file
+    kind: required value of the key `format`; way_out: see `Section`. Raises `error` when the file
     cannot be read, is not a YAML mapping, or is of another format or version.
     """
     file = str(path)

@@ -4,6 +4,6 @@
 bus         opens one bus through python-can
 port        one bus with one reader: frames in by identifier, frames out
 udp_bus     `udp_multicast` with less work per frame
-echo        leaves out our own frames that `udp_multicast` hands back
-bus_load    share of the bus that the configured frames take
+echo        drops our own frames that `udp_multicast` returns
+bus_load    share of the bus capacity that the configured frames use
 """

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens one CAN bus through python-can, whatever carries it (design: `can.*` parameters).
+"""Opens one CAN bus through python-can on any interface (design: `can.*` parameters).
 
-`udp_multicast` serves processes of one machine: the hop limit is 0, so no frame ever leaves it, the
-receive buffer is enlarged because bursts overflow the default one, and groups that share a port are
-kept apart. `virtual` works inside one process only (tests). Everything else is hardware.
+`udp_multicast` connects processes of one machine: the hop limit is 0, so no frame leaves it. The
+receive buffer is enlarged, because bursts overflow the default one, and the socket receives its own
+group only. `virtual` works inside one process only (tests). Every other interface is hardware.
 """
 
 from __future__ import annotations
@@ -65,10 +65,10 @@ def open_bus(settings: BusSettings) -> can.BusABC:
 
 
 def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
-    """Open the bus described by `settings` and read it through a `Port`; raises as `open_bus`.
+    """Open the bus described by `settings` and return its `Port`; raises as `open_bus`.
 
-    Simulated time is for simulated buses alone: time that stands still would disarm every guard of
-    a real robot. Raises BusError there.
+    Simulated time works with simulated buses only, because stopped time would disarm every guard of
+    a real robot. With any other bus it raises BusError.
     """
     if clock is not None and clock.simulated and settings.interface not in SIMULATED_INTERFACES:
         raise BusError(
@@ -79,7 +79,7 @@ def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
 
 
 def where(settings: BusSettings) -> str:
-    """Return the bus as messages to the user name it."""
+    """Return the name of the bus for messages to the user."""
     tail = f":{settings.port}" if settings.interface == "udp_multicast" else ""
     return f"{settings.interface} {settings.channel}{tail}"
 
@@ -95,7 +95,7 @@ def _opened(settings: BusSettings) -> can.BusABC:
 
 
 def _tune_multicast(bus: can.BusABC) -> None:
-    """Enlarge the receive buffer and receive no group but our own; both are best effort."""
+    """Enlarge the receive buffer and receive only our own group; both are best effort."""
     # A duplicate descriptor reaches the socket without touching python-can's private fields.
     with socket.socket(fileno=os.dup(bus.fileno())) as duplicate:
         for level, option, value in (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the configured frames cost on the wire, with worst-case bit stuffing (ISO 11898-1).
+"""Bus load of the configured frames, with worst-case bit stuffing (ISO 11898-1).
 
 An encoder, a drive and a force sensor on one bus take 685 bits a tick: 69 % of 1 Mbit/s at 1 kHz.
 """
@@ -15,11 +15,11 @@ WARNING_LOAD = 0.8
 HIGHEST_LOAD = 1.0
 
 _FRAME_BITS = 47  # 11-bit identifier, no data: SOF to EOF 44, intermission 3
-_STUFFED_BITS = 34  # of those, the ones bit stuffing covers: SOF to the end of the CRC
+_STUFFED_BITS = 34  # those subject to bit stuffing: SOF to the end of the CRC
 
 
 class Traffic(NamedTuple):
-    """One kind of frame: what it is, its data bytes and how often it is sent [1/s]."""
+    """One kind of frame: name, data bytes and rate [1/s]."""
 
     name: str
     data_bytes: int
@@ -27,9 +27,9 @@ class Traffic(NamedTuple):
 
 
 def frame_bits(data_bytes: int) -> int:
-    """Return the bits of a classical frame with an 11-bit identifier, stuffed as badly as can be.
+    """Return the bits of a classical frame with an 11-bit identifier and worst-case stuffing.
 
-    Raises ValueError when a classical frame cannot carry so many data bytes.
+    Raises ValueError when a classical frame cannot carry this number of data bytes.
     """
     if not 0 <= data_bytes <= 8:
         raise ValueError(f"data_bytes = {data_bytes}: a classical CAN frame carries 0 to 8")

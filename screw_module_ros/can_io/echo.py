@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Own frames that python-can's `udp_multicast` hands back to their sender.
+"""Drops our own frames, which python-can's `udp_multicast` returns to their sender.
 
-Each costs as much to read as a device's answer and wakes the loop, and there are as many. The
-receiver replaces the time stamp in a datagram by the kernel's, so our own stamp in it is free to
-mark it, at a fixed place: a socket filter drops what bears the mark. Where that does not work the
-frames are marked in their channel field and counted: an echo is the first frame to come back for
-each one sent, so a device that returns our frame, mark and all, as its reply is still received.
-Drivers and the simulated rig share this file: it knows sockets, no device.
+An echo costs as much to read as a device's answer and wakes the loop, and there are as many echoes
+as answers. The receiver replaces the time stamp in a datagram by the kernel's, so the sender is
+free to use that field, at a fixed place, as a mark: a socket filter drops datagrams with our mark.
+If socket filters do not work, the channel field carries the mark and echoes are counted: for each
+frame sent, the first one that returns is the echo. So a device's reply that copies our frame, mark
+included, is still received. Drivers and the simulated rig share this file; it depends on no device.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _UDP_HEADER_BYTES = 8
 
 
 class EchoFilter:
-    """Marks what one bus sends and recognises it when it comes back.
+    """Marks the frames that one bus sends and recognises their echoes.
 
-    in_kernel: own frames never arrive, so that `is_echo` need not be asked.
+    in_kernel: the kernel drops the echoes, so `is_echo` is not needed.
     """
 
     def __init__(self, bus: can.BusABC):
@@ -50,12 +50,12 @@ class EchoFilter:
             self._due[can_id] = self._due.get(can_id, 0) + 1
 
     def unmark(self, can_id: int) -> None:
-        """Take one mark back: the frame was not sent."""
+        """Undo one `mark`: the frame was not sent."""
         if not self.in_kernel:
             self._due[can_id] -= 1
 
     def is_echo(self, message: can.Message) -> bool:
-        """Return whether a frame received is one of our own, come back."""
+        """Return whether a received frame is the echo of one of our own."""
         if message.channel != self._tag:
             return False
         due = self._due.get(message.arbitration_id, 0)
@@ -65,14 +65,14 @@ class EchoFilter:
 
 
 def own_stamp() -> float:
-    """Return a time stamp for the frames of one bus: finite, about 1e298, unlike any clock's."""
+    """Return a mark for the frames of one bus: a finite time stamp of about 1e298."""
     return struct.unpack(">d", b"\x7e" + os.urandom(7))[0]
 
 
 def drop_own_frames(bus: can.BusABC, stamp: float) -> bool:
-    """Let the kernel drop what `bus` receives with `stamp` on it; return whether it will.
+    """Make the kernel drop frames with `stamp` that `bus` receives; return whether it does.
 
-    False, without any effect, for other interfaces and where socket filters do not work.
+    Returns False, without any effect, for other interfaces and if socket filters do not work.
     """
     if not isinstance(bus, UdpMulticastBus):
         return False
@@ -80,7 +80,7 @@ def drop_own_frames(bus: can.BusABC, stamp: float) -> bool:
 
 
 def _works(stamp: float) -> bool:
-    """Try the filter on a pair of sockets of our own: some kernels take it and ignore it."""
+    """Test the filter on a pair of sockets: some kernels accept a filter and ignore it."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,
@@ -100,7 +100,7 @@ def _works(stamp: float) -> bool:
 
 
 def _attach(descriptor: int, stamp: float) -> bool:
-    """Let the kernel drop datagrams with `stamp` in them; return whether it takes the filter."""
+    """Make the kernel drop datagrams with `stamp`; return whether it accepts the filter."""
     wanted = struct.pack(">d", stamp)
     marked = pack_message(can.Message(stamp, 0, is_extended_id=False))
     at = _UDP_HEADER_BYTES + marked.find(wanted)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong with a bus; `devices/errors.py` has the whole tree of a device's errors."""
+"""Errors of a bus; `devices/errors.py` shows the whole tree of device errors."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ class DeviceError(Exception):
 
 
 class BusError(DeviceError):
-    """The bus cannot be opened or has failed. Example: a cable out, a wrong channel, bus off."""
+    """The bus cannot be opened or has failed. Example: unplugged cable, wrong channel, bus off."""
 
 
 class BusOverload(DeviceError):
-    """The frames to be sent per second do not fit on the bus at its bit rate."""
+    """The configured frames exceed the capacity of the bus at its bit rate."""

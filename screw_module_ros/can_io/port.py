@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One CAN bus with one reader: frames in by identifier, frames out, own echoes left out.
+"""One CAN bus with one reader: dispatches frames by identifier, sends frames, drops echoes.
 
-A realtime loop owns the reading through `pump`. Blocking conversations (SDO) run in other threads
-and get their answers through that same loop; where no loop pumps, `wait_for` does it meanwhile.
+A realtime loop reads the bus with `pump`. Blocking transfers (SDO) run in other threads and get
+their answers through the same loop; if no loop pumps, `wait_for` pumps itself.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .errors import BusError
 Callback = Callable[[bytes, int], None]
 
 SYNC_ID = 0x80
-#: A babbling device must not keep the loop inside one pump for ever.
+#: Frames per pump at most, so that a device that floods the bus cannot block the loop.
 MAX_FRAMES_PER_PUMP = 256
 _BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
 _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
@@ -53,9 +53,8 @@ class PortCounters:
 class Port:
     """One CAN bus, one reader.
 
-    bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC
-    is a mistake. name: how messages to the user call the bus. clock: what arrivals are
-    stamped with and waits are measured by.
+    bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC is
+    an error. name: name of the bus in messages. clock: clock of arrival stamps and waits.
     """
 
     def __init__(
@@ -88,7 +87,7 @@ class Port:
     def send(self, can_id: int, data: bytes) -> None:
         """Send one classical frame with an 11-bit identifier; safe from any thread.
 
-        Raises BusError when the bus does not take it (bus off, cable, full buffer).
+        Raises BusError when the bus does not accept it (bus off, cable, full buffer).
         """
         message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
         if self._marks:
@@ -137,7 +136,7 @@ class Port:
             self._callbacks.pop(can_id, None)
 
     def pump(self, until_ns: int = 0) -> int:
-        """Wait until `until_ns` [ns] at most for a frame, then dispatch all that wait; 0 = no wait.
+        """Wait at most until `until_ns` [ns] for a frame, then dispatch all; 0 = no wait.
 
         Returns the number of frames, own echoes not counted. Raises BusError when the bus failed.
         """
@@ -212,10 +211,10 @@ class Port:
     # -- waiting: not for the realtime loop ------------------------------------------------------
 
     def wait_for(self, ready: Callable[[], object], timeout_s: float) -> bool:
-        """Block until `ready()` or for `timeout_s` [s]; return whether it came to that.
+        """Block until `ready()`, for `timeout_s` [s] at most; return whether it became ready.
 
-        Frames come in through the loop that pumps this port; where none does, this pumps. Raises
-        BusError when the bus fails meanwhile.
+        The loop that pumps this port receives the frames; without such a loop this method pumps.
+        Raises BusError when the bus fails meanwhile.
         """
         clock = self.clock
         deadline_ns = clock.now_ns() + round(timeout_s * 1e9)
@@ -224,7 +223,7 @@ class Port:
             if now_ns >= deadline_ns:
                 return False
             slice_ns = min(deadline_ns, now_ns + _SLICE_NS)
-            # A lock is not fair: taken again at once, it would keep the loop out for all the time.
+            # A lock is not fair: taking it again at once would block the loop all the time.
             if self._loop_waits or now_ns - self._pumped_ns < _LOOP_IS_ALIVE_NS:
                 clock.sleep_until(slice_ns)
             elif self._reading.acquire(timeout=_LOCK_S):
@@ -235,9 +234,9 @@ class Port:
         return True
 
     def heard(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
-        """Listen for `listen_s` [s]; return the first identifier whose test a frame passes.
+        """Listen for `listen_s` [s]; return the identifier of the first frame that passes its test.
 
-        Where this process produces SYNC, any SYNC received counts too.
+        If this process produces SYNC, any received SYNC counts too.
         """
         found: list[int] = []
 
@@ -256,7 +255,7 @@ class Port:
         return found[0] if found else None
 
     def fileno(self) -> int:
-        """Return the descriptor to wait on, -1 where the interface has none."""
+        """Return the file descriptor to wait on, -1 if the interface has none."""
         try:
             return self.bus.fileno()
         except NotImplementedError:
@@ -273,7 +272,7 @@ class Port:
 
 
 class _Network(canopen.Network):
-    """What canopen's clients need of a network, carried by a Port."""
+    """The part of canopen's network that its clients use, on top of a Port."""
 
     def __init__(self, port: Port):
         super().__init__()

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""python-can's `udp_multicast` with less work per frame, the same datagrams on the wire.
+"""python-can's `udp_multicast` with less work per frame and the same datagrams on the wire.
 
-A robot of five processes moves some ten frames a millisecond, each sent by one and read by another.
-It leaves out what no receiver uses of a frame: the kernel's receive time (ports stamp with
-CLOCK_MONOTONIC), a poll before each read, building the same map for each frame sent. Everything
-unusual (extended, remote, error, FD frames, foreign datagrams) goes the way of the base class.
+A robot of five processes exchanges about ten frames a millisecond. This class omits three costs:
+the kernel's receive time (ports stamp with CLOCK_MONOTONIC), a poll before each read, and a new map
+for each frame sent. The base class handles everything unusual: extended, remote, error and FD
+frames, foreign datagrams.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _LONGEST_DATA = 8
 _DATA_KEY = b"\xa4data\xc4"  # msgpack: the key, then the mark of up to 255 bytes
 _MOST_TEMPLATES = 256
 _MARKS = tuple(struct.unpack(">d", b"\x7e" + byte * 7)[0] for byte in (b"\0", b"\xff"))
-"""Time stamps that no clock shows: our own senders mark their frames with one each (see `echo`)."""
+"""Time stamps that no clock shows: each of our senders marks its frames with one (see `echo`)."""
 
 
 class LeanUdpBus(UdpMulticastBus):
-    """`can.interface.udp_multicast`, leaner; see there for the arguments.
+    """A faster `can.interface.udp_multicast`; see there for the arguments.
 
-    members_bus: what both ends call it. members_frames: frames read so far that another process of
-    this project sent; simulated time waits for these.
+    members_bus: name of the bus, the same at both ends. members_frames: number of frames read that
+    another process of this project sent; simulated time waits for these.
     """
 
     def __init__(self, channel: str, port: int = 43113, **kwargs):
@@ -49,7 +49,7 @@ class LeanUdpBus(UdpMulticastBus):
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """Return the next frame, None when there is none within `timeout` [s].
 
-        Raises can.CanOperationError for a failing socket or a datagram that is no frame.
+        Raises can.CanOperationError for a failing socket or a datagram that is not a frame.
         """
         try:
             if timeout != 0.0 and not select.select(self._waitable, (), (), timeout)[0]:
@@ -77,11 +77,11 @@ class LeanUdpBus(UdpMulticastBus):
                 dlc=fields["dlc"],
                 data=fields["data"],
             )
-        except Exception as error:  # whatever a stranger's datagram makes of the decoder
+        except Exception as error:  # a foreign datagram can raise anything in the decoder
             raise can.CanOperationError("could not unpack received message") from error
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send `msg`; raises can.CanOperationError when the socket does not take it."""
+        """Send `msg`; raises can.CanOperationError when the socket does not accept it."""
         if msg.is_extended_id or msg.is_remote_frame or msg.is_error_frame or msg.is_fd:
             super().send(msg, timeout)
             return
@@ -104,14 +104,14 @@ class LeanUdpBus(UdpMulticastBus):
 
 
 def _template(msg: can.Message) -> tuple[bytes, bytes]:
-    """Return what stands before and after the data bytes in the datagram of `msg`."""
+    """Return the parts of `msg`'s datagram before and after the data bytes."""
     datagram = pack_message(msg)
     begin = datagram.index(_DATA_KEY) + len(_DATA_KEY) + 1
     return datagram[:begin], datagram[begin + len(msg.data) :]
 
 
 def _is_plain(fields: dict) -> bool:
-    """Return whether this is a classical data frame with an 11-bit identifier, and whole."""
+    """Return whether this is a complete classical data frame with an 11-bit identifier."""
     if (
         fields["is_extended_id"]
         or fields["is_remote_frame"]

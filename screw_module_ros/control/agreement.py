@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two measurements of one motion must agree: the encoder, and the position the drive reports.
+"""Compares two measurements of one motion: the encoder, and the position that the drive reports.
 
-A frozen or slipping encoder looks plausible by itself: the spring then pulls with a constant force
-and no damping. The drive's own position (CiA 402 object 6064) has no home, so only the change of
-the difference counts. Both are metres by parameters of their own nodes, `lead` and
-`counts_per_turn`: where these are not the same screw's, the two part in proportion to the travel,
-and that is said.
+A frozen or slipping encoder alone looks plausible, but the spring then pulls with a constant force
+and without damping. The drive's position (CiA 402 object 6064) has no home, so the check uses only
+the change of the difference. Each node converts counts to metres with its own `lead` and
+`counts_per_turn`. If the two nodes describe different screws, the positions diverge in proportion
+to the travel; the message then names these parameters.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting
 
-_SKEW = 0.04  # [s], age that the slower of the two may have: a state message at 100 Hz is 25 ms
+_SKEW = 0.04  # [s] largest age of the slower one; a state message at 100 Hz is up to 25 ms old
 
 
 class AgreementSettings(NamedTuple):
@@ -30,22 +30,22 @@ class Agreement:
     def __init__(self, settings: AgreementSettings):
         """Start without a reference."""
         self._settings = settings
-        self._from: tuple[float, float] | None = None  # encoder and drive at the start [m]
+        self._reference: tuple[float, float] | None = None  # encoder and drive at the start [m]
         self._apart_since_ns: int | None = None
 
     def restart(self) -> None:
-        """Take the next pair as the new reference: after homing and after a restart of either."""
-        self._from = self._apart_since_ns = None
+        """Take the next pair as the new reference; call it after homing and after a restart."""
+        self._reference = self._apart_since_ns = None
 
     def check(self, encoder: float, drive: float, velocity: float, now_ns: int) -> str | None:
         """Return why the two positions [m] disagree at now_ns [ns], or None.
 
-        velocity: by the encoder [m/s]; the two measurements may be 40 ms apart. Values that are not
-        finite disagree.
+        velocity: from the encoder [m/s]. The two measurements may be 40 ms apart. Values that are
+        not finite count as a disagreement.
         """
-        if self._from is None:
-            self._from = encoder, drive
-        moved, drive_moved = encoder - self._from[0], drive - self._from[1]
+        if self._reference is None:
+            self._reference = encoder, drive
+        moved, drive_moved = encoder - self._reference[0], drive - self._reference[1]
         difference = moved - drive_moved
         if abs(difference) <= self._settings.tolerance + abs(velocity) * _SKEW:
             self._apart_since_ns = None
@@ -59,7 +59,7 @@ class Agreement:
         )
 
     def _cause(self, encoder: float, drive: float) -> str:
-        """Return which parameter explains two travels [m] that are both real but differ."""
+        """Return the parameter that explains why two real travels [m] differ."""
         least = self._settings.tolerance
         if abs(encoder) < least or abs(drive) < least:
             return ""

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Chatter guard: takes the force gain back when the handle force shakes (thesis 6.4.3, 7.1).
+"""Chatter guard: reduces the force gain when the handle force oscillates (thesis 6.4.3, 7.1).
 
-No force gain is stable against everything that may hold the handle. Shaking faster than a hand can
-is the sign: when the rms of the handle force above `CORNER` stays over the limit for `LASTING`,
-longer than the jolt of a reversal lasts, the share of the force gain that remains falls to nothing
-within `FALL`; the law puts a damper in its place. It comes back in `RETURN`, but only to a
-part of the share at which the shaking began; that ceiling is forgotten in `FORGET`, so that a
-contact that cannot be stable at full gain is met below it, and not anew every few seconds.
+No force gain is stable against every load on the handle. An oscillation faster than a hand can move
+shows the instability: when the rms of the handle force above `CORNER` exceeds the limit for
+`LASTING`, which is longer than the jolt of a reversal, the share of the force gain falls to zero
+within `FALL`, and the law replaces it by a damper. The share returns within `RETURN`, but only up
+to a ceiling, a part of the share at which the oscillation began. The ceiling rises again with the
+time constant `FORGET`. So a contact that is unstable at full gain does not oscillate every few
+seconds.
 """
 
 from __future__ import annotations
@@ -29,9 +30,12 @@ QUIET = 0.5  # of the limit: below it the shaking is over
 
 
 class GuardState(NamedTuple):
-    """share: of the force gain that remains, 0 to 1; ceiling: to which it may return; tripped:
-    shaking now; above: how long the rms has been over the limit, times how far [s]; mean_square
-    [N^2]; first, second: low passes whose complement is the high pass."""
+    """Memory of the guard.
+
+    share: of the force gain that remains, 0 to 1; ceiling: largest share to which it may return;
+    tripped: the force oscillates now; above: time over the limit, weighted by the excess [s];
+    mean_square [N^2]; first, second: low passes whose complement is the high pass.
+    """
 
     share: float
     ceiling: float
@@ -48,14 +52,14 @@ QUIET_GUARD = GuardState(
 
 
 def damper_share(state: GuardState) -> float:
-    """Return the weight of the damper, 0 to 1: full while nothing is left, none at the ceiling."""
+    """Return the weight of the damper: 1 while the share is zero, 0 when it is at the ceiling."""
     if state.share >= state.ceiling:
         return 0.0
     return 1.0 - state.share / state.ceiling
 
 
 def guarded(share: float) -> str:
-    """Return what the guard has to say when it leaves a share of the force gain, 0 to 1."""
+    """Return the operator's message for a remaining share of the force gain, 0 to 1."""
     return (
         f"chatter guard: the handle force shakes, {100.0 * share:.0f} % of feedback and friction "
         "model are left, a damper is in their place; hold the handle otherwise, or lower the gain"
@@ -71,7 +75,7 @@ def guard_step(state: GuardState, force: float, limit: float, dt: float) -> Guar
     mean_square = state.mean_square
     mean_square += (rapid * rapid - mean_square) * min(1.0, dt / WINDOW)
     rms = math.sqrt(mean_square)
-    # Harder shaking is believed sooner: what grows by itself must not get far.
+    # A stronger oscillation trips the guard sooner, because an instability must not grow.
     above = state.above + dt * rms / limit if rms > limit else 0.0
     tripped = rms > QUIET * limit if state.tripped else above > LASTING
     ceiling = clamp(state.ceiling + dt / FORGET, 0.0, 1.0)

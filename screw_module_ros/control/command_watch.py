@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plausibility of force commands where they are turned into torque (design section 6).
+"""Plausibility of force commands at the amplifier (design section 6).
 
-The amplifier trusts no controller: a command is acted upon only when it is new, finite and not
-beyond what any controller of this robot may ask. Its age is the business of `gate`.
+The amplifier does not trust the controller. It accepts a command only when the command is new,
+finite and within the range of this robot's controllers. `gate` checks the age of the command.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from .stream import Stream
 
 
 class CommandWatch:
-    """Order, stamp and size of the force commands; all times are passed in."""
+    """Checks order, stamp and size of the force commands; all times are passed in."""
 
     def __init__(self, period_ns: int, largest_force: float):
-        """Start with nothing seen: period of the commands [ns], largest force believed [N]."""
+        """Start without a command: period of the commands [ns], largest plausible force [N]."""
         self._stream = Stream("force command", period_ns)
         self._largest = largest_force
         self._fault = ""
@@ -26,11 +26,11 @@ class CommandWatch:
 
     @property
     def newest_ns(self) -> int:
-        """Return the acquisition [ns] of the sample the newest command answers; 0 = none yet."""
+        """Return the acquisition time [ns] behind the newest command; 0 = none yet."""
         return self._stream.monotonic_ns if self._stream.seen else 0
 
     def accept(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
-        """Return whether the command seen at now_ns [ns], force [N], may be acted upon."""
+        """Return whether to accept the command received at now_ns [ns], force [N]."""
         newer = self._stream.accept(sequence, monotonic_ns, now_ns)
         self._fault = self._fault or self._stream.fault  # also of one that is newer
         if not newer:

@@ -1,20 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A joint position that stands still while it cannot: the planar joints have one sensor each.
+"""Finds a frozen position sensor of a planar joint, which has one sensor only.
 
-The vertical axis compares two sensors (`agreement`); a planar joint has its drive's position alone.
-But it is light and direct-driven: what the motor and the hand do to it must move it, unless they
-balance. So the check adds up the time during which the net torque, commanded plus hand's, is more
-than friction and errors can hold while the position stays *the same to the last count*; a change by
-one count takes all doubt away. A handle at rest, a set point out of reach behind a hand that holds
-against it, a wall at the handle: in all of these the net torque is small, the sum does not grow.
+The vertical axis compares two sensors (`agreement`); a planar joint has only its drive's position.
+But the joint is light and direct-driven: the torques of motor and hand move it unless they balance.
+The check adds up the time during which the net torque (command plus hand) exceeds friction and
+sensor errors while the position stays *the same to the last count*. A change by one count resets
+the sum. The sum does not grow when the net torque is small: a handle at rest, a hand that holds
+against a set point out of reach, a wall at the handle.
 
-What it does not see. Where the hand's force is not known it judges nothing. Motion that takes less
-net torque than `freeze_torque` (slow, even motion along with a constant force) cannot be
-distinguished from rest; a sensor that sticks and jumps on within `freeze_time` of doubt, that
-drifts or has a wrong scale is not found either. Something that blocks a link elsewhere than at the
-handle looks frozen too, which errs to the safe side; at the ends of the joints' range, where their
-stops are near, nothing is judged. The sensor's axes are taken to be those of `manus_base`, as
-everywhere in the plane.
+Limits of the check. Without a known hand force it does not judge. It cannot distinguish rest from
+motion that needs less net torque than `freeze_torque` (slow, even motion with a constant force). It
+does not find a sensor that sticks for less than `freeze_time`, drifts or has a wrong scale. A link
+that something blocks elsewhere than at the handle also looks frozen; that errs on the safe side.
+Near the joints' stops the check does not judge. It takes the sensor's axes as those of
+`manus_base`, as everywhere in the plane.
 """
 
 from __future__ import annotations
@@ -67,13 +66,13 @@ def freeze_step(
 def hand_torques(
     shoulder: float, elbow: float, fx: float, fy: float, arm: PlanarArm = MANUS
 ) -> tuple[float, float]:
-    """Return what a force on the handle [N] does to both joints [Nm]: J^T F, angles in rad."""
+    """Return the torques of a handle force [N] at both joints [Nm]: J^T F, angles in rad."""
     x_s, x_e, y_s, y_e = jacobian(shoulder, elbow, arm)
     return x_s * fx + y_s * fy, x_e * fx + y_e * fy
 
 
 def clear_of_stops(settings: PlanarSettings, shoulder: float, elbow: float) -> bool:
-    """Return whether both joints [rad] are within their range, where no stop can hold them."""
+    """Return whether both joints [rad] are within their range, where no stop touches them."""
     return (
         settings.shoulder_low < shoulder < settings.shoulder_high
         and settings.elbow_low < elbow < settings.elbow_high

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction model of the screw module (thesis 5.2.5); `calibration.friction_file` reads its file.
 
-The thesis fits the force that pushes the handle at a constant speed, gravity included, upward and
-downward apart: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2
+The thesis fits the force that pushes the handle at a constant speed, gravity included, separately
+for up and down: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2
 the ripple of one cycle per turn, Fv the speed factor. The 10 N of gravity belong to the
 controller's gravity term; `friction_force` is the friction alone, Fv (Fp1 + Fp2 - 10 N).
 
-Three things are ours. Position is held within the fitted range and speed below the fastest
-measured one: the polynomials are never extrapolated. And below `ramp_speed` the speed factor goes
-to zero in a straight line instead of as |v|^0.15, whose slope at rest is infinite: one encoder
-count moves the filtered velocity by up to 0.18 mm/s (count / time constant of the 30 Hz filter),
-which the power law would answer with half of the friction. With 2 mm/s the largest answer to one
-count is 0.18 / 2 x 0.9 x 14.8 N (the mean friction at the top), 1.2 N, and above it the thesis's
-model holds unchanged.
+Three things differ from the thesis. The position is clamped to the fitted range and the speed to
+the fastest measured one, so that the polynomials are never extrapolated. Below `ramp_speed` the
+speed factor falls linearly to zero instead of as |v|^0.15, whose slope at rest is infinite: one
+encoder count moves the filtered velocity by up to 0.18 mm/s (count / time constant of the 30 Hz
+filter), and the power law would turn that into half of the friction. With a ramp of 2 mm/s one
+count changes the force by at most 0.18 / 2 x 0.9 x 14.8 N (the mean friction at the top) = 1.2 N.
+Above the ramp the thesis's model is unchanged.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ class FrictionModel(NamedTuple):
 
 
 def friction_force(model: FrictionModel, position: float, velocity: float) -> float:
-    """Return the force to add so that friction is made up for [N], gravity excluded.
+    """Return the force that compensates friction [N], without gravity.
 
-    position [m], velocity [m/s], up positive. The force has the direction of motion or is zero, and
-    goes continuously through zero with the velocity.
+    position [m], velocity [m/s], up positive. The force acts along the motion and passes
+    continuously through zero with the velocity.
     """
     speed = abs(velocity) * 1000.0
     z = clamp(position * 1000.0, model.low, model.high)
@@ -76,7 +76,7 @@ def friction_force(model: FrictionModel, position: float, velocity: float) -> fl
 
 
 def _held_speed(model: FrictionModel, branch: FrictionBranch, z: float) -> float:
-    """Return Fp1 + Fp2 at z [mm]: the mean force that holds a speed, gravity included [N]."""
+    """Return Fp1 + Fp2 at z [mm]: the mean force at constant speed, gravity included [N]."""
     angle = 2.0 * math.pi / model.lead * z + model.phase
     sine = math.sin(angle) if z > branch.flip_below else -math.sin(angle)
     return _polynomial(branch.trend, z) + _polynomial(branch.ripple, z) * sine

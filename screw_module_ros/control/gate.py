@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Permission for torque at the drive (design section 6): what must hold so that any may pass.
+"""The gate before the drive: the conditions under which torque may pass (design section 6).
 
-Torque passes only after an explicit `enable`, while commands are fresh, while a fresh safety_state
-permits it, and while the drive is in operation enabled. Anything else closes the gate, and nothing
-but another `enable` opens it. An exit that was not commanded stays latched until `clear`. When the
-gate opens, the torque ramps in.
+Torque passes only after an explicit `enable`, while commands are fresh (at most `command_periods`
+old), while a fresh safety_state permits it, and while the drive is in operation enabled. Anything
+else closes the gate, and only another `enable` opens it. A closing without a request stays
+latched until `clear`. When the gate opens, the torque ramps in.
 
-The maths is time passed in and numbers passed out; `enable`, `disable`, `clear` are the services.
+The functions take times as arguments; the services call `enable`, `disable` and `clear`.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ LONGEST_STEP_NS = 20_000_000  # a longer pause counts as this one in the ramp
 
 
 class GateSettings(NamedTuple):
-    """How fresh things must be and how slowly torque comes."""
+    """Largest ages of command and permission; duration of the torque's ramp."""
 
     command_periods: Annotated[
         float, Setting("age of the newest command that closes the gate", "periods", 2.0, 1000.0)
@@ -64,7 +64,7 @@ class GateSettings(NamedTuple):
 
 
 class GateInput(NamedTuple):
-    """What the gate sees at one tick, times on CLOCK_MONOTONIC [ns], 0 = never.
+    """Inputs of the gate at one tick, times on CLOCK_MONOTONIC [ns], 0 = never.
 
     now_ns; command_ns: of the newest command; period_ns: between commands; safety_ns: arrival of
     the newest safety_state; permitted: what it said; drive_enabled: in operation enabled now, by a
@@ -81,11 +81,11 @@ class GateInput(NamedTuple):
 
 
 class GateState(NamedTuple):
-    """The gate: what to do and what to remember.
+    """State of the gate.
 
     phase: OPEN lets torque pass, OPENING asks the drive to enable, CLOSED to disable;
     scale: factor on the torque, 0 to 1, 0 unless OPEN; reason: code in REASONS; latched: `clear` is
-    needed before `enable`; since_ns: begin of the phase [ns]; last_ns: last tick [ns].
+    needed before `enable`; since_ns: start of the phase [ns]; last_ns: last tick [ns].
     """
 
     phase: int
@@ -118,7 +118,7 @@ def gate_step(settings: GateSettings, state: GateState, inp: GateInput) -> GateS
 
 
 def enable(settings: GateSettings, state: GateState, inp: GateInput) -> tuple[GateState, str]:
-    """Return the gate after an explicit wish to enable, and why that was refused, else empty.
+    """Return the gate after a request to enable, and why it was refused, empty if it was not.
 
     An open or opening gate stays as it is.
     """
@@ -134,14 +134,14 @@ def enable(settings: GateSettings, state: GateState, inp: GateInput) -> tuple[Ga
 
 
 def disable(state: GateState, now_ns: int) -> GateState:
-    """Return the gate closed on request; what is latched stays latched."""
+    """Return the gate closed on request; a latch stays."""
     if state.phase == CLOSED:
         return state
     return GateState(CLOSED, 0.0, NOT_ENABLED, False, now_ns, now_ns)
 
 
 def clear(state: GateState) -> GateState:
-    """Return the gate with its latch cleared; it stays closed. An open gate stays as it is."""
+    """Return the gate with its latch cleared but still closed. An open gate stays as it is."""
     if state.phase != CLOSED:
         return state
     return GateState(CLOSED, 0.0, NOT_ENABLED, False, state.since_ns, state.last_ns)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Limits every command passes: force, rate, speed, ends of travel, motor torque.
+"""Limits that every command passes: force, rate, speed, ends of travel, motor torque.
 
-All are continuous, so that none of them can chatter, and all only ever take force away from what
-asks for more, or push inward: none drives outward by itself.
+All limits are continuous, so that none can chatter. Each either reduces a force or pushes inward;
+none drives the handle outward.
 """
 
 from __future__ import annotations
@@ -14,17 +14,16 @@ from ..settings import Setting
 
 
 class CommandLimits(NamedTuple):
-    """Largest force commands, everything in them: impedance, weight, friction and feedback.
+    """Largest force commands, sums of impedance, weight, friction and feedback.
 
-    What the robot presses on the hand is limited in the law, by 65 N up and 45 N down of spring and
-    damper (thesis 2.1.1); what it takes to carry 10 N of weight and to overcome 10 to 20 N of
-    friction comes on top. These limits are for what goes wrong, so controller and amplifier both
-    have them, by the same names.
+    The law limits the force on the hand: 65 N up and 45 N down of spring and damper (thesis 2.1.1).
+    The command also carries 10 N of weight and overcomes 10 to 20 N of friction. The limits here
+    catch faults, so controller and amplifier both have them, under the same names.
 
-    command_rate is the amplifier's own. The controller's `force_rate`, 2000 N/s, is a limit of its
-    law; twice that lets every step of it pass, also where commands come with half a period of
-    jitter, and holds what a foreign sender or a defect in a controller may do to 4 N a millisecond.
-    Zero is not held back.
+    Only the amplifier has command_rate. The controller's law changes its force by at most
+    `force_rate`, 2000 N/s. Twice that passes every step of the law, also with half a period of
+    jitter, and limits a foreign sender or a defective controller to 4 N a millisecond. A command of
+    zero passes at once.
     """
 
     command_up: Annotated[
@@ -41,13 +40,13 @@ class CommandLimits(NamedTuple):
 class TorqueLimits(NamedTuple):
     """Motor torque limits (thesis 3.1.6: 0.42 Nm continuous).
 
-    The copper loss goes with the square of the torque. `heat` is that square through a first-order
-    lag; the peak torque is allowed until the heat nears what the continuous torque makes, then the
-    limit comes down smoothly to the continuous torque. Twice the continuous torque as peak is our
-    choice: the largest command of 95 N needs 0.29 Nm.
+    The copper loss is proportional to the square of the torque. `heat` is that square through a
+    first-order lag. The peak torque is allowed until the heat approaches that of the continuous
+    torque; then the limit falls smoothly to the continuous torque. The default peak, twice the
+    continuous torque, is our choice: the largest command of 95 N needs 0.29 Nm.
     """
 
-    continuous: Annotated[float, Setting("torque that may stand for ever", "Nm", 1e-3, 100.0)] = (
+    continuous: Annotated[float, Setting("continuous torque", "Nm", 1e-3, 100.0)] = (
         0.42
     )
     peak: Annotated[float, Setting("torque that is never exceeded", "Nm", 1e-3, 100.0)] = 0.84
@@ -61,22 +60,22 @@ _FOLDBACK_SHARE = 0.25
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """Return value held within low..high (same unit); NaN passes, so check for it before."""
+    """Return value clamped to low..high (same unit); NaN passes, so check for it before."""
     return low if value < low else (high if value > high else value)
 
 
 def slew(previous: float, target: float, step: float) -> float:
-    """Return target, held within +-step of previous (same unit)."""
+    """Return target, clamped to previous +-step (same unit)."""
     return clamp(target, previous - step, previous + step)
 
 
 def limit_speed(
     force: float, velocity: float, speed_limit: float, speed_band: float, damping: float
 ) -> float:
-    """Return the force [N] with which the handle does not run away.
+    """Return the force [N] limited so that the handle does not run away.
 
-    Above speed_limit [m/s] the force in the direction of motion fades, to nothing speed_band [m/s]
-    further up, and damping [Ns/m] acts on the excess speed.
+    Above speed_limit [m/s] the force in the direction of motion fades; it is zero at speed_limit +
+    speed_band [m/s]. damping [Ns/m] acts on the excess speed.
     """
     excess = abs(velocity) - speed_limit
     if excess <= 0.0:
@@ -90,11 +89,11 @@ def limit_speed(
 def soft_stop(
     force: float, position: float, low: float, high: float, zone: float, stiffness: float
 ) -> float:
-    """Return the force [N] with the ends of travel in mind.
+    """Return the force [N] limited near the ends of travel.
 
     low, high: ends of travel [m]; zone: length of the soft stop inside each end [m]; stiffness:
-    spring that pushes inward [N/m]. Inside a zone an outward force fades with depth, to nothing at
-    the end of travel, and the spring acts on the depth.
+    spring that pushes inward [N/m]. Inside a zone an outward force fades with depth and is zero at
+    the end of travel; the spring acts on the depth.
     """
     depth = position - (high - zone)
     if depth > 0.0:
@@ -121,7 +120,7 @@ def limit_torque(
     share = min(1.0, dt / limits.time_constant)
     reserve = max(0.0, budget - heat)
     folded = budget + (peak - budget) * min(1.0, reserve / (_FOLDBACK_SHARE * budget))
-    # The last term is what would fill the budget within this very step.
+    # The last term is the torque that would use up the heat budget within this step.
     largest = math.sqrt(min(peak, folded, heat + reserve / share))
     allowed = clamp(torque, -largest, largest) if math.isfinite(torque) else 0.0
     return allowed, heat + (allowed * allowed - heat) * share

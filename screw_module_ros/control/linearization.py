@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Linearization of the amplifier: which torque command yields a torque (thesis 4.1.1, fig 4-3).
 
-The servo amplifier answers small commands with too little torque. The thesis undoes it with a map
+For small commands the servo amplifier gives too little torque. The thesis corrects that with a map
 from desired torque to command in three pieces: a line, a cubic between about -0.025 and +0.025 Nm,
-a line; continuous, with a step in slope of about a tenth at the joints. Torque and command are both
-in Nm on the motor shaft: a command is the torque a perfect amplifier would make of it.
+a line. The map is continuous; its slope steps by about a tenth at the joints. Torque and command
+are both in Nm on the motor shaft: a perfect amplifier would give a torque equal to the command.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N a
 # [Nm] between torque and command up to the peak torque. The thesis's offset is 0.025 (4.1.1); four
 # times that is 33 N at the handle, which no measured amplifier needs and a patient would feel.
 _FARTHEST = 0.1
-_LOOKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
+_CHECKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
 
 
 class Linearization(NamedTuple):
@@ -50,12 +50,12 @@ def torque_command(linearization: Linearization, torque: float) -> float:
 
 
 def default_linearization(dead_zone: float = 0.025, joint: float = 0.025) -> Linearization:
-    """Return the map for an amplifier that swallows the first dead_zone [Nm] of a command.
+    """Return the map for an amplifier that ignores the first dead_zone [Nm] of a command.
 
-    Lines of slope 1 are moved out by dead_zone; between -joint and +joint [Nm] an odd cubic joins
-    them with nine tenths of their slope. The thesis prints no coefficients: this is the reading of
-    figures 4-2 and 4-3 in which the dead zone is as wide as the range it disturbs. A measured
-    amplifier brings its own file.
+    Lines of slope 1 are shifted outward by dead_zone; between -joint and +joint [Nm] an odd cubic
+    joins them with nine tenths of their slope. The thesis prints no coefficients. This map follows
+    figures 4-2 and 4-3, read so that the dead zone is as wide as the range that it disturbs. The
+    calibration file of a measured amplifier replaces it.
     """
     slope = 0.9
     edge = joint + dead_zone
@@ -68,9 +68,9 @@ def default_linearization(dead_zone: float = 0.025, joint: float = 0.025) -> Lin
 
 
 def validated_linearization(linearization: Linearization) -> Linearization:
-    """Return it unchanged when it is continuous, rises everywhere and stays near the torque.
+    """Return the map unchanged when it is continuous, monotonic and close to the torque.
 
-    Raises ValueError that names the field, its value and what is wrong.
+    Raises ValueError naming the field, its value and the problem.
     """
     field, problem = linearization_flaw(linearization)
     if field:
@@ -79,7 +79,7 @@ def validated_linearization(linearization: Linearization) -> Linearization:
 
 
 def linearization_flaw(linearization: Linearization) -> tuple[str, str]:
-    """Return the first field that is wrong and what is wrong with it, or two empty strings."""
+    """Return the first wrong field and its problem, or two empty strings."""
     low, high = linearization.lower_joint, linearization.upper_joint
     if not -10.0 <= low < high <= 10.0:
         return "upper_joint", f"{high!r} Nm is not above lower_joint {low!r} Nm"
@@ -102,9 +102,9 @@ def linearization_flaw(linearization: Linearization) -> tuple[str, str]:
 
 
 def _far_off(linearization: Linearization) -> tuple[str, str]:
-    """Return the piece in which the command strays too far from the torque, and where most."""
+    """Return the piece where |command - torque| is too large, and the problem; empty if nowhere."""
     peak = TorqueLimits().peak
-    torques = [peak * (2.0 * look / _LOOKS - 1.0) for look in range(_LOOKS + 1)]
+    torques = [peak * (2.0 * k / _CHECKS - 1.0) for k in range(_CHECKS + 1)]
     worst = max(torques, key=lambda torque: abs(torque_command(linearization, torque) - torque))
     command = torque_command(linearization, worst)
     if abs(command - worst) <= _FARTHEST:

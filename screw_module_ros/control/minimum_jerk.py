@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The minimum-jerk way from one point to another (Flash and Hogan 1985), as a share of the way.
+"""The minimum-jerk reach from one point to another (Flash and Hogan 1985), normalized.
 
 A reach of length L in time T has its largest speed, 1.875 L/T, half way.
 """
@@ -11,12 +11,12 @@ PEAK_SPEED = 1.875
 
 
 def way(share: float) -> float:
-    """Return how much of the way is behind at a share of the time, 0 to 1; held beyond both."""
+    """Return the share of the way covered at a share of the time, clamped to 0 to 1."""
     s = min(max(share, 0.0), 1.0)
     return s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 
 def pace(share: float) -> float:
-    """Return the speed over the mean speed at a share of the time; zero beyond both ends."""
+    """Return speed / mean speed at a share of the time; zero outside 0 to 1."""
     s = min(max(share, 0.0), 1.0)
     return 30.0 * (s * (1.0 - s)) * (s * (1.0 - s))

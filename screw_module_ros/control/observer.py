@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Disturbance observer of mode OBSERVER: friction estimated from what the nut does (thesis 7.1).
+"""Disturbance observer of mode OBSERVER: estimates friction from the nut's motion (thesis 7.1).
 
 An extended-state observer round the collocated encoder, with the handle force as a known input
 (natural admittance control in spirit: Newman 1992; Buerger and Hogan 2007). It compares the motion
@@ -8,14 +8,14 @@ of the nut with that of a mass without friction,
     x' = v,   M v' = u(t - tau) + Fp - g - F - d,
 
 u the command that acts now, tau [s] after it was computed, Fp the patient's force, g the carried
-weight, F the modelled friction that is fed forward. What is left over is d: friction that no model
-predicted, an error of the weight, a bias. Fed back, d cancels it; no term of the law depends on the
-sign of the velocity, so it works through zero speed. The three estimates are corrected once per
-sample with a triple pole at exp(-w dt), which fixes the gains for any sample time (the fading
-memory filter of second order; Morrison 1969).
+weight, F the modelled friction that is fed forward. The remainder is d: friction outside the model,
+an error of the weight, a bias. The law feeds d back to cancel it. No term depends on the sign of
+the velocity, so the observer works through zero speed. Each sample corrects the three estimates
+with a triple pole at exp(-w dt), which fixes the gains for any sample time (the fading memory
+filter of second order; Morrison 1969).
 
-The command that it is given is the one that went out, limits included: a limit winds nothing up. An
-obstacle that presses anywhere but on the transducer looks like friction, so d is limited.
+The observer gets the command that was sent, after all limits, so a limit causes no windup. An
+obstacle that does not press on the transducer looks like friction, so d is limited.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import NamedTuple
 from .limits import clamp
 
 KEPT = 12
-"""Commands remembered: a delay of up to so many periods, less two, is followed."""
+"""Commands remembered; the observer models a delay of up to this number of periods less two."""
 
 Commands = tuple[
     float, float, float, float, float, float, float, float, float, float, float, float
@@ -35,8 +35,8 @@ NO_COMMANDS: Commands = (0.0,) * KEPT
 
 
 class ObserverState(NamedTuple):
-    """position [m], velocity [m/s]: of the nut, estimated; disturbance [N]; commands: that went
-    out, the newest first [N]."""
+    """Estimated position [m] and velocity [m/s] of the nut, disturbance [N]; commands: those sent,
+    newest first [N]."""
 
     position: float
     velocity: float
@@ -45,7 +45,7 @@ class ObserverState(NamedTuple):
 
 
 def observer_at(position: float) -> ObserverState:
-    """Return the observer of a nut that rests at position [m] with nothing commanded."""
+    """Return the observer of a nut at rest at position [m], without a command."""
     return ObserverState(position, 0.0, 0.0, NO_COMMANDS)
 
 
@@ -60,11 +60,11 @@ def observer_step(
     resting: bool,
     dt: float,
 ) -> ObserverState:
-    """Return the estimates at a new sample, dt [s] after the last.
+    """Return the estimates at a new sample, dt [s] after the last one.
 
-    position: measured [m]; force: known forces on the nut but the command, Fp - g - F [N]; mass M
-    [kg]; bandwidth w [rad/s]; delay tau [s]; limit: of the disturbance [N]; resting: leave the
-    disturbance as it is.
+    position: measured [m]; force: known forces on the nut without the command, Fp - g - F [N]; mass
+    M [kg]; bandwidth w [rad/s]; delay tau [s]; limit: of the disturbance [N]; resting: True keeps
+    the disturbance unchanged.
     """
     acting = command_in_force(state.commands, delay / dt)
     acceleration = (acting + force - state.disturbance) / mass
@@ -72,7 +72,7 @@ def observer_step(
     off = position - ahead
     pole = math.exp(-bandwidth * dt)
     left = 1.0 - pole
-    rate = left / dt  # not dt squared below: a tiny dt has no square
+    rate = left / dt  # no dt squared below: the square of a tiny dt underflows to zero
     disturbance = state.disturbance
     if not resting:
         disturbance -= mass * left * rate * rate * off
@@ -93,7 +93,7 @@ def command_in_force(commands: Commands, periods: float) -> float:
 
 
 def remembered(state: ObserverState, command: float) -> ObserverState:
-    """Return the state with the command [N] that goes out now."""
+    """Return the state with the command [N] that is sent now."""
     c = state.commands
     return ObserverState(
         state.position,
@@ -106,14 +106,14 @@ def remembered(state: ObserverState, command: float) -> ObserverState:
 def least_damping(
     stiffness: float, mass: float, gain: float, cutoff: float, delay: float, ratio: float
 ) -> float:
-    """Return the damping a released handle needs to come to rest with a damping ratio [Ns/m].
+    """Return the damping with which a released handle comes to rest [Ns/m].
 
     Without friction and hand, spring and damper move the apparent mass M / (1 + k). The filter of
-    the force gain k and the delay turn the spring's force by an angle, as negative damping
-    K (k / ((1 + k) 2 pi fc) + tau) does; on top comes 2 zeta sqrt(K M / (1 + k)).
+    the force gain k and the delay shift the phase of the spring's force; that acts as the negative
+    damping K (k / ((1 + k) 2 pi fc) + tau). The damping ratio adds 2 zeta sqrt(K M / (1 + k)).
 
-    stiffness K [N/m], mass M [kg], gain k, cutoff fc [Hz], delay tau [s], ratio zeta; zeta = 0 asks
-    for nothing.
+    stiffness K [N/m], mass M [kg], gain k, cutoff fc [Hz], delay tau [s], ratio zeta; zeta = 0
+    returns 0.
     """
     if ratio <= 0.0:
         return 0.0

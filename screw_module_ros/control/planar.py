@@ -6,10 +6,11 @@
     set point -> spring and damper in x and y -> speed limit -> workspace -> force limit
               -> torque = J^T force -> joint limits -> torque limits -> rate limit -> torques
 
-F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law only ever
-multiplies with the Jacobian, so a stretched arm is no special case. As in the vertical law nothing
-jumps: force fades in after enabling, impedance and set point move at limited rates, and each torque
-moves at most `torque_rate` dt per step (0.6 Nm at 500 Hz by default). Only to zero may it jump.
+F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law multiplies
+with the Jacobian and never inverts it, so a stretched arm is no special case. As in the vertical
+law nothing jumps: the force fades in after enabling, impedance and set point move at limited rates,
+and each torque changes by at most `torque_rate` dt per step (0.6 Nm at 500 Hz by default). Only a
+step to zero is exempt.
 """
 
 from __future__ import annotations
@@ -24,20 +25,20 @@ from .planar_settings import PlanarSettings
 from .setpoint import Range, SetPoint, at_rest, follow
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
-# Beyond these no sample can be real: zero output.
+# A sample beyond these cannot be real; the output is then zero.
 LARGEST_ANGLE = 10.0  # [rad]
 FASTEST_JOINT = 100.0  # [rad/s]
 STRONGEST = 1e5  # [N]
 
 
 class PlanarInput(NamedTuple):
-    """What one step sees.
+    """Inputs of one step.
 
     shoulder, elbow: absolute joint angles [rad]; shoulder_velocity, elbow_velocity [rad/s];
     setpoint_x, setpoint_y [m] from the workspace centre, NaN = leave that axis alone;
     setpoint_vx, setpoint_vy [m/s]; active: False holds the torques at zero and the set point at the
-    measured position; slot_x, slot_y: force of a slot (`slot`) [N], slot_weight: 0 to 1, how far it
-    stands in place of spring and damper.
+    measured position; slot_x, slot_y: force of a slot (`slot`) [N]; slot_weight: 0 to 1, the share
+    of spring and damper that the slot replaces.
     """
 
     shoulder: float
@@ -55,11 +56,11 @@ class PlanarInput(NamedTuple):
 
 
 class PlanarOutput(NamedTuple):
-    """Torques and how they came about.
+    """Torques and the quantities behind them.
 
-    shoulder_torque, elbow_torque [Nm]; force_x, force_y: asked of the handle before the limits of
-    the joints [N]; x, y [m] and vx, vy [m/s]: handle; desired_x, desired_y [m]: set point in use;
-    saturated: a limit acted.
+    shoulder_torque, elbow_torque [Nm]; force_x, force_y: desired force on the handle before the
+    joints' limits [N]; x, y [m] and vx, vy [m/s]: handle; desired_x, desired_y [m]: set point in
+    use; saturated: a limit acted.
     """
 
     shoulder_torque: float
@@ -105,7 +106,7 @@ def planar_step(
 ) -> tuple[PlanarOutput, PlanarState]:
     """Return torques and next state, dt [s] after the last step.
 
-    An input that is not finite or beyond anything real gives zero output; the caller latches.
+    An input that is not finite or not plausible gives zero output; the caller latches a fault.
     """
     if not _usable(inp, dt):
         idle = _idle(settings, state.x.position, state.y.position)
@@ -119,7 +120,7 @@ def planar_step(
         idle = _idle(settings, x, y)
         return _nothing(x, y, vx, vy, idle), idle
 
-    # While a slot has the hand the set point stays with it: leaving the slot makes no pull.
+    # While a slot guides the hand the set point follows the hand: leaving the slot causes no pull.
     alone = state.weight == 0.0 or inp.slot_weight >= 1.0
     start = _idle(settings, x, y) if alone else state
     to_x, to_y = start.x, start.y
@@ -192,13 +193,13 @@ def _followed(
     velocity: float,
     dt: float,
 ) -> SetPoint:
-    """Return the set point of one axis moved on within +-half [m]."""
+    """Return the set point of one axis after one step, within +-half [m]."""
     allowed = Range(-half, half, settings.setpoint_speed, settings.setpoint_acceleration)
     return follow(allowed, setpoint, position, velocity, dt)
 
 
 def _within(largest: float, x: float, y: float) -> float:
-    """Return the factor that brings a vector down to the largest size; its direction stays."""
+    """Return the factor that scales a vector down to the largest size, direction kept."""
     size = math.hypot(x, y)
     return largest / size if size > largest else 1.0
 
@@ -216,13 +217,13 @@ def _bounded(
 def _limited_torques(
     settings: PlanarSettings, weight: float, inp: PlanarInput, shoulder: float, elbow: float
 ) -> tuple[float, float]:
-    """Return both torques [Nm] after joint limits and torque limits, in one proportion."""
+    """Return both torques [Nm] after joint limits and torque limits, scaled by one factor."""
     zone, stiffness = settings.joint_zone, settings.joint_stiffness * weight
     shoulder = soft_stop(
         shoulder, inp.shoulder, settings.shoulder_low, settings.shoulder_high, zone, stiffness
     )
     elbow = soft_stop(elbow, inp.elbow, settings.elbow_low, settings.elbow_high, zone, stiffness)
-    # The angle between the links keeps the arm from stretching and folding: opposite torques.
+    # The limit of the angle between the links prevents stretching and folding: opposite torques.
     apart = soft_stop(
         0.0,
         inp.elbow - inp.shoulder,
@@ -237,7 +238,7 @@ def _limited_torques(
         factor = settings.shoulder_torque / abs(shoulder)
     if abs(elbow) * factor > settings.elbow_torque:
         factor = settings.elbow_torque / abs(elbow)
-    # Rounding may leave the product one step of a float above the limit.
+    # Rounding may leave the product one floating-point step above the limit.
     return (
         clamp(shoulder * factor, -settings.shoulder_torque, settings.shoulder_torque),
         clamp(elbow * factor, -settings.elbow_torque, settings.elbow_torque),

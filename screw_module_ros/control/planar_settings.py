@@ -11,8 +11,8 @@ from ..settings import Setting, validated
 class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
 
-    Ranges of the joints are those of the workspace of 0.381 x 0.457 m and a little more; the
-    largest torques are what the force limit of 45 N (10 lbf, thesis 2.1.1) takes at each link.
+    The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more. The largest torques
+    are those of the force limit of 45 N (10 lbf, thesis 2.1.1) at each link.
     """
 
     stiffness: Annotated[
@@ -29,7 +29,7 @@ class PlanarSettings(NamedTuple):
     elbow_torque: Annotated[float, Setting("largest torque of the elbow", "Nm", 0.0, 100.0)] = 25.0
     torque_rate: Annotated[float, Setting("fastest change of a torque", "Nm/s", 1.0, 1e5)] = 300.0
     fade_time: Annotated[
-        float, Setting("time in which the force comes after enabling", "s", 0.05, 10.0)
+        float, Setting("time in which the force fades in after enabling", "s", 0.05, 10.0)
     ] = 0.5
     stiffness_rate: Annotated[
         float, Setting("rate at which the stiffness follows its setting", "N/m/s", 1.0, 1e4)

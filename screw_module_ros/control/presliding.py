@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Friction feed-forward that follows position, as presliding does (Dahl 1968; thesis 6.3.1).
 
-A feed-forward that goes through zero with the velocity is negative damping there: 2 N over 2 mm/s
-are 1000 Ns/m, and a handle at rest swings. Friction itself does not do that. While a handle barely
-moves, friction is a spring, so what makes up for it is one too: per length dx of motion the force
-goes from where it is towards the level of that direction, over a way of level / stiffness,
+A feed-forward that is proportional to the velocity near zero is negative damping: 2 N over 2 mm/s
+are 1000 Ns/m, and a handle at rest oscillates. Real friction is a spring while the handle barely
+moves, so the feed-forward is one too: with each length dx of motion the force h approaches the
+level L of that direction, over a length of L / s,
 
     up:   h' = L+ - (L+ - h) exp(-s dx / L+)        down:  h' = -L- + (h + L-) exp(s dx / L-).
 
-With a stiffness s below that of the module's own presliding the sum stays a positive spring, and a
-handle at rest rests. It takes and gives no energy at standstill and needs no velocity there.
+With a stiffness s below that of the module's own presliding, the sum of both remains a positive
+spring and a handle at rest stays at rest. At standstill the feed-forward exchanges no energy and
+needs no velocity.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ import math
 
 from .friction import FrictionModel, friction_force
 
-MOVING = 0.005  # [m/s] slower motion tells nothing of the level
-DOUBT_TIME = 0.1  # [s] in which a model is doubted that promises too much
-TRUST_TIME = 1.0  # [s] in which it is trusted again
-NEAR_ENOUGH = 1.05  # times what was found: the model's own scatter does not lower it
+MOVING = 0.005  # [m/s] slower motion gives no information on the level
+DOUBT_TIME = 0.1  # [s] time constant with which the ratio falls, for a model that predicts too much
+TRUST_TIME = 1.0  # [s] time constant with which the ratio rises again
+NEAR_ENOUGH = 1.05  # model / found up to which the model is used in full: its own scatter
 SMALLEST_LEVEL = 0.1
-"""A level below counts as this [N]: the way over which the force turns round stays finite."""
+"""Smallest level [N]: keeps the length over which the force reverses finite."""
 
 
 def ratio_step(ratio: float, modelled: float, found: float, velocity: float, dt: float) -> float:
-    """Return found over modelled friction, averaged while the handle moves; 1 at first.
+    """Return found / modelled friction, averaged while the handle moves; start with 1.
 
-    modelled, found [N]; velocity [m/s]. A model that promises more friction than there is gives the
-    handle energy: fed forward, it swings on any spring (thesis 6.3.1 feeds forward 90 % for that).
+    modelled, found [N]; velocity [m/s]. A model that predicts too much friction adds energy: with
+    that feed-forward the handle oscillates on any spring. For this reason the thesis feeds forward
+    90 % (6.3.1).
     """
     if abs(velocity) < MOVING or abs(modelled) < 1.0 or modelled * velocity <= 0.0:
         return ratio
@@ -39,7 +41,7 @@ def ratio_step(ratio: float, modelled: float, found: float, velocity: float, dt:
 
 
 def trusted(ratio: float) -> float:
-    """Return the share of the model to use, at most 1, for a ratio of `ratio_step`."""
+    """Return the share of the model to use, at most 1, given the ratio from `ratio_step`."""
     return min(1.0, NEAR_ENOUGH * ratio)
 
 
@@ -51,10 +53,10 @@ def presliding_step(
     velocity: float,
     travelled: float,
 ) -> float:
-    """Return the modelled friction that opposes the motion, up positive [N], at full size.
+    """Return the force that compensates all of the modelled friction [N], up positive.
 
-    stiffness: of the turn-round [N/m]; force: returned last [N]; position [m], velocity [m/s]: now;
-    travelled: since the last step, up positive [m].
+    stiffness: of the reversal [N/m]; force: last returned value [N]; position [m], velocity [m/s]:
+    now; travelled: since the last step, up positive [m].
     """
     if travelled == 0.0:
         return force

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Set point of one axis: held in its range, moved no faster than a limit, left alone on NaN.
+"""Set point of one axis: clamped to its range, limited in speed, unchanged on NaN.
 
-The velocity of a set point is what the damper acts against. It counts only as far as the set point
-moves that way: with a velocity that the position does not follow the damper would push the hand for
-ever, up to the limit of the force. So each step notes what the velocity promised and the set point
-in use did not make, over the last half second. A debt of up to 0.1 s of motion is what a game has
-that sends ten set points a second; from there on the velocity fades, and at 0.2 s, the age at which
-a set point's velocity ends anyway (`loop.setpoint_input`), nothing of it is left. It comes back
-when the set point moves as promised. A velocity below the true one, zero included, is accepted: it
+The damper acts on the difference between the hand's velocity and the set point's. If a game sends a
+velocity that its positions do not follow, the damper would push the hand without end, up to the
+limit of the force. So each step compares the motion that the velocity promised with the motion that
+the set point in use made, and keeps the debt over the last half second. A game with ten set points
+a second has a debt of up to 0.1 s of motion. Above that the velocity fades. It is zero at a debt of
+0.2 s, the age at which the velocity of a set point expires (`loop.setpoint_input`). It returns when
+the set point moves as promised. A velocity below the true one, zero included, is accepted: it
 brakes.
 """
 
@@ -19,14 +19,14 @@ from typing import NamedTuple
 from .limits import clamp, slew
 
 BELIEVED = 0.1
-"""Motion that a velocity may be ahead of its set point [s]."""
+"""Debt up to which the velocity counts in full, as time at that velocity [s]."""
 DISBELIEVED = 0.2
-"""Motion from which on nothing of the velocity is left [s]."""
-_FORGOTTEN = 0.5  # [s] time constant in which a debt goes
+"""Debt from which the velocity counts as zero, as time at that velocity [s]."""
+_FORGOTTEN = 0.5  # [s] time constant with which a debt decays
 
 
 class Range(NamedTuple):
-    """Where a set point may be, low to high [m], its speed [m/s] and acceleration [m/s^2]."""
+    """Limits of a set point: low to high [m], speed [m/s] and acceleration [m/s^2]."""
 
     low: float
     high: float
@@ -35,8 +35,8 @@ class Range(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """The set point in use: position [m], velocity [m/s]; owed: motion its velocity promised that
-    its position has not made [m]."""
+    """The set point in use: position [m], velocity [m/s]; owed: motion that the velocity promised
+    and the position has not made [m]."""
 
     position: float
     velocity: float
@@ -51,10 +51,10 @@ def at_rest(position: float) -> SetPoint:
 def follow(
     allowed: Range, setpoint: SetPoint, position: float, velocity: float, dt: float
 ) -> SetPoint:
-    """Return the set point dt [s] later, when a game asks for position [m] and velocity [m/s].
+    """Return the set point dt [s] later; a game asks for position [m] and velocity [m/s].
 
-    A position that is not finite leaves the set point where it is and brings it to rest; a velocity
-    that is not finite counts as zero, one that the position does not follow fades.
+    A position that is not finite brings the set point to rest where it is. A velocity that is not
+    finite counts as zero; a velocity that the position does not follow fades.
     """
     moved, rate, owed = setpoint.position, 0.0, 0.0
     if math.isfinite(position):
@@ -71,7 +71,7 @@ def _owed(owed: float, promised: float, made: float, dt: float) -> float:
     """Return the debt [m] after dt [s] of a promised velocity [m/s] and the motion made [m]."""
     debt = owed * max(0.0, 1.0 - dt / _FORGOTTEN) + promised * dt - made
     if debt * promised <= 0.0:
-        return 0.0  # more than was promised, or another direction: no credit for later
+        return 0.0  # the set point moved further than promised: no credit for later
     most = abs(promised) * DISBELIEVED
     return clamp(debt, -most, most)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slot: guidance that assists as needed along the line to a target (Krebs et al. 2003).
+"""The slot: assistance as needed along the line to a target (Krebs et al. 2003).
 
 ::
 
@@ -9,18 +9,18 @@
     ------------------------~~~~~~~~~~
           side wall
 
-The back wall follows the minimum-jerk way to the target and pushes the hand that lags; side walls
-hold the line, and their distance shrinks linearly; in front of the back wall nothing but damping
-acts. Once the time is over the back wall stiffens slowly until its bound. Before the start of the
-movement the slot is open: without its back wall. The front wall holds a hand that overshoots; it is
-ours, as the published slot ends at the target.
+The back wall moves along the minimum-jerk reach to the target and pushes a hand that lags. The side
+walls keep the hand near the line; their distance shrinks linearly. In front of the back wall only
+damping acts. After the duration of the movement the back wall stiffens slowly up to its bound.
+Before the start of the movement the slot is open: it has no back wall. The front wall holds a hand
+that overshoots; it is our addition, because the published slot ends at the target.
 
-One axis is a slot with everything across at zero, start_y = target_y. A slot without length is a
-tube: its side wall holds the hand round the point. A reach in space is a slot in the plane and one
-on the vertical with the same start tick: their back walls together move on the line in space.
+For a single axis, start_y = target_y and everything across is zero. A slot without length is a
+tube: its side wall holds the hand near the point. A reach in space uses one slot in the plane and
+one on the vertical with the same start tick; their back walls together move on the line in space.
 
-Nothing jumps: the whole force comes and goes with a weight over `fade_time`, as does the back wall;
-another slot is taken up only after the last has gone. The force is bounded.
+Nothing jumps: the force fades in and out over `fade_time`, and so does the back wall. A new slot
+starts only after the old one has faded out. The force is bounded.
 """
 
 from __future__ import annotations
@@ -34,56 +34,56 @@ from .minimum_jerk import way
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
 SHORTEST = 1e-3  # [m]; a slot shorter than this has no direction
-# Beyond these no sample can be real: zero output.
+# A sample beyond these cannot be real; the output is then zero.
 FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 OPEN = -1.0
-"""Time since the start [s] that stands for a movement that has not started."""
+"""Value of the time since the start [s] for a movement that has not started."""
 
 
 class SlotLimits(NamedTuple):
     """Limits of every slot.
 
-    The force is the least that the thesis asks of an endpoint (2.1.1); the rest is ours.
+    The force is the smallest that the thesis requires of an endpoint (2.1.1); the rest is ours.
     """
 
     force: Annotated[float, Setting("largest force of a slot", "N", 0.0, 65.0)] = 45.0
     stiffness: Annotated[float, Setting("stiffest wall of a slot", "N/m", 0.0, 2000.0)] = 800.0
     damping: Annotated[float, Setting("largest damping of a slot", "Ns/m", 0.0, 100.0)] = 30.0
     fade_time: Annotated[
-        float, Setting("time in which a slot and its back wall come and go", "s", 0.05, 5.0)
+        float, Setting("time in which a slot and its back wall fade in and out", "s", 0.05, 5.0)
     ] = 0.2
 
 
 class Slot(NamedTuple):
     """One slot.
 
-    Duration and damping by default are those of the clock game of robots of this family; the
-    stiffness is MANUS's usual 100 N/m (thesis 3.3); widths and growth are ours.
+    The default duration and damping are those of the clock game of this family of robots. The
+    stiffness is MANUS's usual 100 N/m (thesis 3.3). Widths and growth are ours.
     """
 
     start_x: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0
     start_y: Annotated[float, Setting("start", "m", -1.0, 1.0)] = 0.0
     target_x: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
     target_y: Annotated[float, Setting("target", "m", -1.0, 1.0)] = 0.0
-    duration: Annotated[float, Setting("of the back wall's way", "s", 0.1, 30.0)] = 1.4
-    back_stiffness: Annotated[float, Setting("of the back wall", "N/m", 0.0, 2000.0)] = 100.0
+    duration: Annotated[float, Setting("duration of the reach", "s", 0.1, 30.0)] = 1.4
+    back_stiffness: Annotated[float, Setting("spring of the back wall", "N/m", 0.0, 2000.0)] = 100.0
     side_stiffness: Annotated[
-        float, Setting("of side walls and front wall", "N/m", 0.0, 2000.0)
+        float, Setting("spring of side walls and front wall", "N/m", 0.0, 2000.0)
     ] = 100.0
-    damping: Annotated[float, Setting("everywhere in the slot", "Ns/m", 0.0, 100.0)] = 5.0
+    damping: Annotated[float, Setting("damper in the whole slot", "Ns/m", 0.0, 100.0)] = 5.0
     half_width: Annotated[
-        float, Setting("from the line to a side wall at the start", "m", 0.0, 0.5)
+        float, Setting("distance from the line to a side wall at the start", "m", 0.0, 0.5)
     ] = 0.01
     end_half_width: Annotated[
-        float, Setting("the same at the end, and to the front wall", "m", 0.0, 0.5)
+        float, Setting("distance to a side wall at the end, and to the front wall", "m", 0.0, 0.5)
     ] = 0.002
     growth: Annotated[
         float, Setting("rate at which the back wall stiffens over time", "N/m/s", 0.0, 500.0)
     ] = 20.0
 
     def validated(self) -> Slot:
-        """Return self when every field is in its range; the half width never grows.
+        """Return self when every field is in its range and the half width does not grow.
 
         Raises ValueError naming the field, its value and the range.
         """
@@ -97,10 +97,10 @@ class Slot(NamedTuple):
 
 
 class SlotInput(NamedTuple):
-    """What one step sees.
+    """Inputs of one step.
 
-    x, y [m], vx, vy [m/s]: hand; present: a slot is wanted, `slot`; since: time since the start of
-    the movement [s], negative while the slot is open.
+    x, y [m], vx, vy [m/s]: hand; present: `slot` is wanted; since: time since the start of the
+    movement [s], negative while the slot is open.
     """
 
     x: float
@@ -113,10 +113,10 @@ class SlotInput(NamedTuple):
 
 
 class SlotOutput(NamedTuple):
-    """Force and how it came about.
+    """Force and the quantities behind it.
 
-    force_x, force_y: on the hand, faded and bounded [N]; weight: 0 to 1, the share of the hand that
-    belongs to the slot; along, across: hand in X and Y [m]; wall: back wall in X [m].
+    force_x, force_y: on the hand, faded and bounded [N]; weight: 0 to 1, the share of spring and
+    damper that the slot replaces; along, across: hand in X and Y [m]; wall: back wall in X [m].
     """
 
     force_x: float
@@ -146,8 +146,8 @@ def slot_step(
 ) -> tuple[SlotOutput, SlotState]:
     """Return the slot's force and the next state, dt [s] after the last step.
 
-    A measurement that is not finite or beyond anything real, and a slot that is no slot, give zero
-    force at once; the caller decides what follows from that.
+    A measurement that is not finite or not plausible, or an invalid slot, gives zero force at once;
+    the caller decides what to do.
     """
     if not _real(inp, dt) or (inp.present and not sound(inp.slot)):
         return SlotOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), SlotState(state.slot, OPEN, 0.0, 0.0)
@@ -169,7 +169,7 @@ def in_space(
 ) -> tuple[Slot, Slot]:
     """Return the slots in the plane and on the vertical for a reach in space.
 
-    start, target: x, y, z [m]; like: everything but start and target. Given the same time since the
+    start, target: x, y, z [m]; like: a slot with all other values. With the same time since the
     start, both back walls move as one wall on the line in space.
     """
     rest = like[4:]
@@ -180,7 +180,7 @@ def in_space(
 
 
 def length_of(slot: Slot) -> float:
-    """Return the way from start to target [m]."""
+    """Return the distance from start to target [m]."""
     return math.hypot(slot.target_x - slot.start_x, slot.target_y - slot.start_y)
 
 
@@ -206,7 +206,7 @@ def in_slot(slot: Slot, x: float, y: float) -> tuple[float, float]:
 
 
 def sound(slot: Slot) -> bool:
-    """Return whether a slot can be acted upon at all; comparisons with NaN are false."""
+    """Return whether a slot is usable; comparisons with NaN are false."""
     return (
         abs(slot.start_x) <= FARTHEST
         and abs(slot.start_y) <= FARTHEST
@@ -251,7 +251,7 @@ def _moved_on(limits: SlotLimits, state: SlotState, inp: SlotInput, dt: float) -
 
 
 def _time_on(before: float, since: float, dt: float) -> float:
-    """Return the time since the start [s]; it never runs back, and catches up at double speed."""
+    """Return the time since the start [s]; it never decreases and catches up at double speed."""
     if since < 0.0:
         return OPEN
     begun = max(before, 0.0)
@@ -261,7 +261,7 @@ def _time_on(before: float, since: float, dt: float) -> float:
 def _walls(
     limits: SlotLimits, now: SlotState, inp: SlotInput, along: float, across: float, wall: float
 ) -> tuple[float, float]:
-    """Return the pull of all walls along x and y [N]."""
+    """Return the force of all walls along x and y [N]."""
     slot = now.slot
     side = min(slot.side_stiffness, limits.stiffness)
     half = half_width_at(slot, now.since)

@@ -1,30 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Order and age of one stream of numbered samples, as its receiver sees them."""
+"""Order and age of one stream of numbered samples, checked by its receiver."""
 
 from __future__ import annotations
 
 from ..samples import sequence_gap
 
-# Leaky count of samples that are not newer: one sender repeats one now and then, two senders on one
-# topic make it rise towards ten.
+# Leaky count of samples that are not newer: a single sender repeats a sample now and then; two
+# senders on one topic raise the count towards ten.
 _REPEATS_KEPT = 0.9
 _REPEATS_OF_TWO_SENDERS = 5.0
-# A bucket that every sample fills, also one that is not accepted, and time empties a little faster
-# than one sender can fill it. What it holds more than a burst of late samples comes from another
-# sender, at whatever rate: so many repeats that they pass for the order of things, too.
+# A leaky bucket: every sample fills it, accepted or not, and time empties it a little faster than a
+# single sender can fill it. If it holds more than a burst of late samples, another sender exists,
+# whatever its rate.
 _BURST = 10.0
 _DRAIN = 1.02
 
 
 class Stream:
-    """Distinguishes newer samples from repeated, older and impossible ones.
+    """Separates new samples from repeated, older and impossible ones.
 
     seen: a sample was accepted; monotonic_ns: acquisition of the newest one [ns]; fault: why the
     stream cannot be trusted, empty while it can.
     """
 
     def __init__(self, name: str, period_ns: int):
-        """Start with nothing seen; name begins every reason; period_ns: of the samples [ns]."""
+        """Start without samples; every reason begins with name; period_ns: of the samples [ns]."""
         self.name = name
         self.seen = False
         self.monotonic_ns = 0
@@ -35,10 +35,10 @@ class Stream:
         self._held, self._seen_ns = 0.0, 0
 
     def accept(self, sequence: int, monotonic_ns: int, now_ns: int) -> bool:
-        """Return whether the sample seen at now_ns [ns] is newer than all before, and note it."""
+        """Record a sample received at now_ns [ns]; return whether it is newer than all before."""
         self._count(now_ns)
         if monotonic_ns > now_ns + self._period_ns:
-            # It would look fresh for ever.
+            # A future stamp would stay fresh for ever.
             self.fault = self.fault or f"{self.name}: a sample is stamped in the future"
             return False
         known = self._sequence
@@ -74,9 +74,9 @@ class Stream:
             self.fault = self.fault or f"{self.name}: no sample for {age_ns / 1e6:.1f} ms"
 
     def reset(self) -> None:
-        """Forget the fault and the numbers: they may have been a foreign sender's.
+        """Clear the fault and the sequence number, which may be a foreign sender's.
 
-        The newest sample stays the newest.
+        The time of the newest sample stays.
         """
         self.fault = ""
         self._sequence = None

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The supervisor's decision: permission to move, from the last message of every node.
 
-Trouble while a drive is enabled stops the robot and stays latched until `reset`. Trouble while none
-is enabled is only waited out: there is nothing to stop, and enabling is a separate act anyway. An
-emergency stop is latched always. `reset` is refused while its cause persists and while a drive is
-still enabled, so that no stop can come and go unseen by the drives between two messages.
+A fault while a drive is enabled stops the robot and stays latched until `reset`. A fault while no
+drive is enabled withholds the permission until it is over; nothing needs a latch, because enabling
+is a separate act. An emergency stop always latches. `reset` is refused while the cause persists and
+while a drive is still enabled: otherwise a stop could come and go between two messages, and the
+drives would miss it.
 
-All functions are pure: state and reports in, decision and state out, times as arguments.
+All functions are pure: they take state, reports and times, and return decision and state.
 """
 
 from __future__ import annotations
@@ -22,20 +23,21 @@ WAITING = 1
 STOPPED = 2
 
 EARLIER = "before the supervisor was started anew: "
-"""Begins a latched reason that is older than the supervisor's process."""
+"""Prefix of a latched reason that is older than the supervisor's process."""
 
 VERTICAL_DRIVE = "amplifier"
 PLANAR_DRIVE = "manus"
-# Its latched fault goes with the reset counter of safety_state, so it cannot hold up a reset.
+# It clears its fault when the reset counter of safety_state rises, so its fault cannot block a
+# reset.
 CLEARED_BY_RESET = "impedance_controller"
 ALL_NODES = ("encoder", "force_sensor", CLEARED_BY_RESET, VERTICAL_DRIVE, PLANAR_DRIVE)
 
 
 class SupervisionSettings(NamedTuple):
-    """What must be there for the robot to move."""
+    """Nodes that must be alive for the robot to move, and time limits."""
 
     required: Annotated[
-        tuple[str, ...], Setting("nodes that must be there; a robot without a plane names fewer")
+        tuple[str, ...], Setting("nodes that must be alive; a robot without a plane names fewer")
     ] = ALL_NODES
     timeout: Annotated[
         float, Setting("age of a node's newest message that counts as lost", "s", 0.02, 10.0)
@@ -46,11 +48,11 @@ class SupervisionSettings(NamedTuple):
 
 
 class NodeReport(NamedTuple):
-    """What is known of one node now.
+    """State of one node now.
 
     seen: a message has come at least once; age: of its newest message [s]; error: /diagnostics says
-    ERROR (for nodes without a fault flag of their own); faulted: it has a fault latched; enabled:
-    it lets torque pass; reason: its own words.
+    ERROR (for nodes whose messages have no fault flag); faulted: it has latched a fault; enabled:
+    it lets torque pass; reason: its own text.
     """
 
     seen: bool
@@ -78,7 +80,7 @@ class SupervisorState(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """The answer, as in SafetyState; reasons: why motion is not permitted, worst first."""
+    """The decision, as in SafetyState; reasons: why motion is not permitted, worst first."""
 
     level: int
     motion_permitted: bool
@@ -88,7 +90,7 @@ class Decision(NamedTuple):
 
 
 class _Trouble(NamedTuple):
-    """What is wrong with one node; lost, faulty: whether it was lost or says so itself."""
+    """Fault of one node; lost: no message in time; faulty: the node reports a fault."""
 
     node: str
     text: str
@@ -102,7 +104,7 @@ def decide(
     reports: Mapping[str, NodeReport],
     now_ns: int,
 ) -> tuple[Decision, SupervisorState]:
-    """Return the decision at now_ns [ns] and the next state; call it often and on events."""
+    """Return the decision at now_ns [ns] and the next state; call it at 50 Hz and on events."""
     troubles = _troubles(settings, reports)
     serious = [t for t in troubles if not _excused(settings, state, t, now_ns)]
     enabled = _enabled_drive(settings, reports) != ""
@@ -137,7 +139,7 @@ def lock(state: SupervisorState, locked: bool) -> SupervisorState:
 
 
 def kept(state: SupervisorState) -> dict[str, Any]:
-    """Return what must outlive the supervisor's process, as JSON can hold it; {} for nothing."""
+    """Return the state to keep over a restart of the process, for JSON; {} if there is none."""
     if not (state.estopped or state.locked or state.latched):
         return {}
     return {
@@ -146,9 +148,9 @@ def kept(state: SupervisorState) -> dict[str, Any]:
 
 
 def restored(values: Any) -> SupervisorState:
-    """Return the state to start from, given what `kept` returned before.
+    """Return the initial state from the values that `kept` returned before.
 
-    Raises ValueError for anything that it cannot have returned.
+    Raises ValueError for values that `kept` never returns.
     """
     if values == {}:
         return SupervisorState()
@@ -169,9 +171,9 @@ def reset(
     reports: Mapping[str, NodeReport],
     now_ns: int,
 ) -> tuple[SupervisorState, str]:
-    """Return the state after a wish to reset at now_ns [ns], and why it was refused, else empty.
+    """Return the state after a request to reset at now_ns [ns], and why it was refused, if it was.
 
-    A reset permits nothing by itself: drives stay off until each is enabled again.
+    A reset enables nothing: each drive stays off until it is enabled again.
     """
     drive = _enabled_drive(settings, reports)
     if drive:
@@ -189,7 +191,7 @@ def reset(
 
 
 def _troubles(settings: SupervisionSettings, reports: Mapping[str, NodeReport]) -> list[_Trouble]:
-    """Return what is wrong with the required nodes."""
+    """Return the faults of the required nodes."""
     troubles = []
     for node in settings.required:
         report = reports.get(node, NodeReport(seen=False))
@@ -207,14 +209,14 @@ def _troubles(settings: SupervisionSettings, reports: Mapping[str, NodeReport]) 
 def _excused(
     settings: SupervisionSettings, state: SupervisorState, trouble: _Trouble, now_ns: int
 ) -> bool:
-    """Return whether the controller is still about to clear its fault after a reset."""
+    """Return whether the controller still has time to clear its fault after a reset."""
     if trouble.node != CLEARED_BY_RESET or not trouble.faulty or state.reset_ns is None:
         return False
     return 0 <= now_ns - state.reset_ns < settings.reset_grace * 1e9
 
 
 def _enabled_drive(settings: SupervisionSettings, reports: Mapping[str, NodeReport]) -> str:
-    """Return a required node that lets torque pass by its last word, empty when none does."""
+    """Return a required node whose last message says that torque passes, empty without one."""
     for node in settings.required:
         if node in reports and reports[node].enabled:
             return node

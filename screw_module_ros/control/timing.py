@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts of the timing contract (design section 5): one cheap call per tick, all times passed in.
+"""Counters of the timing contract (design section 5): one call per tick, all times passed in.
 
-The deadline of a command is one period after its sample was acquired. A command is late when it
-comes after it, lost when there is none for a tick number; both are missed.
+The deadline of a command is one period after the acquisition of its sample. A command after its
+deadline is late; a tick number without a command is lost. Both count as missed.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ SUCCESS_WINDOW = 1000  # ticks
 LEAST_SUCCESS = 0.99
 """Share of the last 1000 deadlines below which the timing contract counts as broken."""
 BIN_NS = 5000
-_BINS = 1000  # the last one takes whatever is longer
+_BINS = 1000  # the last one also counts all longer latencies
 _SECOND_NS = 1_000_000_000
 
 
 class DeadlineMeter:
     """Counts for one stream of ticks.
 
-    samples: ticks acted upon; late: of these, done after the deadline; lost: tick numbers missing;
-    consecutive_missed: deadlines missed in a row up to the last tick; histogram: latencies of all
-    samples, counted in bins of BIN_NS. Not thread-safe: one thread ticks it and asks it.
+    samples: ticks with a command; late: those of them after the deadline; lost: missing tick
+    numbers; consecutive_missed: deadlines missed in a row up to the last tick; histogram: latencies
+    of all samples, counted in bins of BIN_NS. Not thread-safe: one thread calls all methods.
     """
 
     def __init__(self, period_ns: int):
@@ -46,10 +46,10 @@ class DeadlineMeter:
         self._sorted: list[int] = []  # the same latencies, in order
 
     def tick(self, sequence: int, acquired_ns: int, done_ns: int) -> None:
-        """Count one tick: its number, when it was acquired and when its command was out [ns].
+        """Count one tick: its number, time of acquisition and time of the sent command [ns].
 
-        A number that was counted before, or an older one, is ignored, unless it was acquired later:
-        then the numbers had been a foreign sender's, and counting begins anew.
+        A number that is not newer is ignored. If its acquisition is newer nevertheless, the earlier
+        numbers came from a foreign sender, and counting restarts.
         """
         if self._sequence is not None:
             gap = sequence_gap(self._sequence, sequence)
@@ -77,19 +77,19 @@ class DeadlineMeter:
         self._forget(done_ns)
 
     def missed_in_a_row(self, now_ns: int) -> int:
-        """Return the deadlines missed in a row by now_ns [ns], a silent sender's included."""
+        """Return the deadlines missed in a row until now_ns [ns], also those of a silent sender."""
         if self._sequence is None:
             return 0
         overdue = (now_ns - self._acquired_ns) // self._period_ns - 1
         return self.consecutive_missed + max(0, overdue)
 
     def rate(self, now_ns: int) -> float:
-        """Return the ticks acted upon within the second before now_ns [1/s]."""
+        """Return the ticks with a command in the second before now_ns [1/s]."""
         self._forget(now_ns)
         return float(len(self._recent))
 
     def latency(self, share: float) -> float:
-        """Return the latency [s] that this share of the last second's ticks stayed within.
+        """Return the quantile `share` of the latencies of the last second [s].
 
         0.5 gives the median; 0 when there were no ticks.
         """
@@ -99,7 +99,7 @@ class DeadlineMeter:
 
     @property
     def success_rate(self) -> float:
-        """Return the share of the last 1000 ticks done in time; none was missed before."""
+        """Share of the last 1000 deadlines met; those before the first tick count as met."""
         return 1.0 - self._missed_count / SUCCESS_WINDOW
 
     def _note(self, missed: bool) -> None:
@@ -115,7 +115,7 @@ class DeadlineMeter:
 
 
 def empty_histogram() -> list[int]:
-    """Return a histogram of latencies without any."""
+    """Return an empty histogram of latencies."""
     return [0] * _BINS
 
 
@@ -125,9 +125,9 @@ def note_latency(histogram: list[int], latency_ns: int) -> None:
 
 
 def quantile(histogram: Sequence[int], share: float) -> float:
-    """Return the latency [s] that this share of a histogram stayed within, by the end of its bin.
+    """Return the quantile `share` of a histogram of latencies [s], as the upper edge of its bin.
 
-    Infinite when it lies beyond the last bin, 0 for an empty histogram.
+    Infinite when it lies in the last bin, 0 for an empty histogram.
     """
     wanted = share * sum(histogram)
     reached = 0
@@ -144,11 +144,11 @@ def histogram_text(histogram: Sequence[int]) -> str:
 
 
 def histogram_of(text: str) -> list[int]:
-    """Return the histogram that `histogram_text` wrote. Raises ValueError for anything else."""
+    """Return the histogram from a text of `histogram_text`. Raises ValueError for other texts."""
     histogram = empty_histogram()
     for entry in text.split():
         number, count = map(int, entry.split(":"))
         if not 0 <= number < _BINS or count < 0:
-            raise ValueError(f"{entry!r} is no bin of a latency histogram")
+            raise ValueError(f"{entry!r} is not a bin of a latency histogram")
         histogram[number] = count
     return histogram

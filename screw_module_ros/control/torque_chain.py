@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a force command to the torque command that goes on the wire: the one chain there is.
+"""From a force command to the torque command on the wire; every caller uses this one chain.
 
 ::
 
     force -> 4000 N/s -> 95 N up, 75 N down -> gate's scale -> T = F L / 2 pi (5.2)
           -> I2t and peak (3.1.6) -> linearization (4.1.1) -> whole per mille of rated (6071)
 
-Nodes, closed-loop tests, the compiled in-process loop and tests of the wire call it. It remembers
-the heat of the motor, and `followed` the last force.
+Nodes, closed-loop tests, the compiled in-process loop and tests of the wire protocol call it. The
+state is the heat of the motor, and for `followed` the last force.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ..units import from_per_mille, to_per_mille
 from .limits import CommandLimits, TorqueLimits, clamp, limit_torque, slew
 from .linearization import IDENTITY, Linearization, torque_command
 
-_MOMENT = 1e-3  # [s], in which a cold motor may give its peak torque
+_MOMENT = 1e-3  # [s] time for which a cold motor may give its peak torque
 COLD = 0.0
 """Heat of a motor that has rested [Nm^2]."""
 
 
 class TorqueChain(NamedTuple):
-    """What the chain is made of.
+    """Parameters of the chain.
 
-    commands, limits: of force and of torque; screw: between them; linearized: whether the
-    linearization is used; rated_torque: of the drive, object 6076 [Nm].
+    commands: limits of the force; limits: limits of the torque; screw: converts force to torque;
+    linearized: whether the linearization is used; rated_torque: of the drive, object 6076 [Nm].
     """
 
     commands: CommandLimits = CommandLimits()
@@ -40,8 +40,8 @@ class TorqueChain(NamedTuple):
 
 
 class Commanded(NamedTuple):
-    """torque: that the motor is to give [Nm]; command: to the drive for it, before rounding to
-    whole per mille [Nm]; limited: a limit acted."""
+    """torque: desired torque of the motor [Nm]; command: torque command to the drive, before
+    rounding to whole per mille [Nm]; limited: a limit acted."""
 
     torque: float
     command: float
@@ -55,7 +55,7 @@ def torque_chain(
     screw: Screw,
     rated_torque: float,
 ) -> TorqueChain:
-    """Return the chain; a linearization of None leaves the torque as it is."""
+    """Return the chain; with a linearization of None the command equals the torque."""
     return TorqueChain(
         commands,
         limits,
@@ -67,9 +67,9 @@ def torque_chain(
 
 
 def followed(chain: TorqueChain, last: float, force: float, dt: float) -> float:
-    """Return the force [N] to act upon dt [s] after the `last` one [N]: at a limited rate.
+    """Return the rate-limited force [N], dt [s] after the `last` one [N].
 
-    Zero acts at once, past the rate limit.
+    Zero passes at once, without the rate limit.
     """
     return 0.0 if force == 0.0 else slew(last, force, chain.commands.command_rate * dt)
 
@@ -77,9 +77,9 @@ def followed(chain: TorqueChain, last: float, force: float, dt: float) -> float:
 def commanded(
     chain: TorqueChain, heat: float, force: float, scale: float, dt: float
 ) -> tuple[Commanded, float]:
-    """Return what a force command [N] comes to, and the motor's heat dt [s] later [Nm^2].
+    """Return the torque for a force command [N], and the motor's heat dt [s] later [Nm^2].
 
-    heat: as returned last, `COLD` at first; scale: the gate's, 0 to 1.
+    heat: last returned value, `COLD` at first; scale: factor of the gate, 0 to 1.
     """
     allowed = clamp(force, -chain.commands.command_down, chain.commands.command_up)
     wanted = scale * force_to_torque(allowed, chain.screw)
@@ -90,7 +90,7 @@ def commanded(
 def commanded_torque(
     chain: TorqueChain, heat: float, wanted: float, dt: float
 ) -> tuple[Commanded, float]:
-    """Return the same of a motor torque [Nm]; see `commanded`."""
+    """Return the same for a desired motor torque [Nm]; see `commanded`."""
     torque, heat = limit_torque(chain.limits, heat, wanted, dt)
     command = torque
     if chain.linearized and torque != 0.0:
@@ -99,9 +99,9 @@ def commanded_torque(
 
 
 def largest_command(chain: TorqueChain) -> float:
-    """Return the largest torque command [Nm] of either sign that the chain can ask for.
+    """Return the largest torque command [Nm] of either sign that the chain can give.
 
-    Limit written to the drive, object 6072: no command of ours is larger.
+    The driver writes it to the drive as its limit, object 6072.
     """
     up, down = chain.commands.command_up, chain.commands.command_down
     return max(
@@ -110,5 +110,5 @@ def largest_command(chain: TorqueChain) -> float:
 
 
 def on_the_wire(chain: TorqueChain, command: float) -> float:
-    """Return a torque command [Nm] as object 6071 can hold it."""
+    """Return a torque command [Nm] rounded to the resolution of object 6071."""
     return from_per_mille(to_per_mille(command, chain.rated_torque), chain.rated_torque)

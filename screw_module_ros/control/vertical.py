@@ -6,24 +6,25 @@
     set point -> spring and damper -> + gravity -> + friction model -> + force feedback
               -> speed limit -> force limits -> soft stops -> rate limit -> command
 
-Command (thesis eqs 6.1 to 6.8, figs 6-6 and 6-11): Fpd + gravity + 0.9 Ff(z, v) + Kf (Fpd + Fp),
-the last two where the mode asks for them. COMBINED is the plain sum: what the friction model
-predicts no longer shows up in Fpd + Fp, so the feedback works on the remainder by itself (6.4.4).
-Near standstill the model says nothing (6.3.1) and the feedback does the work.
+Command (thesis eqs 6.1 to 6.8, figs 6-6 and 6-11): Fpd + gravity + 0.9 Ff(z, v) + Kf (Fpd + Fp).
+The mode decides whether the last two parts take part. COMBINED is the plain sum: the friction model
+removes the predicted part from Fpd + Fp, so the feedback acts on the remainder only (6.4.4). Near
+standstill the model gives no information (6.3.1), and the feedback compensates friction alone.
 
-Nothing jumps. Every part fades in and out with a weight of its own over `fade_time`; stiffness,
-damping, force gain, gravity and set point move at limited rates; and the command moves at most
-`force_rate` dt per step whatever is switched: 2 N at 1 kHz by default. Enabling is such a switch,
-from OFF, with the set point at the measured position. Only to zero may the command jump.
+Nothing jumps. Each part fades in and out over `fade_time` with its own weight. Stiffness, damping,
+force gain, gravity and set point change at limited rates. The command changes by at most
+`force_rate` dt per step, 2 N at 1 kHz by default, also at a change of mode. Enabling is a change
+from OFF, with the set point at the measured position. Only a step to zero is exempt.
 
-The limits of 65 N up and 45 N down (thesis 2.1.1) are those of the endpoint: they hold spring and
-damper, so what the robot presses on the patient's hand, and the feedback asks no more. The total
-command, which also carries the weight and overcomes friction, has limits of its own, 95 N and 75 N.
+The limits of 65 N up and 45 N down (thesis 2.1.1) apply at the endpoint: they limit spring and
+damper, which is the force on the patient's hand, and the feedback does not exceed them. The total
+command also carries the weight and overcomes friction; its limits are 95 N and 75 N.
 """
 
 from __future__ import annotations
 
 from ..filters import lowpass_coefficients, lowpass_step
+from .carried_mass import carried_step
 from .chatter import damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
@@ -46,7 +47,7 @@ from .vertical_state import (
 )
 
 LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
-# Beyond these no sample can be real: zero output.
+# A sample beyond these cannot be real; the output is then zero.
 FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 STRONGEST = 1e5  # [N]
@@ -62,10 +63,10 @@ def vertical_step(
 ) -> tuple[VerticalOutput, VerticalState]:
     """Return command and next state, dt [s] after the last step.
 
-    An input that is not finite or beyond anything real gives zero output; the caller latches.
+    An input that is not finite or not plausible gives zero output; the caller latches a fault.
     """
     if not _usable(inp, dt):
-        # Where the nut is, is not known any more: the next good sample is a first one.
+        # The position of the nut is unknown now: the next good sample counts as the first one.
         idle = idle_state(settings, state.setpoint.position, state.lowpass, state.guard)
         return no_output(idle), unplaced(idle)
     dt = min(dt, LONGEST_STEP)
@@ -99,10 +100,16 @@ def vertical_step(
     pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
+    share = settings.observer_inertia * guard.share * blend.observer
+    carried, speed_lowpass = carried_step(
+        state.speed_lowpass, observer.velocity, share * settings.mass,
+        settings.observer_gain, handle_force, dt,
+    )  # fmt: skip
+    wanted = clamp(impedance + carried, -settings.force_down, settings.force_up)
     error, error_lowpass = lowpass_step(
         lowpass_coefficients(settings.observer_cutoff, dt),
         state.error_lowpass,
-        impedance + inp.force,
+        wanted + inp.force,
     )
     feedback = blend.feedback * feedback_force(
         guard.share * blend.gain, impedance, handle_force, settings.feedback_limit
@@ -110,6 +117,7 @@ def vertical_step(
     feedback += blend.observer * feedback_force(
         guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
     )
+    feedback += wanted - impedance
     unfelt = blend.friction * (1.0 - blend.feedback)
     feedback += unfelt * _over_limit(settings, blend, handle_force)
     friction += blend.observer * observer.disturbance
@@ -130,7 +138,7 @@ def vertical_step(
     observer = remembered(observer, force)
     return output, VerticalState(
         setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
-        error_lowpass, guard,
+        error_lowpass, speed_lowpass, guard,
     )  # fmt: skip
 
 
@@ -149,7 +157,7 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
 def _followed(
     settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
 ) -> SetPoint:
-    """Return the set point moved on; it stays with the nut while no spring pulls or a slot does."""
+    """Return the next set point; it follows the nut while the spring is off or a slot guides."""
     setpoint = state.setpoint
     if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
         setpoint = setpoint_at(settings, inp.position)
@@ -172,10 +180,10 @@ def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> floa
 
 
 def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -> float:
-    """Return the force [N] against what is pressed on the hand beyond the limits.
+    """Return the force [N] that opposes a force on the hand beyond the endpoint's limits.
 
-    A friction feed-forward that is more than the friction presses on a hand at rest. Without force
-    feedback nothing else knows of it.
+    A friction feed-forward that exceeds the real friction presses on a hand at rest. Without force
+    feedback no other part corrects that.
     """
     beyond = min(0.0, handle_force + settings.force_up)
     beyond += max(0.0, handle_force - settings.force_down)
@@ -183,10 +191,10 @@ def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -
 
 
 def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
-    """Return whether the handle rests, near enough to the force that it should have.
+    """Return whether the handle is at rest with a tolerable force error.
 
-    Friction holds it there. An observer that went on would build up force until it breaks away, and
-    catch it beyond: the hunting of every integral against stiction.
+    Friction holds it there. An observer that continued would build up force until the handle breaks
+    away and overshoots: hunting, as with any integral action against stiction.
     """
     return (
         abs(state.observer.velocity) < RESTING_SPEED
@@ -204,9 +212,9 @@ def _pull(
 ) -> float:
     """Return the force of spring and damper [N].
 
-    OBSERVER takes the velocity that its observer estimates [m/s], which lags less than the filtered
-    one, and never runs with less damping than it needs, whatever was set since it began. guarded:
-    weight of the chatter guard's damper.
+    OBSERVER uses the velocity estimated by its observer [m/s], which lags less than the filtered
+    one. Its damping never falls below the least damping that it needs, whatever the settings are
+    now. guarded: weight of the chatter guard's damper.
     """
     weight = blend.observer
     velocity = inp.velocity + weight * (estimated - inp.velocity)
@@ -228,7 +236,7 @@ def _pull(
 def _limited(settings: VerticalSettings, weight: float, inp: VerticalInput, force: float) -> float:
     """Return the force [N] after speed limit, force limits and soft stops.
 
-    weight fades what the limits themselves push, so that OFF is zero force.
+    weight fades the forces of the limits themselves, so that the force in OFF is zero.
     """
     damping = settings.speed_damping * weight
     force = limit_speed(force, inp.velocity, settings.speed_limit, settings.speed_band, damping)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in force while settings and mode change: values and weights at limited rates."""
+"""Values and weights of the law while settings and mode change, at limited rates."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .vertical_settings import VerticalSettings
 
 
 class Blend(NamedTuple):
-    """Values and weights in force.
+    """Values and weights in use.
 
-    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]: in use; base, friction, feedback,
-    observer: weights of the parts, 0 to 1, base for spring, damper and gravity.
+    stiffness [N/m], damping [Ns/m], gain [1], gravity [N]; base, friction, feedback, observer:
+    weights of the parts, 0 to 1, base for spring, damper and gravity.
     """
 
     stiffness: float
@@ -28,7 +28,7 @@ class Blend(NamedTuple):
 
 
 def blended(settings: VerticalSettings, blend: Blend, mode: int, dt: float) -> Blend:
-    """Return the blend moved on towards the settings and the mode."""
+    """Return the blend dt [s] later, closer to the settings and the mode."""
     share = dt / settings.fade_time
     return Blend(
         slew(blend.stiffness, settings.stiffness, settings.stiffness_rate * dt),
@@ -38,7 +38,7 @@ def blended(settings: VerticalSettings, blend: Blend, mode: int, dt: float) -> B
         slew(blend.base, 1.0 if uses_impedance(mode) else 0.0, share),
         slew(blend.friction, 1.0 if uses_friction(mode) else 0.0, share),
         slew(blend.feedback, 1.0 if uses_feedback(mode) else 0.0, share),
-        # Not before the rest is in: until then the amplifier's own ramp may hold torque back,
-        # which the observer would take for friction.
+        # The observer starts after the other parts: until then the amplifier's ramp may reduce the
+        # torque, and the observer would take that for friction.
         slew(blend.observer, 1.0 if uses_observer(mode) and blend.base == 1.0 else 0.0, share),
     )

@@ -7,6 +7,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
+from .carried_mass import KNOWN_SHARE
 from .limits import CommandLimits
 from .modes import uses_observer
 from .observer import least_damping
@@ -33,38 +34,39 @@ class VerticalSettings(NamedTuple):
         float, Setting("force that carries the moving parts' weight", "N", -50.0, 50.0, live=True)
     ] = 10.0
     force_cutoff: Annotated[
-        float, Setting("cutoff of the handle force's filter", "Hz", 1.0, 400.0)
+        float, Setting("cut-off of the handle force's filter", "Hz", 1.0, 400.0)
     ] = 30.0
     friction_stiffness: Annotated[
         float,
-        Setting("of the modelled friction's turn-round; below the module's own", "N/m", 1e3, 1e6),
+        Setting("spring of the modelled friction at a reversal, softer than the module's", "N/m",
+                1e3, 1e6),
     ] = 1e5
     friction_limit: Annotated[float, Setting("largest friction feed-forward", "N", 0.0, 60.0)] = (
         25.0
     )
     feedback_limit: Annotated[float, Setting("largest force feedback", "N", 0.0, 150.0)] = 60.0
     mass: Annotated[
-        float, Setting("that moves with the handle, no hand's", "kg", 0.5, 50.0, live=True)
+        float, Setting("moving mass, without a hand", "kg", 0.5, 50.0, live=True)
     ] = 5.5
     observer_gain: Annotated[
         float, Setting("force gain k of OBSERVER; it leaves mass / (1 + k)", "", 0.0, 30.0)
     ] = 9.0
     observer_cutoff: Annotated[
-        float, Setting("cutoff of the force that this gain acts on", "Hz", 1.0, 100.0)
+        float, Setting("cut-off of the force that this gain acts on", "Hz", 1.0, 100.0)
     ] = 9.0
     observer_bandwidth: Annotated[
         float, Setting("triple pole of the disturbance observer", "rad/s", 20.0, 1000.0)
     ] = 300.0
     observer_delay: Annotated[
         float,
-        Setting("from a sample to the force in answer to it, amplifier included", "s", 0.0, 5e-3),
+        Setting("delay from a sample to its force at the nut, amplifier included", "s", 0.0, 5e-3),
     ] = 1.4e-3
     observer_limit: Annotated[float, Setting("largest disturbance estimated", "N", 0.0, 60.0)] = (
         35.0
     )
     observer_rest: Annotated[
         float,
-        Setting("force error that a handle at rest may keep, so that it does not hunt", "N",
+        Setting("force error tolerated at rest, so that the handle does not hunt", "N",
                 0.0, 5.0),
     ] = 0.5
     observer_friction: Annotated[
@@ -72,19 +74,24 @@ class VerticalSettings(NamedTuple):
         Setting("share of modelled friction fed forward in OBSERVER", "",
                 0.0, 1.0, live=True),
     ] = 0.0
+    observer_inertia: Annotated[
+        float,
+        Setting("share of the mass left in OBSERVER that is carried too, for a mass that is known",
+                "", 0.0, 0.7, live=True),
+    ] = 0.0
     observer_damping_ratio: Annotated[
         float,
-        Setting("that a released handle must have in OBSERVER; 0 asks for no damper", "", 0.0, 1.0),
+        Setting("least damping ratio of a released handle in OBSERVER, 0 = none", "", 0.0, 1.0),
     ] = 0.25
     chatter_limit: Annotated[
         float,
         Setting("rms of rapid handle force beyond which force gains go down", "N", 0.2, 50.0),
     ] = 1.2
     chatter_damping: Annotated[
-        float, Setting("damper in place of what the guard took away", "Ns/m", 0.0, 200.0)
+        float, Setting("damper that replaces the gains reduced by the guard", "Ns/m", 0.0, 200.0)
     ] = 80.0
     fade_time: Annotated[
-        float, Setting("time in which a part of the force comes or goes", "s", 0.05, 10.0)
+        float, Setting("time in which a part of the force fades in or out", "s", 0.05, 10.0)
     ] = 0.5
     stiffness_rate: Annotated[
         float, Setting("rate at which the stiffness follows its setting", "N/m/s", 1.0, 1e4)
@@ -150,6 +157,10 @@ class VerticalSettings(NamedTuple):
                 f"{self.soft_stop_zone:g} m"
             )
         return self
+
+    def calibrated(self, gravity: float, mass: float) -> VerticalSettings:
+        """Return the settings for a module whose weight [N] and mass [kg] were measured."""
+        return self._replace(gravity=gravity, mass=mass, observer_inertia=KNOWN_SHARE)
 
     @property
     def least_damping(self) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vertical law takes, gives and remembers, and its states at rest."""
+"""Inputs, outputs and memory of the vertical law, and its states at rest."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .vertical_settings import VerticalSettings
 
 
 class VerticalInput(NamedTuple):
-    """What one step sees, up positive.
+    """Inputs of one step, up positive.
 
     mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
     tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
     [m/s]; active: False holds the command at zero and the set point at the measured position;
-    slot_force: of a slot (`slot`) [N], slot_weight: 0 to 1, how far it stands in place of spring
-    and damper.
+    slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, the share of spring and damper that the
+    slot replaces.
     """
 
     mode: int
@@ -60,7 +60,8 @@ class VerticalState(NamedTuple):
     setpoint: in use; blend; lowpass: of the handle force; force: last command [N]; placed,
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
     ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
-    back; guard: of the force gains.
+    back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the
+    force gains.
     """
 
     setpoint: SetPoint
@@ -73,6 +74,7 @@ class VerticalState(NamedTuple):
     ratio: float
     observer: ObserverState
     error_lowpass: LowpassState
+    speed_lowpass: LowpassState
     guard: GuardState
 
 
@@ -84,27 +86,28 @@ def initial_state(settings: VerticalSettings) -> VerticalState:
 def idle_state(
     settings: VerticalSettings, position: float, lowpass: LowpassState, guard: GuardState
 ) -> VerticalState:
-    """Return the state in which nothing is commanded, set point at position [m]."""
+    """Return the state without a command, set point at position [m]."""
     blend = Blend(
         settings.stiffness, settings.damping, settings.force_gain, settings.gravity, 0.0, 0.0, 0.0,
         0.0,
     )  # fmt: skip
     return VerticalState(
         setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
-        observer_at(position), LowpassState(0.0, 0.0), guard,
+        observer_at(position), LowpassState(0.0, 0.0), LowpassState(0.0, 0.0), guard,
     )  # fmt: skip
 
 
 def unplaced(state: VerticalState) -> VerticalState:
-    """Return a state that does not know where the nut was last."""
+    """Return a state without the nut's last position."""
     return VerticalState(
         state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
-        state.friction, state.ratio, state.observer, state.error_lowpass, state.guard,
+        state.friction, state.ratio, state.observer, state.error_lowpass, state.speed_lowpass,
+        state.guard,
     )  # fmt: skip
 
 
 def no_output(idle: VerticalState) -> VerticalOutput:
-    """Return the output of a step that commands nothing, from an idle state."""
+    """Return the output of a step without a command, from an idle state."""
     return VerticalOutput(
         0.0, 0.0, 0.0, 0.0, 0.0, False, idle.setpoint.position, 0.0, idle.guard.share
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plausibility of the vertical axis's samples (design section 6): when in doubt, the force is zero.
+"""Plausibility of the vertical axis's samples (design section 6): in doubt the force is zero.
 
-Something that was never there is waited for. Something that was there and is gone, or that cannot
-be, is a fault: it stays latched until `reset`, whatever comes after. Samples may be the drivers'
-readings or the messages made of them, both have the same field names.
+Until the first sample the watch waits. A stream that stops, or a sample that cannot be real, is a
+fault: it stays latched until `reset`, whatever comes after. Samples may be the drivers' readings or
+the messages made of them; both have the same field names.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _COUNT = 1e-6  # [m], a little more than the resolution of the encoder
 
 
 class WatchSettings(NamedTuple):
-    """Bounds of what a sample can be.
+    """Bounds of plausible samples.
 
-    The motor's peak force of 528 N moves 5.5 kg with 96 m/s^2 and a hard end stop brakes with about
-    200 m/s^2 (0.5 m/s against 1e6 N/m): a jump means more than that.
+    The motor's peak force of 528 N accelerates 5.5 kg with 96 m/s^2, and a hard end stop brakes
+    with about 200 m/s^2 (0.5 m/s against 1e6 N/m): a jump is a change above that.
     """
 
     stale_periods: Annotated[
@@ -46,7 +46,7 @@ class WatchSettings(NamedTuple):
     highest: Annotated[float, Setting("highest position", "m", -1.0, 1.0)] = 0.37
     speed: Annotated[float, Setting("fastest speed", "m/s", 0.05, 3.0)] = 1.0
     acceleration: Annotated[
-        float, Setting("change of speed no motor can make", "m/s^2", 10.0, 1e5)
+        float, Setting("acceleration that no motor can make", "m/s^2", 10.0, 1e5)
     ] = 300.0
     force: Annotated[float, Setting("largest force on the handle", "N", 1.0, 1000.0)] = 150.0
     force_required: Annotated[bool, Setting("a force sensor must be there")] = True
@@ -77,10 +77,10 @@ class ForceLike(Protocol):
 
 
 class VerticalWatch:
-    """Watches encoder and force samples of one controller; all times are passed in."""
+    """Checks encoder and force samples of one controller; all times are passed in."""
 
     def __init__(self, settings: WatchSettings, period_ns: int):
-        """Start with nothing seen; period_ns is the period of both streams [ns]."""
+        """Start without samples; period_ns is the period of both streams [ns]."""
         self._settings = settings
         self._period_ns = period_ns
         self._stale_ns = int(settings.stale_periods * period_ns)
@@ -97,9 +97,9 @@ class VerticalWatch:
         return self._fault
 
     def encoder(self, sample: EncoderLike, now_ns: int) -> bool:
-        """Take an encoder sample at now_ns [ns]; return whether it is to be acted upon.
+        """Check an encoder sample at now_ns [ns]; return whether the controller may use it.
 
-        Repeated and out-of-order samples are not.
+        Repeated and out-of-order samples are not used.
         """
         if not self._encoder.accept(sample.sequence, sample.monotonic_ns, now_ns):
             self._latch(self._encoder.fault)
@@ -117,7 +117,7 @@ class VerticalWatch:
         return True
 
     def force(self, sample: ForceLike, now_ns: int) -> bool:
-        """Take a force sample at now_ns [ns]; return whether it is to be acted upon."""
+        """Check a force sample at now_ns [ns]; return whether the controller may use it."""
         if not self._force.accept(sample.sequence, sample.monotonic_ns, now_ns):
             self._latch(self._force.fault)
             return False
@@ -136,7 +136,7 @@ class VerticalWatch:
         return True
 
     def check(self, now_ns: int) -> str | None:
-        """Return why the force must be zero at now_ns [ns], or None; call it for every command."""
+        """Return why the force must be zero at now_ns [ns], or None; call before every command."""
         if self._fault:
             return self._fault
         if not self._encoder.seen:
@@ -150,7 +150,7 @@ class VerticalWatch:
         return self._fault or (None if self._homed else "encoder: not homed")
 
     def reset(self, now_ns: int) -> str | None:
-        """Forget the latched fault; return what still holds the force at zero, or None.
+        """Clear the latched fault; return why the force still stays at zero, or None.
 
         A cause that persists latches again at once.
         """
@@ -161,11 +161,11 @@ class VerticalWatch:
         return self.check(now_ns)
 
     def _latch(self, reason: str) -> None:
-        """Keep the first reason: the others follow from it."""
+        """Keep the first reason; later ones usually follow from it."""
         self._fault = self._fault or reason
 
     def _check_place(self, sample: EncoderLike) -> None:
-        """Latch on a speed or a place beyond the bounds."""
+        """Latch a fault on a speed or a position beyond the bounds."""
         bounds = self._settings
         if abs(sample.velocity) > bounds.speed:
             self._latch(f"encoder: {sample.velocity:.3g} m/s, faster than {bounds.speed:g} m/s")
@@ -173,7 +173,7 @@ class VerticalWatch:
             self._latch(f"encoder: {sample.position:.4g} m lies outside the travel")
 
     def _check_jump(self, sample: EncoderLike) -> None:
-        """Latch on a gap and on a change of speed no motor can make."""
+        """Latch a fault on a gap and on a change of speed that no motor can make."""
         last, self._motion = self._motion, (sample.monotonic_ns, sample.position)
         if last is None:
             return

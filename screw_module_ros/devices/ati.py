@@ -32,10 +32,10 @@ SERIAL_BYTES = 8
 
 AXES = 6
 SATURATED = 32767
-#: Indices of the voltages that READ_DIAGNOSTIC knows.
+#: Indices of the voltages that READ_DIAGNOSTIC returns.
 DIAGNOSTICS = (0, 2, 3, 4, 5)
 
-#: Bases whose sixteen identifiers meet none that CANopen uses for PDO 1 to 4, SDO, NMT and so on.
+#: Bases whose sixteen identifiers do not collide with CANopen's (PDO 1 to 4, SDO, NMT and so on).
 FREE_BASES = frozenset(
     (*range(0x01, 0x08), *range(0x11, 0x18), *range(0x68, 0x70), *range(0x78, 0x7E), 0x7F)
 )
@@ -107,7 +107,7 @@ def counts_to_wrench(
     turn: tuple[tuple[float, float, float], ...],
     sign: int,
 ) -> tuple[Row, ...]:
-    """Return the rows that take six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in handle axes.
+    """Return the matrix that maps six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in handle axes.
 
     matrix: the sensor's six rows for Fx to Tz. turn: sensor axes to handle axes.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Blocking questions to the ATI NETCANOEM board: identity, calibration, units, diagnostics."""
+"""Blocking requests to the ATI NETCANOEM board: identity, calibration, units, diagnostics."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .errors import NotAnswering, NotConfigured, WrongDevice
 
 
 class SensorIdentity(NamedTuple):
-    """Who the sensor is and how it counts.
+    """Identity and units of the sensor.
 
     serial: eight characters. firmware: major.minor.build. counts_per_force, counts_per_torque:
-    counts in one unit. force_unit [N] and torque_unit [Nm]: what that unit is.
+    counts per unit. force_unit [N] and torque_unit [Nm]: size of that unit.
     """
 
     serial: str = ""
@@ -28,14 +28,14 @@ class SensorIdentity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Identity for people and for hardware_id."""
+        """Identity as text, for messages and hardware_id."""
         return f"ATI NETCANOEM, serial {self.serial or 'unknown'}, firmware {self.firmware}"
 
 
 class Dialogue:
-    """Asks one question at a time; the thread that pumps the port delivers the replies.
+    """Sends one request at a time; the thread that pumps the port delivers the replies.
 
-    base_id: high seven bits of the identifiers. timeout_s: time limit of one try [s], two tries.
+    base_id: high seven bits of the identifiers. timeout_s: time limit of one try [s]; two tries.
     """
 
     def __init__(self, port: Port, base_id: int, label: str, timeout_s: float):
@@ -47,7 +47,7 @@ class Dialogue:
         self._lock = threading.Lock()
 
     def ask(self, opcode: int, payload: bytes, replies: dict[int, int]) -> list[bytes]:
-        """Send one request and return its replies, `replies` giving opcode -> length [byte].
+        """Send one request and return its replies; replies: opcode -> expected length [byte].
 
         Raises NotAnswering after two tries, BusError.
         """
@@ -93,7 +93,7 @@ class Dialogue:
     def set_calibration(self, index: int) -> None:
         """Make calibration `index` the active one.
 
-        Raises NotConfigured when the sensor says that another one is active; else as `ask`.
+        Raises NotConfigured when the sensor reports another one as active; otherwise as `ask`.
         """
         (data,) = self.ask(ati.SET_CALIBRATION, bytes([index]), {ati.SET_CALIBRATION: 1})
         if data[0] != index:
@@ -107,9 +107,9 @@ class Dialogue:
         self.serial()
 
     def identify(self) -> SensorIdentity:
-        """Return who the sensor is and how it counts.
+        """Return identity and units of the sensor.
 
-        Raises WrongDevice for units that are not known or counts that make no sense; as `ask`.
+        Raises WrongDevice for unknown units or implausible counts; otherwise as `ask`.
         """
         (data,) = self.ask(ati.READ_UNIT_CODES, b"", {ati.READ_UNIT_CODES: 2})
         force, torque = ati.FORCE_UNITS.get(data[0]), ati.TORQUE_UNITS.get(data[1])
@@ -128,7 +128,7 @@ class Dialogue:
     def matrix(self) -> list[ati.Row]:
         """Return the active calibration matrix, six rows for Fx to Tz over six gauges.
 
-        Raises WrongDevice when it is not a matrix of finite numbers; else as `ask`.
+        Raises WrongDevice when a number is not finite; otherwise as `ask`.
         """
         rows = [self._row(axis) for axis in range(ati.AXES)]
         if not all(math.isfinite(x) for row in rows for x in row) or not all(map(any, rows)):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The CiA 402 power drive state machine as tables (CiA 402-2, 7 and 8.4).
 
-`decode` reads a statusword, `CONTROLWORD` says what to send next on the way to a goal, `LEGAL`
-lists the transitions a drive may make. Nothing here keeps state or enables by itself: a goal above
-switched on exists only while the caller requests it, and a fault is never left by these tables.
+`decode` reads a statusword, `CONTROLWORD` holds the next controlword on the way to a goal, `LEGAL`
+lists the transitions that a drive may make. The module keeps no state. It enables only while the
+caller's goal is enabled, and these tables never leave a fault.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class State(IntEnum):
 
 
 class Goal(IntEnum):
-    """Where the driver wants the drive: voltage off, ready to be enabled, or enabled."""
+    """Goal of the driver for the drive: voltage off, ready to be enabled, or enabled."""
 
     OFF = 0
     SWITCHED_ON = 1
@@ -69,12 +69,12 @@ def _state_of(low_bits: int) -> State:
     return State.UNKNOWN
 
 
-#: State by the low seven bits of the statusword; patterns that CiA 402 lacks are UNKNOWN.
+#: State by the low seven bits of the statusword; patterns not in CiA 402 are UNKNOWN.
 _STATES = tuple(_state_of(low_bits) for low_bits in range(0x80))
 
 
 def decode(statusword: int) -> State:
-    """Return the state that object 6041 shows; UNKNOWN for a pattern that CiA 402 lacks."""
+    """Return the state that object 6041 shows; UNKNOWN for a pattern not in CiA 402."""
     return _STATES[statusword & 0x7F]
 
 
@@ -123,8 +123,8 @@ def is_legal(before: State, after: State) -> bool:
     return before == after or (before, after) in LEGAL
 
 
-#: What to send in each state on the way to each goal. Faults and quick stops end in voltage off:
-#: leaving them is an act of its own, `FAULT_RESET` after a cleared bit.
+#: Controlword for each state on the way to each goal. Faults and quick stops end in voltage off;
+#: to leave them the caller sends `FAULT_RESET` after a cleared bit 7.
 CONTROLWORD: dict[Goal, dict[State, int]] = {
     Goal.OFF: dict.fromkeys(State, DISABLE_VOLTAGE),
     Goal.SWITCHED_ON: dict.fromkeys(State, DISABLE_VOLTAGE)

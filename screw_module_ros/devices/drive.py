@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """CiA 402 drive in torque mode: one command per tick, enabled only on request.
 
-The torque written is zero unless the drive shows operation enabled, that was asked for, and no
-fault is latched. `drive_logic` decides what to send; this is the wire.
+The driver writes zero torque unless the drive shows operation enabled on request and no fault is
+latched. `drive_logic` decides what to send; this module sends it.
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ from .heartbeat import Heartbeat
 from .node import CanopenNode
 
 _HEARTBEATS_MISSED = 3
+_UNWATCHED_NS = 2_000_000_000
 
 
 class Drive:
     """Driver of one drive; `heartbeat`, `sync` and `write` belong to the realtime loop.
 
-    warnings: for the user, such as missing guards. unguarded: the guards the drive refused.
-    reports: what the drive says of itself. beat: our heartbeat, shared by the drives of one bus,
-    made here when none is given. per_turn: what one turn is of the position reported: the screw's
-    lead [m], or 2 pi for a joint [rad].
+    warnings: for the user, such as missing guards. unguarded: the guards that the drive refused.
+    reports: decoded answers of the drive. beat: our heartbeat, shared by the drives of one bus;
+    the driver creates it if none is given. per_turn: change of position per turn: the screw's lead
+    [m], or 2 pi for a joint [rad].
     """
 
     def __init__(
@@ -80,14 +81,14 @@ class Drive:
         )
         self._configured = self._running = self._armed = self._altered = False
         self._hears = True
-        self._started_ns = 0
+        self._started_ns = self._configured_ns = 0
         port.subscribe(self._command_id, self._on_foreign_command)
 
     # -- configuration: blocking -----------------------------------------------------------------
 
     @property
     def identity(self) -> str:
-        """Who the device says it is, for hardware_id."""
+        """Identity that the device reports, for hardware_id."""
         return self.node.identity.text
 
     @property
@@ -115,12 +116,20 @@ class Drive:
         """Whether commands are being sent."""
         return self._running
 
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: configured just now, and neither restarted nor left since.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
+
     def configure(self) -> None:
         """Find the drive, configure it and set its guards; blocking.
 
-        A drive that refuses a guard is configured all the same but not enabled, unless
-        `allow_unguarded` says so. Raises Occupied, NotAnswering, WrongDevice, Refused,
-        NotConfigured, BusError.
+        A drive that refuses a guard is configured but cannot be enabled, unless `allow_unguarded`
+        is set. Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
         self._running = self._configured = self._armed = False
         settings = self.settings
@@ -140,12 +149,18 @@ class Drive:
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
-        self._configured = True
+        self._configured_ns = self._port.clock.now_ns()
+        self._configured = True  # from here on a restart or another client is a fault
+        try:
+            self.node.undisturbed()  # nor was there one until here
+        except DeviceError:
+            self._configured = False
+            raise
 
     def start(self) -> None:
-        """NMT start; from here on the loop must write every tick.
+        """NMT start; from now on the loop must call `write` every tick.
 
-        Raises NotConfigured before `configure`, BusError.
+        Raises NotConfigured before `configure` and after `stop`, BusError.
         """
         if not self._configured:
             raise NotConfigured(f"the {self.label} is not configured")
@@ -153,15 +168,20 @@ class Drive:
         self.reports.restart()
         self.node.start()
         self._running = True
+        if not self._configured:  # it has restarted at just that
+            self._running = False
 
     def stop(self) -> None:
-        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit."""
-        self._running = self._armed = False
+        """Send nothing more and leave the drive to its guards; `shutdown` is the clean exit.
+
+        The configuration counts as gone: an exit disarms the guards, and nobody watches any more.
+        """
+        self._configured = self._running = self._armed = False
 
     def shutdown(self) -> str:
-        """Leave cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
+        """Shut down cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
 
-        For after the loop has ended; returns what did not work, empty when all did.
+        Call it after the loop has ended. Returns the errors, empty without any.
         """
         return drive_exit.leave([self], self._port)
 
@@ -182,10 +202,10 @@ class Drive:
         return self.reports.state(now_ns)
 
     def write(self, torque_nm: float, now_ns: int) -> float:
-        """Send one command; return the torque in it [Nm], zero unless enabled and asked for.
+        """Send one command; return its torque [Nm], zero unless enabled on request.
 
-        torque_nm: on the motor shaft, robot's sign. now_ns: CLOCK_MONOTONIC [ns]. The first
-        command after `start` carries no torque: it arms the guards. Raises BusError.
+        torque_nm: on the motor shaft, with the robot's sign. now_ns: CLOCK_MONOTONIC [ns]. The
+        first command after `start` carries no torque: it arms the guards. Raises BusError.
         """
         if not self._running:
             return 0.0
@@ -197,7 +217,7 @@ class Drive:
             logic.latch(f"the torque command was {torque_nm}")
         state = self.reports.state(now_ns)
         if state is State.UNKNOWN:
-            self._port.pump()  # it may be us who did not listen
+            self._port.pump()  # answers may wait in our socket
             state = self.reports.state(now_ns)
         self._look_at_torque(state, now_ns)
         heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns
@@ -211,7 +231,8 @@ class Drive:
             per_mille = self._per_mille(torque_nm)
         self._send(controlword, per_mille)
         if logic.nmt_stop_due(now_ns):
-            node.stop()  # after the command: whoever altered 6007 may have it keep its torque
+            # After the zero command: with 6007 altered, a stopped drive may keep its torque.
+            node.stop()
         self._asked = per_mille * self._torque_of
         return self._asked
 
@@ -226,7 +247,7 @@ class Drive:
             )
 
     def _arm(self, now_ns: int) -> float:
-        """Heartbeat first, then one command without torque: from here on both are watched."""
+        """Send the heartbeat, then one command without torque: the drive now monitors both."""
         self.beat.rest()
         self.beat.beat(now_ns)
         self._send(cia402.DISABLE_VOLTAGE, 0)
@@ -261,19 +282,19 @@ class Drive:
 
     @property
     def recovering(self) -> bool:
-        """Whether a `clear_fault` is under way; the loop's writes carry it on."""
+        """Whether a `clear_fault` is in progress; the loop's writes continue it."""
         return self._logic.recovery.active
 
     @property
     def enabling(self) -> bool:
-        """Whether operation enabled is asked for."""
+        """Whether operation enabled is requested."""
         return self._logic.goal is Goal.OPERATION_ENABLED
 
     def request_enable(self) -> None:
-        """Ask for operation enabled; the loop's writes lead there.
+        """Request operation enabled; the loop's writes carry it out.
 
-        Raises NotEnabled while a fault is latched or being recovered from, the loop does not write,
-        the mode is not the one configured, or a guard is missing.
+        Raises NotEnabled while a fault is latched, a recovery is in progress, the loop does not
+        write, the mode is not the configured one, or a guard is missing.
         """
         if self.fault:
             raise NotEnabled(f"{self.fault}; clear the fault first")
@@ -292,17 +313,17 @@ class Drive:
         self._logic.enable()
 
     def request_disable(self) -> None:
-        """Ask for torque off, down to switched on."""
+        """Request torque off; the drive goes down to switched on."""
         self._logic.disable()
 
     def clear_fault(self) -> None:
-        """Begin to recover; `recovering` until the drive is back, at most switched on.
+        """Begin to recover; `recovering` is True until the drive is back, at most switched on.
 
-        After a boot-up, and where another SDO client may have changed something, this configures
-        the drive anew, blocking; raises as `configure` then.
+        After a boot-up, or if another SDO client may have changed an object, this configures the
+        drive again, which blocks and raises as `configure`.
         """
         if not self._configured or self._altered:
-            self._altered = False  # whoever goes on meanwhile is noticed again
+            self._altered = False  # a client that continues meanwhile sets it again
             try:
                 self.configure()
                 self.start()
@@ -317,6 +338,11 @@ class Drive:
             self._logic.recover()
         else:
             self._logic.forget()
+        if self._altered or not self._configured:  # what came meanwhile is no fault of before
+            self._logic.latch(
+                f"the {self.label} restarted, or another SDO client talked to it, while its fault "
+                "was being cleared: clear it again"
+            )
 
     def snapshot(self) -> DriveCounters:
         """Return a copy of the counters."""
@@ -327,7 +353,7 @@ class Drive:
         return f"frames 0x{self._command_id:X} on {self._port.name}"
 
     def _on_foreign_command(self, _data: bytes, _arrival_ns: int) -> None:
-        """Stop at the first command that is not ours: own frames do not come in here."""
+        """Stop at the first command of another master; our own frames do not arrive here."""
         self.counters.foreign += 1
         if self._armed:
             self._logic.intruded(
@@ -335,7 +361,7 @@ class Drive:
             )
 
     def _on_foreign_sdo(self) -> None:
-        """Stop: what we told the drive, its guards and limits too, may hold no longer."""
+        """Stop: another client may have changed the configuration, also guards and limits."""
         self.counters.foreign_sdo += 1
         if self._configured:
             self._altered = True
@@ -348,7 +374,7 @@ class Drive:
         self.counters.boot_ups += 1
         if self._configured:
             self._configured = self._running = self._armed = False
-            self._logic.forget()  # it explains whatever was noticed before
+            self._logic.forget()  # the restart explains the faults before it
             self._logic.latch(
                 f"the {self.label} restarted (boot-up): its configuration is gone; clear the "
                 "fault to configure it again"

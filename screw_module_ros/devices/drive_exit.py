@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The clean exit of drives: disable, disarm 1400:05 and 1016, only then stop the heartbeat.
 
-In any other order a drive ends in a fault and the next start begins there. The guards are armed
-until they are disarmed, so commands and heartbeats go on, for all drives of the bus, while the SDO
-conversation runs. A drive that was not seen out of operation enabled keeps its guards: our silence
-then stops it.
+Any other order leaves the drive in a fault, and the next start begins with it. Until the guards are
+disarmed, commands and heartbeats to all drives of the bus continue during the SDO transfers. A
+drive that did not confirm that it left operation enabled keeps its guards: they stop it when the
+commands end.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _PERIOD_NS = 1_000_000
 
 
 def leave(drives: Sequence[Drive], port: Port) -> str:
-    """Take the drives of one bus out of operation; return what did not work, empty when all did."""
+    """Take the drives of one bus out of operation; return the errors, empty without any."""
     running = [drive for drive in drives if drive.running]
     if not running:
         return ""
@@ -62,15 +62,15 @@ def _is_off(state: State) -> bool:
 
 
 def _state(drive: Drive, port: Port) -> State:
-    """Return what the drive says now, asked for where its statusword is stale."""
+    """Return the drive's present state; request the statusword if it is stale."""
     state = drive.state(port.clock.now_ns())
     return cia402.decode(drive.node.sdo.unsigned(0x6041)) if state is State.UNKNOWN else state
 
 
 def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Drive]:
-    """Disarm the drives that are off and return them; add what did not work to problems.
+    """Disarm the drives that are off and return them; append errors to problems.
 
-    The SDO conversations run beside the commands, which must not pause meanwhile.
+    The SDO transfers run in parallel with the commands, which must not pause.
     """
     off: list[Drive] = []
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides what to command a drive each tick: goals, latched faults, recovery. No bus, no clock.
+"""Decides the controlword of each tick: goals, latched faults, recovery. No bus, no clock.
 
-Every exit from operation enabled that was not asked for is latched, also one without a fault, and
-so is every stay in it. Recovering leads up to switched on at most; enabling again is a separate
-act.
+An exit from operation enabled without a request latches a fault, also if the drive reports none; so
+does a stay in operation enabled without a request. A recovery leads up to switched on at most;
+enabling again is a separate act.
 
-A latched fault must end in no torque also where another master commands the drive between two of
-our commands. A drive that stays in operation enabled all the same, or that another master commands,
-is sent to NMT STOPPED, where it accepts no commands at all (CiA 301, 7.3.2.2) and treats the
+After a latched fault the torque must go to zero, even if another master commands the drive between
+two of our commands. If the drive stays in operation enabled, or another master commands it, the
+driver sends it to NMT STOPPED. There it accepts no commands (CiA 301, 7.3.2.2) and treats the
 connection as lost (CiA 402, 6007): see `nmt_stop_due`.
 """
 
@@ -22,16 +22,16 @@ _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 _STOPPING = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
 _PATIENCE_NS = 20_000_000
-"""A drive may show operation enabled for so long when it is not asked for any more."""
+"""Time for which a drive may still show operation enabled after the request has ended."""
 _NMT_EVERY_NS = 100_000_000
 
 
 class DriveLogic:
-    """What is asked of one drive and why it is off.
+    """Request to one drive, and the reason why it is off.
 
-    label: how messages call the drive. brake: a latched fault stops with the quick stop ramp
-    instead of coasting. enable_timeout: limit for enabling and for recovering [s]. silence: a
-    drive without a heartbeat for so long is lost [s].
+    label: name of the drive in messages. brake: a latched fault stops with the quick stop ramp
+    instead of coasting. enable_timeout: limit for enabling and for recovering [s]. silence: time
+    without a heartbeat after which the drive is lost [s].
     """
 
     def __init__(self, label: str, brake: bool, enable_timeout: float, silence: float):
@@ -53,34 +53,34 @@ class DriveLogic:
 
     @property
     def fault(self) -> str:
-        """Why the drive is off, with its own word for it; empty while healthy."""
+        """Why the drive is off, with the cause that the drive reports; empty while healthy."""
         return f"{self.reason}: {self._cause}" if self.reason and self._cause else self.reason
 
     # -- requests --------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
-        """Begin to watch at `now_ns`; a latched fault stays."""
+        """Begin to supervise at `now_ns`; a latched fault stays."""
         self._started_ns = now_ns
         self.goal = Goal.OFF if self.reason else Goal.SWITCHED_ON
 
     def enable(self) -> None:
-        """Ask for operation enabled."""
+        """Request operation enabled."""
         self._enabling_since_ns = None
         self.goal = Goal.OPERATION_ENABLED
 
     def disable(self) -> None:
-        """Ask for torque off."""
+        """Request torque off."""
         if self.goal is Goal.OPERATION_ENABLED:
             self.goal = Goal.SWITCHED_ON
             self._leaving = True
 
     def recover(self) -> None:
-        """Begin to lead the drive out of its fault."""
+        """Begin the recovery from a fault."""
         self.goal = Goal.OFF
         self.recovery.begin()
 
     def forget(self) -> None:
-        """Drop a latched fault: for a drive that has just been configured anew."""
+        """Drop a latched fault, after the drive has been configured again."""
         self.reason = self._cause = ""
         self._intruded = False
         self.recovery.finish()
@@ -88,23 +88,23 @@ class DriveLogic:
     # -- what happens ----------------------------------------------------------------------------
 
     def latch(self, reason: str, cause: str = "") -> None:
-        """Go off and stay off; the first reason is kept. cause: what the drive itself says."""
+        """Switch off and stay off; the first reason stays. cause: the drive's own report."""
         self.goal = Goal.OFF
         self.recovery.finish()
         if not self.reason:
             self.reason, self._cause = reason, cause
 
     def intruded(self, reason: str) -> None:
-        """Latch that another master gives the drive commands. reason: the sentence to latch."""
+        """Latch that another master commands the drive. reason: the message."""
         self.latch(reason)
         self._intruded = True
 
     def explain(self, cause: str) -> None:
-        """Add what the drive says of a fault latched before it said so."""
+        """Add the drive's report to a fault that was latched before the report came."""
         self._cause = self._cause or cause
 
     def changed(self, before: State, after: State, cause: str) -> None:
-        """Note that the drive shows another state."""
+        """Process a change of the drive's state."""
         if before is State.OPERATION_ENABLED and self.goal is Goal.OPERATION_ENABLED:
             reason = f"the {self._label} left operation enabled by itself, to {after.text}"
             self.latch(reason, cause)
@@ -114,9 +114,9 @@ class DriveLogic:
     ) -> int:
         """Return the controlword for this tick.
 
-        state: UNKNOWN when the statusword is stale. shown: what the last statusword said.
-        heard_ns: arrival of the last heartbeat, None when the drive sends none. nmt: network state
-        in it. now_ns: CLOCK_MONOTONIC [ns].
+        state: UNKNOWN when the statusword is stale. shown: state in the last statusword. heard_ns:
+        arrival of the last heartbeat, None when the drive sends none. nmt: network state in it.
+        now_ns: CLOCK_MONOTONIC [ns].
         """
         self._note_unasked(state, now_ns)
         if self.recovery.active:
@@ -130,9 +130,9 @@ class DriveLogic:
         return CONTROLWORD[self.goal][state]
 
     def nmt_stop_due(self, now_ns: int) -> bool:
-        """Return whether to send the node to NMT STOPPED now, after `step`; repeated each 100 ms.
+        """Return whether to send the node to NMT STOPPED now, after `step`; True every 100 ms.
 
-        Not while recovering, which needs the drive to answer.
+        False during a recovery, which needs the drive's answers.
         """
         needed = self._intruded or self._stays_enabled(now_ns)
         if not (self.reason and needed) or self.recovery.active:
@@ -144,7 +144,7 @@ class DriveLogic:
         return True
 
     def _note_unasked(self, state: State, now_ns: int) -> None:
-        """Note since when the drive is in operation enabled without being asked to be."""
+        """Record since when the drive is in operation enabled without a request."""
         if state is not State.OPERATION_ENABLED:
             self._leaving = self._leaving and state is State.UNKNOWN
             self._unasked_since_ns = None
@@ -155,7 +155,7 @@ class DriveLogic:
 
     def _stays_enabled(self, now_ns: int) -> bool:
         since_ns = self._unasked_since_ns
-        # One that brakes on being disabled, as it was told to, may take its time for that.
+        # A drive that is configured to brake on disabling may need longer.
         ramp = self._brake and self._leaving
         patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
         return since_ns is not None and now_ns - since_ns >= patience_ns
@@ -178,7 +178,7 @@ class DriveLogic:
         return now_ns - max(heard_ns, self._started_ns) > self._silence_ns
 
     def _fell_back(self, heard_ns: int, nmt: int | None) -> bool:
-        # Heartbeats from before the start, and from its first moments, still tell the old state.
+        # Heartbeats from before and just after the start still carry the old state.
         settled = heard_ns - self._started_ns > self._silence_ns
         return settled and nmt is not None and nmt != OPERATIONAL
 

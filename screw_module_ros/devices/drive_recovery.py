@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leads a drive out of a fault, up to switched on at most (CiA 402 transition 15).
+"""Recovery of a drive from a fault, up to switched on at most (CiA 402 transition 15).
 
-Target torque zero throughout; NMT start in case the drive fell back to PRE-OPERATIONAL; a rising
-edge of controlword bit 7, repeated, since a fault whose cause still stands refuses the first ones.
+The target torque stays zero. NMT start follows in case the drive fell back to PRE-OPERATIONAL. Then
+controlword bit 7 rises; the edge repeats, because the drive refuses it while the cause persists.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ _EDGE_EVERY_NS = 50_000_000
 
 
 class Recovery:
-    """State of one recovery; `controlword` is asked once per tick while `active`.
+    """State of one recovery; call `controlword` once per tick while `active`.
 
     timeout: give up after this long [s].
     """
@@ -26,24 +26,24 @@ class Recovery:
         self.active = False
 
     def begin(self) -> None:
-        """Start; the clock runs from the first tick on."""
+        """Start; the time limit runs from the first tick on."""
         self._begun_ns: int | None = None
         self._nmt_ns: int | None = None
         self._edge_ns: int | None = None
         self.active = True
 
     def finish(self) -> None:
-        """End, whatever came of it."""
+        """End the recovery, successful or not."""
         self.active = False
 
     def expired(self, now_ns: int) -> bool:
-        """Return whether the time is over; the first call starts the clock."""
+        """Return whether the time limit has passed; it starts with the first call."""
         if self._begun_ns is None:
             self._begun_ns = now_ns
         return now_ns - self._begun_ns > self._timeout_ns
 
     def nmt_start_due(self, state: State, now_ns: int) -> bool:
-        """Return whether to send NMT start: at first, and again while the drive is silent."""
+        """Return whether to send NMT start: once first, then again while the drive is silent."""
         if self._nmt_ns is not None and (
             state is not State.UNKNOWN or now_ns - self._nmt_ns < _NMT_EVERY_NS
         ):
@@ -52,7 +52,7 @@ class Recovery:
         return True
 
     def controlword(self, state: State, now_ns: int) -> int:
-        """Return what to send in `state`: a low bit 7, then a high one, until the fault is left."""
+        """Return the controlword in `state`: bit 7 low, then high, until the fault is gone."""
         if state is not State.FAULT:
             return DISABLE_VOLTAGE
         if self._edge_ns is None or now_ns - self._edge_ns >= _EDGE_EVERY_NS:

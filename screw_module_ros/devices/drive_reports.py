@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a drive says of itself: cyclic answers, error code, mode, emergencies (CiA 402, CiA 301)."""
+"""The drive's own reports: cyclic answers, error code, mode, emergencies (CiA 402, CiA 301)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .unwrap import FULL_RANGE, Unwrapper
 
 @dataclass
 class DriveCounters:
-    """What happened since the driver was made.
+    """Events since the driver was created.
 
     writes: commands sent. received: statuswords. missing: SYNCs without one. unexpected:
-    statuswords without a SYNC. wrong_length: frames dropped. bad_statusword: patterns that CiA 402
-    lacks. illegal_transitions: states that cannot follow each other. bad_torque: commands that were
-    not finite. saturated: commands beyond max_torque. foreign: commands of another master.
+    statuswords without a SYNC. wrong_length: frames dropped. bad_statusword: patterns not in
+    CiA 402. illegal_transitions: states that cannot follow each other. bad_torque: commands that
+    were not finite. saturated: commands beyond max_torque. foreign: commands of another master.
     foreign_sdo: requests of another SDO client.
     """
 
@@ -47,7 +47,7 @@ class DriveReports:
 
     reading: the newest cyclic answer. shown: the state in it. error_code: object 603F.
     position_of: one count of object 6064 [m or rad], direction included.
-    mode_display: object 6061. digital_inputs: object 60FD. emergency: the last one, in words.
+    mode_display: object 6061. digital_inputs: object 60FD. emergency: text of the last one.
     """
 
     def __init__(
@@ -78,21 +78,21 @@ class DriveReports:
         port.subscribe(SYNC_ID, self._on_sync)
 
     def configured(self, mode: int, torque_of: float) -> None:
-        """Take the mode in use and the torque of one per mille [Nm], direction included.
+        """Set the mode in use and the torque of one per mille [Nm], direction included.
 
-        The position starts anew: the drive may have been switched off in between.
+        The position restarts: the drive may have been switched off in between.
         """
         self.mode_display = self._mode = mode
         self._torque_of = torque_of
         self._unwrapper = Unwrapper(FULL_RANGE)
 
     def restart(self) -> None:
-        """Forget what was shown before a start."""
+        """Drop the states shown before a start."""
         self.reading, self.shown = None, State.UNKNOWN
         self._syncs_owed = 0
 
     def forget_errors(self) -> None:
-        """Forget what was wrong before a recovery."""
+        """Drop the errors from before a recovery."""
         self.emergency, self.error_code = "", 0
 
     def state(self, now_ns: int) -> State:
@@ -141,7 +141,7 @@ class DriveReports:
             self._syncs_owed = 1
 
     def on_emergency(self, emergency: Emergency) -> None:
-        """Note one emergency message; while enabled, it stops the drive."""
+        """Process one emergency message; while enabled, it stops the drive."""
         self._counters.emcy += 1
         self.emergency = "" if emergency.is_reset else emergency.text
         if not self.emergency:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of a CiA 402 drive, its process data and what they cost on the bus."""
+"""Settings of a CiA 402 drive, its process data objects and their bus load."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ COAST, BRAKE = "coast", "brake"
 
 
 class DriveSettings(NamedTuple):
-    """One drive: where it is, what its torque means, what happens when the program stops."""
+    """One drive: its node id, its units, and its guards for a program that stops."""
 
     node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 1
     master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 112
@@ -48,15 +48,15 @@ class DriveSettings(NamedTuple):
         float, Setting("rated torque, checked against object 6076", "Nm", 1e-4, 1e4)
     ] = 0.42
     max_torque: Annotated[
-        float, Setting("largest torque ever written, and the drive's own limit, object 6072", "Nm",
+        float, Setting("largest torque written, also the drive's own limit, object 6072", "Nm",
                        0.0, 1e5)
     ] = 1.6
     excess_torque: Annotated[
-        float, Setting("torque beyond the command that stops the drive, by its own word (6077)",
+        float, Setting("torque (6077) in excess of the command that stops the drive",
                        "of rated", 0.05, 100.0)
     ] = 0.25
     lasting_torque: Annotated[
-        float, Setting("torque beyond the command that may last, by the drive's own word (6077)",
+        float, Setting("torque (6077) in excess of the command that is tolerated for long",
                        "of rated", 0.005, 10.0)
     ] = 0.05
     counts_per_turn: Annotated[
@@ -64,15 +64,15 @@ class DriveSettings(NamedTuple):
                      4, 2**31)
     ] = COUNTS_PER_TURN
     direction: Annotated[
-        int, Setting("1 when positive torque and position are the robot's, else -1",
+        int, Setting("1 when the drive's positive direction is the robot's, else -1",
                      choices=(1, -1))
     ] = 1
     stop_reaction: Annotated[
-        str, Setting("what the motor does when stopped: coast lets the patient move out",
+        str, Setting("reaction to a stop: coast lets the patient move out",
                      choices=(COAST, BRAKE))
     ] = COAST
     allow_unguarded: Annotated[
-        bool, Setting("DANGER: enable a drive that does not stop by itself when we hang")
+        bool, Setting("DANGER: enable a drive that does not stop when this program hangs")
     ] = False
     heartbeat_period: Annotated[
         float, Setting("time between our heartbeats", "s", 0.001, 1.0)
@@ -106,7 +106,7 @@ class DriveSettings(NamedTuple):
 
 
 def cross_checked(settings: DriveSettings) -> DriveSettings:
-    """Return `settings` unchanged when they agree with each other; else raise ValueError."""
+    """Return `settings` unchanged when they are consistent; else raise ValueError."""
     for name, limit in (
         ("heartbeat_period", settings.heartbeat_timeout), ("drive_heartbeat", 10.0)
     ):
@@ -134,21 +134,21 @@ def cross_checked(settings: DriveSettings) -> DriveSettings:
 
 
 def own_limit(max_torque: float, rated_torque: float) -> int:
-    """Return object 6072 for a largest torque, both [Nm]: whole per mille of rated, rounded up.
+    """Return object 6072 for max_torque and rated_torque [Nm]: whole per mille, rounded up.
 
-    The object holds both directions alike, so it needs no `direction`.
+    The object limits both directions, so it needs no `direction`.
     """
     per_mille = math.ceil(max_torque / rated_torque * PER_MILLE - _ROUNDING)
     return max(0, min(LARGEST_PER_MILLE, per_mille))
 
 
 def milliseconds(seconds: float) -> int:
-    """Return a time [s] as the object dictionary holds it [ms], at least 1."""
+    """Return a time [s] in the object dictionary's unit [ms], at least 1."""
     return max(1, round(seconds * 1e3))
 
 
 def command_pdo(settings: DriveSettings) -> pdo.Pdo:
-    """Return RPDO1, acting at once, with the deadline that stops the drive."""
+    """Return RPDO1, effective at once, with the deadline that stops the drive."""
     cob_id = 0x200 + settings.node_id
     deadline = milliseconds(settings.command_timeout)
     return pdo.Pdo(1, False, cob_id, pdo.ON_EVENT, _COMMAND_ENTRIES, deadline)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configures a CiA 402 drive for torque and arms the guards that stop it without us.
+"""Configures a CiA 402 drive for torque and sets the guards with which it stops on its own.
 
-The drive is the last guard: it must drop the torque by itself when our heartbeat (1016) or our
-commands (1400:05) stop, it must do so as the settings say (6007, 605A, 605E), and it must give no
-more torque than our largest command (6072), even if another master writes a target. Each of these
-is read back; what a drive refuses is returned, and such a drive is not enabled.
+The drive is the last guard. It must drop the torque when our heartbeat (1016) or our commands
+(1400:05) stop, with the configured reaction (6007, 605A, 605E). It must never give more torque than
+our largest command (6072), even if another master writes a target. The driver reads each of these
+objects back. It returns the guards that a drive refuses; such a drive is not enabled.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .node import CanopenNode
 PROFILE = 402
 
 CYCLIC_TORQUE_MODE, PROFILE_TORQUE_MODE = 10, 4
-#: Bit of object 6502 that says the mode is there, best first.
+#: Mode of operation and its bit in object 6502, best mode first.
 _TORQUE_MODES = ((9, CYCLIC_TORQUE_MODE), (3, PROFILE_TORQUE_MODE))
-#: A drive may take a moment to show the mode it was told.
+#: Time that a drive may need to show a mode that was set.
 _MODE_WITHIN_S = 0.25
 
 _MILLI, _MICRO = 1e-3, 1e-6
-#: How far object 6076 may be from the parameter and still be the same motor.
+#: Largest relative difference between object 6076 and the parameter for the same motor.
 _RATING_TOLERANCE = 0.01
 
 _FAULT_ON_LOST_CONNECTION = 1
@@ -44,10 +44,10 @@ _STEEPEST_SLOPE = 0x7FFFFFFF
 
 
 class DriveSetup(NamedTuple):
-    """What configuring found out.
+    """Result of the configuration.
 
-    mode: object 6060 in use. rated_torque: what 1000 per mille are [Nm]. unguarded: guards the
-    drive refused, empty when all hold. warnings: harmless things it refused.
+    mode: object 6060 in use. rated_torque: torque of 1000 per mille [Nm]. unguarded: guards that
+    the drive refused, empty without any. warnings: harmless refusals.
     """
 
     mode: int
@@ -57,14 +57,13 @@ class DriveSetup(NamedTuple):
 
 
 def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
-    """Bring the drive into the state the settings describe, up to but without NMT start.
+    """Configure the drive as the settings describe, without NMT start.
 
     Raises NotAnswering, WrongDevice, Refused, NotConfigured.
     """
     sdo = node.sdo
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # what came before the first answer happened before it
     _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)
@@ -77,23 +76,23 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
     unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
-    node.undisturbed(boot_ups)
+    node.undisturbed()
     return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
 
 
 def _switch_off(node: CanopenNode) -> None:
-    """A predecessor may have left it enabled: no torque, then voltage off."""
+    """Set zero torque, then voltage off: an earlier program may have left the drive enabled."""
     for index in (0x6071, 0x6040):
         try:
             node.sdo.write(index, 0, 0, 2)
         except Refused:
-            continue  # it takes these as PDO only; the first command says the same
+            continue  # the drive accepts these by PDO only; the first command sends the same
 
 
 def rated_torque(raw: int, expected: float, label: str) -> float:
     """Return object 6076 in Nm: mNm in the standard, micro-Nm on some drives.
 
-    raw: the object. expected: the parameter [Nm]. Raises WrongDevice when neither unit fits.
+    raw: value of the object. expected: the parameter [Nm]. Raises WrongDevice if neither fits.
     """
     for unit in (_MILLI, _MICRO):
         if abs(raw * unit - expected) <= _RATING_TOLERANCE * expected:
@@ -120,12 +119,12 @@ def _select_mode(node: CanopenNode) -> tuple[int, list[str]]:
         raise NotConfigured(f"{node.label}: mode {mode} was asked for (6060), 6061 shows {shown}")
     if mode == CYCLIC_TORQUE_MODE:
         return mode, []
-    # Profile torque ramps towards its target; as steep as it goes, it acts like cyclic torque.
+    # Profile torque ramps towards its target; with the steepest ramp it acts like cyclic torque.
     return mode, _optional(node, 0x6087, _STEEPEST_SLOPE, 4, "torque slope")
 
 
 def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[str]:
-    """Arm the guards; return those the drive refused. rated: torque [Nm]."""
+    """Set the guards; return those that the drive refused. rated: torque [Nm]."""
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
     stop = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _QUICK_STOP_RAMP
     guards = (
@@ -146,7 +145,7 @@ def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[st
 
 
 def _stop_ramps(node: CanopenNode, settings: DriveSettings) -> list[str]:
-    """Let ordinary disabling (605B, 605C) follow the same wish; optional objects."""
+    """Set the same reaction for normal disabling (605B, 605C); both objects are optional."""
     option = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _RAMP_DOWN
     return [
         *_optional(node, 0x605B, option, 2, "shutdown reaction"),

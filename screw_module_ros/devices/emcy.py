@@ -168,12 +168,12 @@ class Emergency(NamedTuple):
 
     @property
     def is_reset(self) -> bool:
-        """Whether the message says that an error has gone."""
+        """Whether the message reports the end of an error."""
         return self.code & 0xFF00 == 0
 
     @property
     def text(self) -> str:
-        """Code, name and the other content of the message, as text."""
+        """Code, name, register and vendor data as text."""
         parts = [f"0x{self.code:04X} {code_name(self.code)}"]
         if self.register:
             parts.append(f"register: {', '.join(register_names(self.register))}")
@@ -183,14 +183,14 @@ class Emergency(NamedTuple):
 
 
 def decode(data: bytes) -> Emergency | None:
-    """Return the emergency in `data`, None when it has not the length of one (8 bytes)."""
+    """Return the emergency in `data`, None when `data` is not 8 bytes long."""
     if len(data) != _LAYOUT.size:
         return None
     return Emergency(*_LAYOUT.unpack(data))
 
 
 def code_name(code: int) -> str:
-    """Return the name of an error code, of its group where the code itself has none."""
+    """Return the name of an error code, or of its group if the code has no name."""
     for mask in (0xFFFF, 0xFFF0):
         if code & mask in _CODES:
             return _CODES[code & mask]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """CiA 406 encoder on the screw's motor: one position per SYNC, unwrapped, homed on the host.
 
-CiA 406 has no object for an index pulse and its preset (6003) may write EEPROM, so homing is an
-offset kept here: the nut stands at the reference mark and `home` says so.
+CiA 406 has no object for an index pulse, and its preset (6003) may write EEPROM. So homing is an
+offset in this driver: `home` declares that the nut stands at the reference mark.
 """
 
 from __future__ import annotations
@@ -18,7 +18,15 @@ from ..settings import validated
 from . import encoder_setup as setup
 from .emcy import Emergency
 from .encoder_setup import EncoderCounters, EncoderSettings
-from .errors import BusError, NotAnswering, NotConfigured, NotHomed, Occupied, Refused
+from .errors import (
+    BusError,
+    DeviceError,
+    NotAnswering,
+    NotConfigured,
+    NotHomed,
+    Occupied,
+    Refused,
+)
 from .homing import Rehoming
 from .motion import Motion
 from .node import CanopenNode
@@ -26,16 +34,17 @@ from .polled import Polled
 from .unwrap import Unwrapper
 
 _POSITION = struct.Struct("<I")
-#: Homing wants a position of now: at most so old, or ten periods where those are longer.
+#: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
+_UNWATCHED_NS = 2_000_000_000
 
 
 class Encoder:
     """Driver of one encoder; `request` and `reading` belong to the realtime loop.
 
-    screw: whose turns it counts.
-    fault: why no samples are delivered, empty while healthy; latched until `clear_fault`.
-    warnings: what the device reports but can live with.
+    screw: the screw whose turns it counts.
+    fault: why it delivers no samples, empty while healthy; latched until `clear_fault`.
+    warnings: reports of the device that do not stop it.
     """
 
     def __init__(
@@ -67,7 +76,7 @@ class Encoder:
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
         self._stamp_offset_ns = 0
-        self._foreign_sync = 0
+        self._foreign_sync = self._configured_ns = 0
         self._absent: set[int] = set()
         port.subscribe(0x180 + settings.node_id, self._on_position)
         if not port.sync_producer:
@@ -77,7 +86,7 @@ class Encoder:
 
     @property
     def identity(self) -> str:
-        """Who the device says it is, for hardware_id."""
+        """Identity that the device reports, for hardware_id."""
         return self._node.identity.text
 
     @property
@@ -86,12 +95,21 @@ class Encoder:
         return self._motion.homed
 
     @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: configured just now, and neither restarted nor left since.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
+
+    @property
     def traffic(self) -> list[Traffic]:
         """Frames for the bus load."""
         return setup.encoder_traffic(self.settings, self._port.sync_producer)
 
     def configure(self) -> None:
-        """Find the encoder and configure it; blocking. Position and homing start anew.
+        """Find the encoder and configure it; blocking. Position and homing restart.
 
         Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
@@ -107,12 +125,18 @@ class Encoder:
         self._rehoming.forget()
         self._last = None
         self._poll.restart()
-        self._configured = True
+        self._configured_ns = self._port.clock.now_ns()
+        self._configured = True  # from here on a restart or another client is a fault
+        try:
+            self._node.undisturbed()  # nor was there one until here
+        except DeviceError:
+            self._configured = False
+            raise
 
     def start(self) -> None:
-        """NMT start; samples flow from the next request on.
+        """NMT start; each request from now on gives a sample.
 
-        Raises NotConfigured before `configure`, BusError.
+        Raises NotConfigured before `configure` and after `stop`, BusError.
         """
         if not self._configured:
             raise NotConfigured("the encoder is not configured")
@@ -120,27 +144,35 @@ class Encoder:
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
         self._running = True
+        if not self._configured:  # it has restarted at just that
+            self._running = False
 
     def stop(self) -> None:
-        """Back to PRE-OPERATIONAL. Raises BusError."""
-        self._running = False
+        """Back to PRE-OPERATIONAL; nobody watches, the configuration is gone. Raises BusError."""
+        self._configured = self._running = False
         self._node.pre_operational()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; where the configuration is gone, configure anew (blocking).
+        """Clear a latched fault; if the configuration is lost, configure again (blocking).
 
-        Raises as `configure`; the fault stays latched then.
+        Raises as `configure`; then the fault stays latched.
         """
-        if not self._configured:
+        stopped = not self._running
+        if stopped:
             self.configure()
-            self.start()
         self._foreign_sync = self._port.counters.foreign_sync
-        self.fault = self.emergency = ""
+        before, self.fault, self.emergency = self.fault, "", ""
+        if stopped:  # last: what comes from here on is no fault of before
+            try:
+                self.start()
+            except DeviceError:
+                self._latch(before)
+                raise
 
     # -- cyclic: realtime loop -------------------------------------------------------------------
 
     def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        """Ask for one sample: sends SYNC, or, where another node sends it, passes the clocks on.
+        """Request one sample: send SYNC, or record the tick if another node sends SYNC.
 
         sequence: tick number. monotonic_ns, stamp_ns: now, on both clocks [ns]. Raises BusError.
         """
@@ -159,7 +191,7 @@ class Encoder:
             raise
 
     def reading(self) -> EncoderReading | None:
-        """Return the answer to the last request, once; None while there is none."""
+        """Return the answer to the last request once; None while there is none."""
         return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
@@ -200,8 +232,8 @@ class Encoder:
     def home(self) -> float:
         """Declare that the nut stands at the reference mark; return that height [m].
 
-        Raises NotHomed when there is no sample yet, an old one, a fault, or the nut moves, and at
-        first where it contradicts the last homing since `configure`: see `Rehoming`.
+        Raises NotHomed without a recent sample, with a fault, or while the nut moves; the first
+        time also when it contradicts the last homing since `configure`: see `Rehoming`.
         """
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
@@ -252,7 +284,7 @@ class Encoder:
             self._absent.add(index)
             return 0
 
-    # -- what the device reports by itself -------------------------------------------------------
+    # -- unsolicited reports of the device -------------------------------------------------------
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1
@@ -264,7 +296,7 @@ class Encoder:
         )
 
     def _on_foreign_sdo(self) -> None:
-        """Deliver nothing more: direction, scale and preset may be others now."""
+        """Stop delivering samples: direction, scale and preset may have changed."""
         self.counters.foreign_sdo += 1
         if self._configured:
             self._forget_configuration(

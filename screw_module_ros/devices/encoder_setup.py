@@ -12,6 +12,7 @@ from ..settings import Setting
 from . import pdo
 from .errors import NotConfigured, Refused
 from .node import CanopenNode
+from .polled import PollCounters
 from .unwrap import FULL_RANGE
 
 PROFILE = 406
@@ -35,7 +36,7 @@ WARNINGS = {
 
 
 class EncoderSettings(NamedTuple):
-    """The encoder on the screw's motor: where it is, how it counts, what a count means."""
+    """The encoder on the screw's motor: its node id, its counting, the unit of a count."""
 
     node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 2
     rate: Annotated[float, Setting("ticks (SYNCs) per second", "Hz", 1.0, 4000.0)] = 1000.0
@@ -43,7 +44,7 @@ class EncoderSettings(NamedTuple):
         int, Setting("counts per turn of the screw, object 6001", "counts", 4, 2**31)
     ] = COUNTS_PER_TURN
     measuring_range: Annotated[
-        int, Setting("counts after which the position wraps, object 6002; 0 = as it is", "counts",
+        int, Setting("counts after which the position wraps, object 6002; 0 = unchanged", "counts",
                      0, FULL_RANGE - 1)
     ] = 0
     code_sequence: Annotated[
@@ -59,7 +60,7 @@ class EncoderSettings(NamedTuple):
         float, Setting("homing is refused while the nut moves faster", "m/s", 0.0, 1.0)
     ] = 0.005
     home_shift: Annotated[
-        float, Setting("homing must be asked for twice when it moves the origin further", "m",
+        float, Setting("homing needs a second call when it moves the origin further", "m",
                        0.0, 1.0)
     ] = 0.005
     velocity_cutoff: Annotated[
@@ -76,23 +77,13 @@ class EncoderSettings(NamedTuple):
 
 
 @dataclass
-class EncoderCounters:
-    """What happened since the driver was made.
+class EncoderCounters(PollCounters):
+    """Events since the driver was created, beside those of polling.
 
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: answers that came after the next request. unexpected: frames without a request.
-    silent: ticks without a request, to distinguish late from lost. wrong_length, out_of_range:
-    frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo: requests of
-    another SDO client.
+    wrong_length, out_of_range: frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo:
+    requests of another SDO client.
     """
 
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
     wrong_length: int = 0
     out_of_range: int = 0
     emcy: int = 0
@@ -114,19 +105,18 @@ def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> li
 
 
 def configure(node: CanopenNode, settings: EncoderSettings) -> int:
-    """Bring the encoder into the state the settings describe, up to but without NMT start.
+    """Configure the encoder as the settings describe, without NMT start.
 
     Returns the range at which the position wraps [counts]. Raises NotAnswering, WrongDevice,
     Refused, NotConfigured.
     """
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    boot_ups = node.boot_ups  # what came before the first answer happened before it
     wrap = _scale(node, settings)
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))
     pdo.configure(node.sdo, position)
-    node.undisturbed(boot_ups)
+    node.undisturbed()
     return wrap
 
 
@@ -147,7 +137,7 @@ def _scale(node: CanopenNode, settings: EncoderSettings) -> int:
 
 
 def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
-    """Take an encoder that cannot scale, if it counts as the settings say."""
+    """Accept an encoder that cannot scale, if its resolution is that of the settings."""
     sdo = node.sdo
     direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
     _set_if_other(sdo, 0x6000, direction, 2)
@@ -165,6 +155,6 @@ def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
 
 
 def _set_if_other(sdo, index: int, value: int, size: int) -> None:
-    """Write only what differs: some encoders write each change to EEPROM."""
+    """Write a value only if it differs: some encoders store each write in EEPROM."""
     if sdo.unsigned(index) != value:
         sdo.set(index, 0, value, size)

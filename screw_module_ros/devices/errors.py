@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong with a device, as exceptions whose text can be shown to the user as it is::
+"""Errors of a device; the text of each exception is a message for the user::
 
     DeviceError
      +-- BusError        the bus cannot be opened, or failed while in use (`can_io/errors.py`)
      +-- BusOverload     the configured frames do not fit on the bus (`can_io/errors.py`)
      +-- Occupied        another process already drives this device or this bus
-     +-- NotAnswering    a device stays silent
+     +-- NotAnswering    a device does not answer
      +-- Refused         a device answered with an SDO abort
      +-- WrongDevice     another profile, vendor, product or rating than expected
      +-- NotConfigured   a value written is not the value read back, or a mode is missing
@@ -37,7 +37,7 @@ class Refused(DeviceError):
     code: the abort code, to distinguish a missing object from a refused value.
     """
 
-    #: Abort codes that say: there is no such object here.
+    #: Abort codes for an object that does not exist.
     ABSENT = frozenset({0x06020000, 0x06090011})
 
     def __init__(self, text: str, code: int):
@@ -46,7 +46,7 @@ class Refused(DeviceError):
 
     @property
     def absent(self) -> bool:
-        """Whether the device says that it has no such object or sub-index."""
+        """Whether the device has no such object or sub-index."""
         return self.code in self.ABSENT
 
 
@@ -55,11 +55,11 @@ class WrongDevice(DeviceError):
 
 
 class NotConfigured(DeviceError):
-    """The device did not take its configuration. Example: another value read back."""
+    """The device did not accept its configuration. Example: another value read back."""
 
 
 class NotEnabled(DeviceError):
-    """A drive may not be enabled now. Example: a latched fault, a guard that was refused."""
+    """A drive may not be enabled now. Example: a latched fault, or a refused guard."""
 
 
 class NotHomed(DeviceError):

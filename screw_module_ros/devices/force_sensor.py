@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """ATI six-axis transducer with NETCANOEM electronics, polled once a tick (thesis 3.1.9).
 
-wrench = matrix @ (gauges - bias) / counts per unit. The bias lives here, as the wrench that it
-amounts to; the frames carry no number, so a sample counts only when both halves of it came before
-the next request.
+wrench = matrix @ (gauges - bias) / counts per unit. The driver keeps the bias as a wrench. `ati`
+has the layout of the frames. They carry no number, so a sample is valid only when both halves came
+before the next request.
 """
 
 from __future__ import annotations
@@ -35,10 +35,11 @@ _NO_WRENCH: Wrench = (0.0,) * ati.AXES
 class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
-    fault: the first trouble seen, latched until `clear_fault`. Samples go on, with their status
-    word, so that their users see it; saturated ones do not, nor any after a restart that lost the
-    calibration we had chosen, or once the gauges have stood still for `freeze_time`: the status
-    word does not show that, and a constant must not be fed back.
+    fault: the first problem found, latched until `clear_fault`. The driver still delivers samples
+    with their status word, so that their users see the problem. It withholds saturated samples, all
+    samples after a restart that lost the selected calibration, and all samples while the gauges
+    have been constant for `freeze_time`: the status word does not show these, and the force
+    feedback must not use them.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -69,7 +70,7 @@ class ForceSensor:
 
     @property
     def identity(self) -> str:
-        """Who the device says it is, for hardware_id."""
+        """Identity that the device reports, for hardware_id."""
         return self.sensor.text
 
     @property
@@ -78,7 +79,7 @@ class ForceSensor:
         return force_sensor_traffic(self.settings)
 
     def configure(self) -> None:
-        """Find the sensor, check who it is and read its calibration; blocking.
+        """Find the sensor, check its identity and read its calibration; blocking.
 
         Raises Occupied, NotAnswering, WrongDevice, NotConfigured, BusError.
         """
@@ -109,7 +110,7 @@ class ForceSensor:
         self._needs_reset = self._calibration_lost = self._frozen = False
 
     def start(self) -> None:
-        """Let samples flow from the next request on. Raises NotConfigured before `configure`."""
+        """Deliver samples from the next request on. Raises NotConfigured before `configure`."""
         if not self._rows:
             raise NotConfigured(f"{self._label} is not configured")
         self._poll.restart()
@@ -117,20 +118,20 @@ class ForceSensor:
         self._running = True
 
     def stop(self) -> None:
-        """Ask for nothing more."""
+        """Stop polling."""
         self._running = False
 
     def reset(self) -> None:
-        """Restart the board and configure it anew; blocking, raises as `configure`."""
+        """Restart the board and configure it again; blocking, raises as `configure`."""
         self._running = False
         self._dialogue.reset()
         self.configure()
 
     def clear_fault(self) -> None:
-        """Forget a latched fault; one from the status word or frozen gauges restarts the board.
+        """Clear a latched fault; one from the status word or frozen gauges restarts the board.
 
-        Blocking then; raises as `configure`, and the fault stays latched. Gauges that still stand
-        where they did are frozen at once.
+        A restart blocks and raises as `configure`; then the fault stays latched. Gauges that still
+        show the same values count as frozen at once.
         """
         stopped = self._needs_reset or self._calibration_lost
         if self._needs_reset:
@@ -159,7 +160,7 @@ class ForceSensor:
             raise
 
     def reading(self) -> ForceReading | None:
-        """Return the answer to the last request, once; None while there is none."""
+        """Return the answer to the last request once; None while there is none."""
         return self._poll.take()
 
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
@@ -183,7 +184,7 @@ class ForceSensor:
         if len(data) != ati.GAUGES_SECOND.size:
             self.counters.wrong_length += 1
         elif not self._poll.is_fresh(verdict):
-            self._half = half  # an older second half: the first one in hand still waits for its own
+            self._half = half  # an older second half: the present first half still needs its own
         elif half is None:
             self.counters.out_of_order += 1
         else:
@@ -210,10 +211,10 @@ class ForceSensor:
         self._poll.deliver(ForceReading(*self._poll.asked, *wrench, status))
 
     def _stands_still(self, first: bytes, second: bytes) -> bool:
-        """Return whether the gauges are frozen; the bytes are compared, it is done every tick."""
+        """Return whether the gauges are frozen; it compares bytes, because it runs every tick."""
         before_first, before_second = self._newest
         self._newest = first, second
-        # Healthy halves nearly always differ, so mostly that is all; the status word is no gauge.
+        # Samples nearly always differ, so this is mostly the end. The status word is no gauge.
         if second != before_second or first[2:] != before_first[2:]:
             self._unchanged = 0
             return self._frozen
@@ -247,10 +248,10 @@ class ForceSensor:
     # -- taring, slow polls ----------------------------------------------------------------------
 
     def tare(self, readings: Sequence[ForceReading]) -> Wrench:
-        """Make the mean of `readings` the new zero; return the bias now removed [N, Nm].
+        """Make the mean of `readings` the new zero; return the bias now in use [N, Nm].
 
-        Raises NotTared when there are too few, one is unusable, the gauges are frozen, or the
-        handle is loaded or moved.
+        Raises NotTared when there are too few readings, one is unusable, the gauges are frozen, or
+        the handle is loaded or moved.
         """
         if self._frozen:
             raise NotTared(self.fault)
@@ -260,7 +261,7 @@ class ForceSensor:
         return self.bias
 
     def untare(self) -> Wrench:
-        """Undo the last `tare`; return the bias now removed, zero when none is left."""
+        """Undo the last `tare`; return the bias now in use, zero when no tare is left."""
         self.bias = self._earlier_biases.pop() if self._earlier_biases else _NO_WRENCH
         return self.bias
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings and counters of the force sensor, and what it costs on the bus."""
+"""Settings and counters of the force sensor, and its bus load."""
 
 from __future__ import annotations
 
@@ -9,33 +9,25 @@ from typing import Annotated, NamedTuple
 from ..can_io.bus_load import Traffic
 from ..settings import Setting
 from . import ati
+from .polled import PollCounters
 
 ANY_CALIBRATION = -1
 
 FEWEST_UNCHANGED = 10
-"""Samples; fewer in a row may be equal by chance where the gauges flicker by less than a count."""
+"""Smallest number of equal samples in a row that means frozen gauges: with a noise of less than a
+count fewer may be equal by chance."""
 
 
 @dataclass
-class ForceSensorCounters:
-    """What happened since the driver was made.
+class ForceSensorCounters(PollCounters):
+    """Events since the driver was created, beside those of polling.
 
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: frames that came after the next request. unexpected: frames without a request.
-    silent: ticks without a request, to distinguish late from lost. out_of_order: second halves
-    without their first. wrong_length: frames dropped. saturated: samples with a gauge at its end.
-    frozen: samples withheld because the gauges stood still. status_faults: samples whose status
-    makes them unusable. reserved_bits: samples with status bits that mean nothing.
-    foreign_requests: polls of another master. restarts: of the board, in mid-run.
+    out_of_order: second halves without their first. wrong_length: frames dropped. saturated:
+    samples with a gauge at its end. frozen: samples withheld because the gauges were constant.
+    status_faults: samples whose status makes them unusable. reserved_bits: samples with reserved
+    status bits. foreign_requests: polls of another master. restarts: of the board, in mid-run.
     """
 
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
     out_of_order: int = 0
     wrong_length: int = 0
     saturated: int = 0
@@ -49,14 +41,14 @@ class ForceSensorCounters:
 
 
 class ForceSensorSettings(NamedTuple):
-    """The transducer: where it is, how it is mounted, when it may be tared."""
+    """The transducer: its identifiers, its mounting, the conditions for taring."""
 
     base_id: Annotated[
         int, Setting("high seven bits of its identifiers", choices=tuple(sorted(ati.FREE_BASES)))
     ] = 0x12
     rate: Annotated[float, Setting("polls per second", "Hz", 1.0, 4000.0)] = 1000.0
     calibration: Annotated[
-        int, Setting("calibration to make active, -1 = the one that is", "", ANY_CALIBRATION, 15)
+        int, Setting("calibration to activate, -1 = keep the active one", "", ANY_CALIBRATION, 15)
     ] = ANY_CALIBRATION
     serial: Annotated[str, Setting("serial number expected, empty for any")] = ""
     roll: Annotated[float, Setting("mounting, sensor to handle axes, about x", "rad", -7, 7)] = 0.0
@@ -73,7 +65,7 @@ class ForceSensorSettings(NamedTuple):
         float, Setting("taring is refused above this standard deviation", "N", 0.0, 100.0)
     ] = 3.0
     freeze_time: Annotated[
-        float, Setting("gauges unchanged so long mean a hung converter, 0 = off", "s", 0.0, 60.0)
+        float, Setting("unchanged gauges for this time are a fault, 0 = off", "s", 0.0, 60.0)
     ] = 0.5
     timeout: Annotated[
         float, Setting("time limit of one blocking question; two tries", "s", 0.01, 10.0)
@@ -84,7 +76,7 @@ class ForceSensorSettings(NamedTuple):
 
 
 def unchanged_samples(settings: ForceSensorSettings) -> int:
-    """Return how many samples in a row, equal to the one before, are too many; 0 = any number."""
+    """Return the number of equal samples in a row that means frozen gauges; 0 = no limit."""
     if settings.freeze_time == 0.0:
         return 0
     return max(FEWEST_UNCHANGED, round(settings.freeze_time * settings.rate))

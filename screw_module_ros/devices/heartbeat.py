@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our own heartbeat (CiA 301, 7.2.8.3), sent by the loop that writes the torque.
 
-Never from a thread of its own: a hung loop must fall silent, so that the drive notices.
+It has no thread of its own: when the loop hangs, the heartbeat must stop, so that the drive detects
+it.
 """
 
 from __future__ import annotations
@@ -35,5 +36,5 @@ class Heartbeat:
         self.sent += 1
 
     def rest(self) -> None:
-        """Start anew: the next `beat` sends at once."""
+        """Restart: the next `beat` sends at once."""
         self._due_ns = None

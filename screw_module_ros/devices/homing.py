@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A homing that contradicts the last one is asked for twice.
+"""A homing that contradicts the last one needs a second call.
 
-Homing is a person's word that the axis stands at its reference mark. Where the sensor has counted
-all the time since the last homing, the two can be compared: a homing elsewhere would move soft
-stops and set points by the difference. Which is right remains unknown until the operator homes
-twice, or homes where both agree; until then the axis counts as not homed.
+With a homing the operator declares that the axis stands at its reference mark. If the sensor has
+counted without a gap since the last homing, the driver compares the two: a homing elsewhere would
+shift soft stops and set points. Which of them is right remains unknown until the operator homes
+twice, or homes where both agree. Until then the axis counts as not homed.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ _SOONEST_NS, _LATEST_NS = 1_000_000_000, 15_000_000_000
 
 
 class Rehoming:
-    """Remembers a homing that was asked for and moves the origin; all times are passed in [ns].
+    """Stores a requested homing that would move the origin; all times are passed in [ns].
 
     contradicted: the last homing was rejected, so the one before is in doubt too.
     """
 
     def __init__(self, tolerance: float):
-        """tolerance: the origin may move so far without a second word [m]."""
+        """tolerance: largest shift of the origin without a second call [m]."""
         self.contradicted = False
         self._tolerance = tolerance
         self._asked: tuple[int, tuple[float, ...]] | None = None
 
     def forget(self) -> None:
-        """Forget what was asked: the sensor counts anew."""
+        """Drop the stored request: the sensor's count has restarted."""
         self._asked, self.contradicted = None, False
 
     def doubt(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
         """Return why the homing is not accepted yet, empty when it is.
 
-        mark: where the axis is said to stand; place: where it stands by the last homing, both [m].
-        A second call at the same place is accepted 1 s to 15 s after the first; earlier it could be
-        a program that retries.
+        mark: declared position of the axis; place: its position by the last homing, both [m]. A
+        second call at the same place is accepted 1 s to 15 s after the first; an earlier one could
+        be a program that retries.
         """
         shift = math.dist(mark, place)
         asked, self._asked = self._asked, None

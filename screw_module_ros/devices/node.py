@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every CANopen device has: identity, network management, heartbeat, emergencies (CiA 301)."""
+"""Services of every CANopen device: identity, network management, heartbeat, emergencies (CiA 301).
+"""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ _TOGGLE_BIT = 0x80
 
 
 class Identity(NamedTuple):
-    """Objects 1000 and 1018 of a device; 0 where it does not say."""
+    """Objects 1000 and 1018 of a device; 0 for an entry that it does not have."""
 
     device_type: int
     vendor_id: int = 0
@@ -43,7 +44,7 @@ class Identity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Identity for people and for hardware_id."""
+        """Identity as text, for messages and hardware_id."""
         return (
             f"CiA {self.profile}, vendor 0x{self.vendor_id:X}, product 0x{self.product_code:X}, "
             f"revision 0x{self.revision:X}, serial {self.serial}"
@@ -51,11 +52,11 @@ class Identity(NamedTuple):
 
 
 class CanopenNode:
-    """One remote node: who it is, its network state, what it reports by itself.
+    """One remote node: its identity, its network state, its unsolicited reports.
 
-    label: how messages call the device, like `vertical drive`. on_boot_up(),
-    on_emergency(Emergency) and on_foreign_sdo(), the latter for each request of another SDO
-    client, are called by the thread that pumps the port.
+    label: name of the device in messages, like `vertical drive`. The thread that pumps the port
+    calls on_boot_up(), on_emergency(Emergency) and, for each request of another SDO client,
+    on_foreign_sdo().
     """
 
     def __init__(
@@ -77,7 +78,7 @@ class CanopenNode:
         self.heartbeat_ns: int | None = None
         self.boot_ups = 0
         self.malformed = 0
-        self._foreign_known = 0
+        self._foreign_known = self._boot_ups_known = 0
         self._on_boot_up = on_boot_up
         self._on_emergency = on_emergency
         self._nmt = NmtMaster(node_id)
@@ -98,7 +99,7 @@ class CanopenNode:
         self._nmt.send_command(_NMT_STOP)
 
     def identify(self, profile: int, vendor_id: int = 0, product_code: int = 0) -> Identity:
-        """Read who the node is and refuse another than expected; 0 = any.
+        """Read the node's identity and check it against the expected one; 0 = any.
 
         Raises WrongDevice, NotAnswering.
         """
@@ -110,6 +111,7 @@ class CanopenNode:
                 parts.append(sdo.unsigned(0x1018, subindex))
             except Refused:
                 parts.append(0)  # only the vendor is mandatory
+        self._boot_ups_known = self.boot_ups  # what came before its answers happened before them
         self.identity = found = Identity(*parts)
         wanted = {"profile": profile, "vendor_id": vendor_id, "product_code": product_code}
         for name, value in wanted.items():
@@ -121,18 +123,18 @@ class CanopenNode:
                 )
         return found
 
-    def undisturbed(self, boot_ups: int) -> None:
+    def undisturbed(self) -> None:
         """Raise when its configuration is in doubt.
 
-        Raises NotConfigured when the node has restarted since it had booted `boot_ups` times,
-        Occupied when somebody else has asked it or told it something since `identify`.
+        Raises NotConfigured when the node has restarted since `identify`, Occupied when somebody
+        else has asked it or told it something since then.
         """
         if self.sdo.foreign != self._foreign_known:
             raise Occupied(
                 f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
                 "configured: stop it"
             )
-        if self.boot_ups != boot_ups:
+        if self.boot_ups != self._boot_ups_known:
             raise NotConfigured(
                 f"{self.label} restarted while it was being configured; check its supply"
             )

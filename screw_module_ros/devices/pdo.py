@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Configures process data objects (CiA 301, 7.5.2.35 to 38) in the order devices insist on.
+"""Configures process data objects (CiA 301, 7.5.2.35 to 38) in the order that devices require.
 
 Per PDO: disable (bit 31), count 0, entries, count, type, timers, enable; each value is read back.
-Identifiers are compared under the mask 0x7FF, since bit 30 and others may be the device's own.
+Identifiers are compared under the mask 0x7FF, since the device may set bit 30 and others itself.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class Entry(NamedTuple):
 
     @property
     def value(self) -> int:
-        """The entry as it stands in the mapping."""
+        """Value of the entry in the mapping object."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
 
 class Pdo(NamedTuple):
-    """One PDO as it shall be.
+    """Desired configuration of one PDO.
 
     number: 1 for the first. transmit: sent by the device. cob_id: its identifier. kind:
-    transmission type, 1..240 = at every n-th SYNC, 255 = on event. entries: what it carries.
+    transmission type, 1..240 = at every n-th SYNC, 255 = on event. entries: mapped objects.
     timer_ms: event timer of a TPDO, deadline of an RPDO [ms], 0 = off.
     """
 
@@ -83,7 +83,7 @@ def disable_unused(sdo: Sdo, used: tuple[Pdo, ...]) -> None:
 def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
     """Configure one PDO and read everything back.
 
-    Returns why the timer was not taken where `timer_optional` allows that, else an empty string.
+    With `timer_optional`, returns why the device refused the timer; otherwise an empty string.
     Raises NotConfigured, Refused, NotAnswering.
     """
     before = _disable(sdo, pdo.parameters)
@@ -122,7 +122,7 @@ def _map(sdo: Sdo, pdo: Pdo) -> None:
                 f"{sdo.label}: the mapping {pdo.mapping:04X} is fixed and not the one needed "
                 f"({error})"
             ) from error
-        return  # fixed, and right
+        return  # fixed, and as desired
     for subindex, entry in enumerate(pdo.entries, start=1):
         sdo.set(pdo.mapping, subindex, entry.value, 4)
     sdo.set(pdo.mapping, 0, len(pdo.entries), 1)
@@ -134,7 +134,7 @@ def _mapped(sdo: Sdo, pdo: Pdo) -> list[int]:
 
 
 def _clear_if_there(sdo: Sdo, parameters: int, subindex: int) -> None:
-    """Set a time to 0 unless it is, or is not implemented, which is the same."""
+    """Set a time to 0 unless it is 0 already or the device does not implement it."""
     try:
         if sdo.unsigned(parameters, subindex) == 0:
             return

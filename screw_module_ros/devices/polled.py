@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One request a tick, one answer to it: the bookkeeping of the encoder and of the force sensor."""
+"""One request and one answer per tick: the bookkeeping of encoder and force sensor."""
 
 from __future__ import annotations
 
-from typing import Generic, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from ..can_io.port import Port
 from .request_tracker import FRESH, LATE, RequestTracker
@@ -11,16 +12,22 @@ from .request_tracker import FRESH, LATE, RequestTracker
 Sample = TypeVar("Sample")
 
 
-class PollCounters(Protocol):
-    """The counters that `Polled` keeps up to date; the devices have more."""
+@dataclass
+class PollCounters:
+    """The counters that `Polled` updates, since the driver was created; each device adds its own.
 
-    requests: int
-    received: int
-    missing: int
-    missing_in_a_row: int
-    late: int
-    unexpected: int
-    silent: int
+    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
+    to now. late: frames that came after the next request. unexpected: frames without a request.
+    silent: ticks without a request, to distinguish late from lost.
+    """
+
+    requests: int = 0
+    received: int = 0
+    missing: int = 0
+    missing_in_a_row: int = 0
+    late: int = 0
+    unexpected: int = 0
+    silent: int = 0
 
 
 class Polled(Generic[Sample]):
@@ -41,17 +48,17 @@ class Polled(Generic[Sample]):
         self._fresh: Sample | None = None
 
     def restart(self) -> None:
-        """Forget what was asked for: for a start, when nothing can be under way."""
+        """Drop all open requests; call it at a start, when no answer can be in transit."""
         self._tracker.reset()
         self._waiting = False
         self._fresh = None
 
     def begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
-        """Begin a tick by draining the bus; return whether a request may be sent.
+        """Begin a tick: read all waiting frames; return whether a request may be sent.
 
-        Frames that came after the end of their tick do not count for this one, not even after an
-        answer: each later frame would otherwise be taken for the next sample, one period too old.
-        Raises BusError when the bus cannot be read; the tick counts all the same.
+        Frames that came after the end of their tick do not count for this one. Otherwise each later
+        frame would pass for the next sample and be one period too old. Raises BusError when the bus
+        cannot be read; the tick still counts.
         """
         self._tick(sequence, monotonic_ns, stamp_ns)
         self._tracker.end_tick()
@@ -59,16 +66,16 @@ class Polled(Generic[Sample]):
         return self._ask()
 
     def begin_unasked(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        """Begin a tick in which another master asks the device."""
+        """Begin a tick in which another master sends the request."""
         self._tick(sequence, monotonic_ns, stamp_ns)
         self._ask()
 
     def note(self, part: int = 0) -> int:
-        """Note one frame of an answer; return the verdict on it."""
+        """Process one frame of an answer; return whether it is fresh, late or unexpected."""
         return self._tracker.answer(part)
 
     def is_fresh(self, verdict: int) -> bool:
-        """Return whether a frame with this verdict is to be used; count it when it is not."""
+        """Return whether to use a frame with this verdict; count it if not."""
         if verdict == FRESH:
             return True
         if verdict == LATE:
@@ -78,14 +85,14 @@ class Polled(Generic[Sample]):
         return False
 
     def deliver(self, sample: Sample) -> None:
-        """Take the sample that answers this tick."""
+        """Store the sample that answers this tick."""
         self._waiting = False
         self._counters.received += 1
         self._counters.missing_in_a_row = 0
         self._fresh = sample
 
     def take(self) -> Sample | None:
-        """Return the sample of this tick, once; None while there is none."""
+        """Return the sample of this tick once; None while there is none."""
         sample, self._fresh = self._fresh, None
         return sample
 

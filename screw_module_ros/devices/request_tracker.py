@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which request an answer belongs to, when frames carry no number (TPDOs, ATI sensor).
+"""Matches answers to requests when frames carry no number (TPDOs, ATI sensor).
 
-A device answers in order, so the count of open requests separates a late answer from a new one:
+A device answers in order, so the number of open requests separates a late answer from a new one:
 only the answer that closes the last open request is new. When a tick ends with one answer received
-and one request still open, either an answer was lost or all answers are late. No request is then
-sent until a tick passes without an answer; what has not arrived by then counts as lost. A value is
-never taken for a newer one than it is.
+and one request still open, either an answer was lost or all answers are late. Then no request is
+sent until a tick passes without an answer; answers that have not arrived by then count as lost. So
+an old value never passes for a new one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class RequestTracker:
         self.reset()
 
     def reset(self) -> None:
-        """Close all requests: for a start, when no answer can be on its way."""
+        """Close all requests; call it at a start, when no answer can be in transit."""
         self._open = [0] * self.parts
         self._arrived = 0
         self._over = False
@@ -36,7 +36,7 @@ class RequestTracker:
         self._over = True
 
     def ask(self) -> bool:
-        """Begin a tick; return whether a request may be sent in it (no: listen)."""
+        """Begin a tick; return whether a request may be sent in it (if not, only listen)."""
         open_requests = any(self._open)
         if self.listening:
             if not open_requests or not self._arrived:
@@ -53,13 +53,13 @@ class RequestTracker:
         return True
 
     def answer(self, part: int = 0) -> int:
-        """Note one frame; return FRESH when it belongs to the newest request."""
+        """Process one frame; return FRESH when it belongs to the newest request."""
         self._arrived += 1
         open_requests = self._open
         if not open_requests[part]:
             return UNEXPECTED
         open_requests[part] -= 1
         for earlier in range(part):
-            # Frames of one answer come in order: what should have come before this one was lost.
+            # Frames of one answer come in order: a missing earlier one was lost.
             open_requests[earlier] = min(open_requests[earlier], open_requests[part])
         return LATE if open_requests[part] or self.listening or self._over else FRESH

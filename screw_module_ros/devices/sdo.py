@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and writes the object dictionary of one device (CiA 301, 7.2.4) with errors in words.
+"""Reads and writes the object dictionary of one device (CiA 301, 7.2.4), with readable errors.
 
-canopen's client does the protocol; this adds the time limit, a second try, read-back, and the
-node's name in every message. Blocking: never called from a realtime loop. The thread that pumps the
-port delivers the answers.
+canopen's client implements the protocol; this module adds the time limit, a second try, the
+read-back, and the device's name in every message. Calls block: never call them from a realtime
+loop. The thread that pumps the port delivers the answers.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _RESPONSE_BASE = 0x580
 
 
 class Sdo:
-    """SDO client of one node; the only one of this node in the whole graph.
+    """SDO client of one node, and the only one in the whole graph.
 
-    label: how messages call the device. timeout_s: time limit of one try [s]; there are two.
-    on_foreign() is called, from whoever pumps the port, for each request that another client
-    sends to the node. foreign: how many came. unasked: answers that no request of ours waited for;
-    CAN may deliver a frame twice, so that a few mean nothing.
+    label: name of the device in messages. timeout_s: time limit of one try [s]; there are two.
+    on_foreign(): called by the thread that pumps the port, for each request of another client to
+    the node. foreign: number of these requests. unasked: answers without a request of ours; CAN may
+    deliver a frame twice, so a few are harmless.
     """
 
     def __init__(
@@ -56,14 +56,14 @@ class Sdo:
 
     @property
     def foreign_client(self) -> str:
-        """What to call a second client by, for messages."""
+        """Description of a second client, for messages."""
         return (
             f"another SDO client (frames 0x{_REQUEST_BASE + self._node_id:X} on "
             f"{self._port.name})"
         )
 
     def _on_request(self, _data: bytes, _arrival_ns: int) -> None:
-        """Note a request that is not ours: own frames do not come in here."""
+        """Count a request of another client; our own frames do not arrive here."""
         self.foreign += 1
         self._on_foreign()
 
@@ -143,9 +143,9 @@ class Sdo:
 
 
 class _Client(SdoClient):
-    """canopen's client, its answers coming in through the port.
+    """canopen's client with its frames sent and received through the port.
 
-    requests: frames sent that are answered, each by one frame.
+    requests: number of frames sent; the server answers each with one frame.
     """
 
     MAX_RETRIES = 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decides whether force samples may become the new zero (design, section 6: taring)."""
+"""Checks whether force samples may become the new zero (design, section 6: taring)."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ class Unwrapper:
     """Continuous count from a position that wraps at `measuring_range` [counts].
 
     The first sample is read as signed, so an encoder that powers up just below zero starts at a
-    small negative count. Steps are taken the short way round: less than half a range per sample.
+    small negative count. A step is the shorter of the two directions: less than half a range.
     """
 
     __slots__ = ("_half", "_last", "_range", "count")

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from datetime import datetime, timezone
-from importlib.metadata import PackageNotFoundError, version
 from typing import Annotated, NamedTuple
 
 from ..calibration.module_file import ModuleCalibration, write_calibration
 from ..settings import Setting
 from . import friction_fit, gravity, inertia, static_torque
+from .certificate import software
 from .lab import Lab
 from .results import Quantity, Result
 
@@ -46,7 +46,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         ModuleCalibration(
             serial=settings.serial,
             date=datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
-            software=_software(),
+            software=software(),
             friction=friction_fit.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
             gravity=weight.value,
@@ -60,10 +60,3 @@ def run(lab: Lab, settings: Settings) -> Result:
         Quantity("mass", mass.value, mass.uncertainty, "kg", "mass that moves with the handle"),
     )
     return Result(NAME, quantities, settings._asdict(), (f"written: {path.name}",))
-
-
-def _software() -> str:
-    try:
-        return version("screw_module_ros")
-    except PackageNotFoundError:
-        return "unknown"

@@ -40,7 +40,6 @@ PRINTED = {
     "coupling": 0.22,
 }
 """Table 5.1 [kg], in its order."""
-PRINTED_SUM = 6.42
 TRANSLATING = ("bearing_carriage", "nut", "mounting_bracket", "force_transducer")
 _ROUNDING = 0.01 / math.sqrt(12.0)  # of a mass printed to 0.01 kg, one standard deviation
 _GRAVITY = 9.81

@@ -3,8 +3,9 @@
 
 A firm hand moves the handle in one sine after the other, 0.5 to 30 Hz, and the ratio of its force
 to the handle's velocity is what it feels there, Z(jw) = B + j (w M - K / w): friction included, as
-its first harmonic. The certificate puts apparent mass, damping and stiffness of every mode beside
-what was asked for, the friction felt, and the largest stable gains with their margins.
+its first harmonic. On a simulated module the hand also holds still, and lets go. The certificate
+puts apparent mass, damping and stiffness of every mode beside what was asked for, the friction
+felt, hold and release, and the largest stable gains with their margins.
 """
 
 from __future__ import annotations
@@ -14,19 +15,19 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
-import yaml
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
-from . import stability
+from . import certificate, force_error
 from .force_error import with_damping
-from .lab import Job, Lab, MissingResult, Part
+from .lab import Job, Lab, Part
 from .results import Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
-FILE = "module_certificate.yaml"
+RESTS = {"hold": "holding", "release": "released"}
+"""What a hand does at rest, and the trial of `force_error`."""
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] a hand that shakes the handle on purpose is not to be taken for chatter
 _CYCLES = 6
@@ -41,12 +42,14 @@ class Settings(NamedTuple):
     speed: Annotated[float, Setting("largest of the hand's sine", "m/s", 0.01, 0.3)] = 0.12
     acceleration: Annotated[float, Setting("largest of it", "m/s^2", 0.1, 20.0)] = 3.0
     stiffness: Annotated[float, Setting("asked of the law", "N/m", 0.0, 5000.0)] = 100.0
+    serial: Annotated[str, Setting("serial number of the module")] = "SIM-0001"
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every mode; write the certificate into the lab's folder.
 
-    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. Raises ValueError for
+    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. Hold and release are
+    there on a simulated module alone: it knows the true force. Raises ValueError for
     settings out of range, Cancelled, NotPossible.
     """
     validated(settings)
@@ -56,7 +59,8 @@ def run(lab: Lab, settings: Settings) -> Result:
         for mode in kinds
         for frequency in settings.frequencies
     }
-    parts = lab.run(NAME, list(jobs.values()))
+    rests = _rests(settings, kinds) if hasattr(lab.bench, "world") else {}
+    parts = lab.run(NAME, [*jobs.values(), *rests.values()])
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
     for mode in kinds:
@@ -66,28 +70,82 @@ def run(lab: Lab, settings: Settings) -> Result:
         )
         data[f"resistance_{name}"], data[f"reactance_{name}"] = found.real, found.imag
         quantities += _fitted(name, data["frequencies"], found, settings.stiffness)
+        quantities.append(_friction(settings, mode, data["frequencies"], found))
+    quantities += _at_rest(rests, parts)
     result = Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
-    _write(lab, result)
+    certificate.write(lab, result, settings.serial)
     return result
 
 
 _NOTES = (
     "Force over velocity at the handle, first harmonic; friction shows as resistance, the more the "
-    "slower the hand. Mass: from the reactance at 4 Hz and above, with the stiffness asked for. "
-    "The chatter guard is off: it would take this for chatter.",
+    "slower the hand. Friction felt: of Coulomb friction with that first harmonic at the slowest "
+    "sine, what the damper makes taken off. Mass: from the reactance at 4 Hz and above, with the "
+    "stiffness asked for. The chatter guard is off: it would take this for chatter.",
 )
 
 
 def _job(settings: Settings, mode: int, frequency: float) -> Job:
     omega = 2.0 * math.pi * frequency
-    amplitude = min(0.04, settings.speed / omega, settings.acceleration / omega**2)
-    law = VerticalSettings(stiffness=settings.stiffness, chatter_limit=_NO_GUARD)
     trial = MotionTrial(
-        mode, with_damping(law, mode), arm=_FIRM, amplitude=amplitude, omega=omega,
+        mode, _law(settings, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
+        amplitude=_amplitude(settings, frequency), omega=omega,
         duration=(2 + _CYCLES) / frequency + 0.5,
     )  # fmt: skip
     name = f"{modes.MODE_NAMES[mode].lower()}_{frequency:g}"
     return Job(name, trial, partial(reduced, frequency=frequency))
+
+
+def _amplitude(settings: Settings, frequency: float) -> float:
+    """Return the amplitude of the hand's sine [m]."""
+    omega = 2.0 * math.pi * frequency
+    return min(0.04, settings.speed / omega, settings.acceleration / omega**2)
+
+
+def _law(settings: Settings, mode: int) -> VerticalSettings:
+    return with_damping(VerticalSettings(stiffness=settings.stiffness), mode)
+
+
+def _rests(settings: Settings, kinds: list[int]) -> dict[tuple[str, str], Job]:
+    """Return the trials at rest by name of the mode and of what the hand does."""
+    return {
+        (modes.MODE_NAMES[mode].lower(), rest): force_error.job(
+            force_error.case_of(case), mode, _law(settings, mode)
+        )
+        for mode in kinds
+        for rest, case in RESTS.items()
+    }
+
+
+def _at_rest(rests: dict[tuple[str, str], Job], parts: dict[str, Part]) -> list[Quantity]:
+    found = []
+    for (name, rest), job in rests.items():
+        rms, travel = (float(parts[job.name][key]) for key in ("rms", "travel"))
+        text = f"{force_error.case_of(RESTS[rest]).text}, {name}"
+        found += [
+            Quantity(f"{rest}_{name}", rms, math.nan, "N", f"rms force error, {text}"),
+            Quantity(f"{rest}_travel_{name}", travel, math.nan, "m", f"moves in a second, {text}"),
+        ]
+    return found
+
+
+def friction_felt(resistance: float, damping: float, speed: float) -> float:
+    """Return the Coulomb friction [N] that has the first harmonic of a resistance [Ns/m].
+
+    damping: of it that is asked for [Ns/m]; speed: amplitude of the sine's [m/s]. A force F that
+    turns with the velocity has the first harmonic 4 F / pi.
+    """
+    return math.pi / 4.0 * (resistance - damping) * speed
+
+
+def _friction(settings: Settings, mode: int, frequencies: np.ndarray, z: np.ndarray) -> Quantity:
+    slow = int(np.argmin(frequencies))
+    frequency = float(frequencies[slow])
+    speed = 2.0 * math.pi * frequency * _amplitude(settings, frequency)
+    felt = friction_felt(float(z.real[slow]), _law(settings, mode).damping, speed)
+    name = modes.MODE_NAMES[mode].lower()
+    return Quantity(f"friction_{name}", felt, math.nan, "N",
+                    f"friction felt at {frequency:g} Hz, {name}")  # fmt: skip
 
 
 def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
@@ -117,29 +175,3 @@ def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float)
         Quantity(f"stiffness_{name}", float(-z.imag[slow] * omega[slow]), math.nan, "N/m",
                  f"stiffness at {frequencies[slow]:g} Hz, inertia included, {name}"),
     ]  # fmt: skip
-
-
-def _write(lab: Lab, result: Result) -> None:
-    """Write the certificate; gains are in it where `stability` was run."""
-    text = {
-        "format": "screw_module_ros/certificate",
-        "version": 1,
-        "bench": lab.bench.name,
-        "asked_for": {"stiffness_N_m": result.settings["stiffness"]},
-        "delivered": {q.name: {"value": round(q.value, 4), "unit": q.unit, "what": q.text}
-                      for q in result.quantities},
-    }  # fmt: skip
-    try:
-        gains = lab.result(stability.NAME)
-    except MissingResult:
-        gains = None
-    if gains is not None:
-        defaults = VerticalSettings()
-        own = {"feedback": defaults.force_gain, "observer": defaults.observer_gain}
-        text["largest_gains"] = {
-            q.name: {"gain": round(q.value, 2),
-                     "margin": round(q.value / own[q.name.split("_")[0]], 2), "what": q.text}
-            for q in gains.quantities if q.name.split("_")[0] in own
-        }  # fmt: skip
-    path = lab.folder / FILE
-    path.write_text(yaml.safe_dump(text, sort_keys=False, allow_unicode=True), encoding="utf-8")

@@ -28,7 +28,7 @@ from ..plant.current_sensor import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
 from ..plant.noise import seeded
 from ..plant.sensor import measured_wrench, sensor_params
-from ..plant.settings import WorldSettings
+from ..plant.settings import WorldSettings, changed_later
 from ..resources import resource_path
 from ..settings import Setting, validated
 from .in_process_trials import (
@@ -136,12 +136,14 @@ class InProcessBench:
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
         for row in range(count):
-            shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, 1.0, *noise)
+            shown[row], *noise = measured_wrench(own, (0.0,) * 6, row / self.rate, *noise)
         return tuple(shown.mean(axis=0).tolist())
 
     def _params(self, trial: Trial) -> LoopParams:
         rate = getattr(trial, "rate", 0.0) or self.rate
         w, loop = self.world, self.loop
+        if getattr(trial, "changed", 0):
+            w = changed_later(w, trial.changed)
         if getattr(trial, "preloaded", False):
             w = w._replace(vertical=w.vertical._replace(play=0.0))
         substep = w.substep / 2.0 if isinstance(trial, TorqueTrial) else w.substep

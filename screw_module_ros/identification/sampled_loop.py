@@ -16,6 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
+from ..control.carried_mass import CUTOFF
+
 _N, _H, _C, _F = 0, 2, 4, 5  # nut, handle, amplifier, transducer filter in the state
 _STATES = 6
 
@@ -60,7 +62,9 @@ class Feedback(NamedTuple):
 
 class Observer(NamedTuple):
     """OBSERVER of `control.observer`. gain; cutoff [Hz]; bandwidth [rad/s]; mass [kg], delay [s]
-    that it assumes; stiffness [N/m], damping [Ns/m]."""
+    that it assumes; stiffness [N/m], damping [Ns/m]; inertia: share of the mass left that is
+    carried too, all of it, as for a hand that holds firmly.
+    """
 
     gain: float
     cutoff: float = 9.0
@@ -69,6 +73,7 @@ class Observer(NamedTuple):
     delay: float = 1.4e-3
     stiffness: float = 100.0
     damping: float = 5.0
+    inertia: float = 0.0
 
 
 def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float:
@@ -175,13 +180,13 @@ def _feedback(law: Feedback, period: float):
 
 def _observer(law: Observer, period: float):
     """Return (A, B, C, D) of OBSERVER; state: position, velocity, disturbance, last force error and
-    its filter, commands remembered."""
+    its filter, commands remembered, filter of the velocity."""
     pole = math.exp(-law.bandwidth * period)
     left = 1.0 - pole
     periods = law.delay / period
     whole = int(periods)
     part = periods - whole
-    size = 5 + whole + 2
+    size = 5 + whole + 2 + 1
     acceleration = np.zeros(size)
     acceleration[2] = -1.0 / law.mass
     acceleration[5 + whole] += (1.0 - part) / law.mass
@@ -201,6 +206,12 @@ def _observer(law: Observer, period: float):
     a[2, 2] += 1.0
     pull, pull_in = -law.damping * a[1], -law.damping * b[1]
     pull_in[0] -= law.stiffness
+    gain, kept = _lowpass(CUTOFF, period)
+    a[-1], b[-1] = gain * a[1], gain * b[1]
+    a[-1, 1] += gain
+    a[-1, -1] += kept
+    carried = law.inertia * law.mass / (1.0 + law.gain) * 2.0 * math.pi * CUTOFF
+    pull, pull_in = pull + carried * (a[1] - a[-1]), pull_in + carried * (b[1] - b[-1])
     a[3], b[3] = pull, pull_in + np.array([0.0, 1.0])
     gain, kept = _lowpass(law.cutoff, period)
     a[4] = gain * a[3]
@@ -209,7 +220,7 @@ def _observer(law: Observer, period: float):
     b[4] = gain * b[3]
     c, d = pull + a[2] + law.gain * a[4], pull_in + b[2] + law.gain * b[4]
     a[5], b[5] = c, d
-    for k in range(6, size):
+    for k in range(6, size - 1):
         a[k, k - 1] = 1.0
     return a, b, c, d
 

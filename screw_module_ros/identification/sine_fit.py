@@ -36,20 +36,15 @@ class Response(NamedTuple):
 
 
 def fit_sine(
-    time: np.ndarray,
-    values: np.ndarray,
-    frequency: float,
-    drift: bool = False,
-    harmonics: int = 1,
+    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool = False
 ) -> Sine:
     """Fit a sine with an offset to samples.
 
-    time [s]; frequency [Hz]; drift: the offset may go along a straight line; harmonics: highest
-    multiple of the frequency that is fitted with it, 1 = none.
+    time [s]; frequency [Hz]; drift: the offset may follow a straight line.
     Raises ValueError when the samples do not determine the sine.
     """
     time, values = np.asarray(time, float), np.asarray(values, float)
-    columns = _columns(time, values, frequency, drift, harmonics)
+    columns = _columns(time, values, frequency, drift)
     normal = columns.T @ columns
     if np.linalg.cond(normal) > _WORST_CONDITION**2:
         raise ValueError(_undetermined(frequency, len(time)))
@@ -67,35 +62,29 @@ def fit_sine(
 
 
 def response(
-    time: np.ndarray,
-    given: np.ndarray,
-    answer: np.ndarray,
-    frequency: float,
-    drift: bool = False,
-    harmonics: int = 1,
+    time: np.ndarray, given: np.ndarray, answer: np.ndarray, frequency: float, drift: bool = False
 ) -> Response:
     """Return answer over input from samples of both at the same times; arguments as `fit_sine`.
 
     The input is taken as exact: what is not a sine in it is no noise of the measurement.
     Raises ValueError when there is no input of that frequency.
     """
-    source = fit_sine(time, given, frequency, drift, harmonics).amplitude
-    found = fit_sine(time, answer, frequency, drift, harmonics)
+    source = fit_sine(time, given, frequency, drift).amplitude
+    found = fit_sine(time, answer, frequency, drift)
     if abs(source) <= 1e-9 * float(np.max(np.abs(given))) or source == 0.0:
         raise ValueError(f"the input has no sine of {frequency:g} Hz")
     return Response(found.amplitude / source, found.error / abs(source))
 
 
 def _columns(
-    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool, harmonics: int
+    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool
 ) -> np.ndarray:
-    """Return the unknowns' columns: cosine, sine, offset, then drift and harmonics."""
-    unknowns = 2 * harmonics + 1 + drift
-    if not frequency > 0.0 or harmonics < 1:
-        raise ValueError(f"a sine of {frequency:g} Hz with {harmonics} harmonics cannot be fitted")
+    """Return the unknowns' columns: cosine, sine, offset, drift."""
+    if not frequency > 0.0:
+        raise ValueError(f"a sine of {frequency:g} Hz cannot be fitted")
     if time.ndim != 1 or time.shape != values.shape:
         raise ValueError(f"times of shape {time.shape} for values of shape {values.shape}")
-    if len(time) <= unknowns:
+    if len(time) <= 3 + drift:
         raise ValueError(_undetermined(frequency, len(time)))
     if not np.all(np.isfinite(values)):
         raise ValueError("the samples are not all finite numbers")
@@ -103,13 +92,8 @@ def _columns(
     columns = [np.cos(phase), np.sin(phase), np.ones_like(time)]
     if drift:
         columns.append((time - time.mean()) / max(float(np.ptp(time)), 1e-300))
-    for number in range(2, harmonics + 1):
-        columns += [np.cos(number * phase), np.sin(number * phase)]
     return np.column_stack(columns)
 
 
 def _undetermined(frequency: float, count: int) -> str:
-    return (
-        f"{count} samples do not determine a sine of {frequency:g} Hz: a longer record is wanted, "
-        "or fewer harmonics"
-    )
+    return f"{count} samples do not determine a sine of {frequency:g} Hz: a longer record is wanted"

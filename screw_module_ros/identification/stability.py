@@ -70,14 +70,16 @@ def run(lab: Lab, settings: Settings) -> Result:
             data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
             worst = max(costs, key=costs.get)
             notes.append(f"{law_name}, {text}: limited by {worst}; {_costs_text(costs)}.")
+        predicted = quantities[-2].value
+        quantities += _by_hand(name, text, mechanism, environment, sampling, settings.cutoff)
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
-            predicted = quantities[-2].value
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
     data |= _curves(mechanism, sampling, settings.cutoff)
     notes.append(
         "Numbers after each limit: the gain with that one taken away, over the gain as it is. The "
-        "linear loop has neither friction, which helps, nor play, which hurts."
+        "linear loop has neither friction, which helps, nor play, which hurts. The hand formula "
+        "takes the environment as a mass alone and says nothing of a wall."
     )
     return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
 
@@ -118,12 +120,15 @@ def hand_formula(
 
     Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
     is half a period more than the delay and the amplifier's lag. NaN where the contact's resonance
-    wr lies below wp, and without a mass in the environment.
+    wr lies below wp, without a mass in the environment, and where the environment's spring, late by
+    filter and delay, outweighs its damper: then the loop swings on that spring at far less gain.
     """
     if environment.mass <= 0.0:
         return math.nan
     corner = 2.0 * math.pi * cutoff
     tau = sampling.delay + 0.5 / sampling.rate + 0.5 / (math.pi * mechanism.amplifier)
+    if environment.stiffness * (1.0 / corner + tau) > environment.damping:
+        return math.nan
     low, high = 0.0, math.pi / tau
     for _ in range(60):
         middle = 0.5 * (low + high)
@@ -136,6 +141,18 @@ def hand_formula(
     mass = mechanism.nut_mass + outer
     gain = mass / environment.mass * math.sqrt(1.0 + (low / corner) ** 2)
     return gain * (1.0 - (low / resonance) ** 2)
+
+
+def _by_hand(
+    name: str, text: str, mechanism: Mechanism, environment: Environment, sampling: Sampling,
+    cutoff: float,
+) -> list[Quantity]:  # fmt: skip
+    """Return the formula's figure beside the exact one, nothing where it does not hold."""
+    gain = hand_formula(mechanism, environment, sampling, cutoff)
+    if math.isnan(gain):
+        return []
+    return [Quantity(f"formula_{name}", gain, math.nan, "",
+                     f"largest stable gain by the hand formula, feedback, {text}")]  # fmt: skip
 
 
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling]:

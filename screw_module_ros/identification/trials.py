@@ -91,7 +91,9 @@ class MotionTrial(NamedTuple):
 
     way: how far the middle of the sine lies from the centre, reached within a second [m];
     side_force: amplitude of what the hand presses sideways, at 2 rad/s [N]; tremor: of the hand
-    [m]; released_after: when the hand lets go [s]. These and `preloaded` need a simulated module.
+    [m]; released_after: when the hand lets go [s]; changed: seed of what has become of the rig
+    since it was calibrated (`plant.settings.changed_later`), 0 = nothing. These and `preloaded`
+    need a simulated module.
     """
 
     mode: int
@@ -108,6 +110,7 @@ class MotionTrial(NamedTuple):
     side_force: float = 0.0
     tremor: float = 0.0
     released_after: float = math.inf
+    changed: int = 0
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial

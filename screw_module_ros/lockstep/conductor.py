@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moves simulated time: for the one process that owns the physics.
+"""Advances simulated time; only the process with the physics does so.
 
     while working:
         serve the buses
@@ -7,8 +7,8 @@
         if due is not None: conductor.move(...); timers of the devices; conductor.release()
         else: conductor.sleep()
 
-A member that makes no progress for `PATIENCE_S` of wall clock while the others wait for it, or
-whose process has ended, is no longer waited for until it follows again.
+The conductor stops waiting for a member that makes no progress for `PATIENCE_S` of wall clock while
+others wait for it, or whose process has ended, until that member follows again.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from .page import BUSY, FOREVER, HOPS, LINES, NOBODY, SLOTS, Page, alive
 from .wires import Line
 
 PATIENCE_S = 1.0
-_LOOK_S = 0.05  # wall clock between looks for processes that have ended
-_ROLL_S = 1.0  # the same, while time moves
-_MOST_AHEAD_S = 0.005  # a late tick is caught up by so much, no more
+_LOOK_S = 0.05  # wall clock between checks for processes that have ended
+_ROLL_S = 1.0  # the same, while time advances
+_MOST_AHEAD_S = 0.005  # largest delay that time catches up after a late tick
 
 
 class TimeTaken(RuntimeError):
-    """Another process moves this time already."""
+    """Another process already advances this time."""
 
 
 class Conductor:
-    """One page's time.
+    """Advances the time of one page.
 
-    speed: simulated seconds per second at most, 0 = as fast as it goes. tell: hears sentences about
-    members that are given up.
+    speed: simulated seconds per second at most, 0 = as fast as possible. report: called with a
+    message about members that the conductor no longer waits for.
     """
 
-    def __init__(self, page: Page, speed: float, tell: Callable[[str], None]):
+    def __init__(self, page: Page, speed: float, report: Callable[[str], None]):
         self._page = page
         self.speed = speed
-        self._tell = tell
+        self._report = report
         with page.locked():
             if page.conductor and page.conductor != os.getpid() and alive(page.conductor):
                 raise TimeTaken(
@@ -66,7 +66,7 @@ class Conductor:
         return self._page.now_ns
 
     def quiet(self) -> int | None:
-        """Return until when everybody is content [ns]; None while somebody has work to do."""
+        """Return the earliest time a member waits for [ns]; None while any member has work."""
         page = self._page
         if self._roster != page.roster:
             self._call_roll()
@@ -94,7 +94,7 @@ class Conductor:
         return False
 
     def _is_awaited(self, line: Line) -> bool:
-        """Return whether somebody waits for the frames, or they are for us."""
+        """Return whether a member waits for the frames, or this process does."""
         page, row = self._page, line.row
         return page.line_waiter[row] >= 0 or page.line_pid[row] == page.conductor
 
@@ -109,11 +109,11 @@ class Conductor:
         page.top = self._top
 
     def too_early(self) -> float:
-        """Return how long wall clock has to catch up before time may move [s], 0 = it may."""
+        """Return how long to wait for the wall clock before time may advance [s], 0 = no wait."""
         return max(0.0, self._due_s - time.monotonic()) if self.speed else 0.0
 
     def move(self, to_ns: int) -> None:
-        """Set the time; nobody is woken yet."""
+        """Set the time; `release` then wakes the members."""
         page = self._page
         elapsed_s = (to_ns - page.now_ns) * 1e-9
         now_s = self._progress_s = time.monotonic()
@@ -129,7 +129,7 @@ class Conductor:
                 line.forgive(line.pending())
 
     def release(self) -> None:
-        """Wake everybody who wanted to hear of this time."""
+        """Wake every member that waits for this time."""
         page, now_ns = self._page, self._page.now_ns
         until = page.slot_until
         for slot in range(self._top):
@@ -138,17 +138,17 @@ class Conductor:
                 page.wake_slot(slot)
 
     def sleep(self, longest_s: float) -> None:
-        """Sleep until a member has told something since `look`, for `longest_s` at most."""
+        """Sleep until a member has changed its state since `look`, for `longest_s` at most."""
         page = self._page
         page.sleep_conductor(self._seen, min(longest_s, _LOOK_S))
-        self._look_after()
+        self._check_members()
 
     def look(self) -> None:
-        """Note what was told so far: call before `quiet`, so that `sleep` misses nothing."""
+        """Record the changes so far; call it before `quiet`, so that `sleep` misses none."""
         self._seen = self._page.header[4]
 
-    def _look_after(self) -> None:
-        """Give up who has ended, or who makes no progress while the others wait for him."""
+    def _check_members(self) -> None:
+        """Stop waiting for members that have ended, or that make no progress."""
         now_s = time.monotonic()
         if now_s - self._looked_s < _LOOK_S:
             return
@@ -165,9 +165,9 @@ class Conductor:
             self._give_up()
 
     def _busy_now(self) -> tuple:
-        """Return the time, and how often each busy thread has waited: the same as long as it hangs.
+        """Return the time and the number of waits of each busy thread; constant while it hangs.
 
-        Those who are content declare it now and then; that is no progress.
+        Waiting threads repeat their declaration now and then; that is no progress.
         """
         page, now_ns = self._page, self._page.now_ns
         busy = [i for i in range(self._top) if page.slot_until[i] <= now_ns]
@@ -199,12 +199,13 @@ class Conductor:
                     page.hop_follows[hop] = 0
         if names:
             self.given_up += len(names)
-            self._tell(
-                f"no longer waited for after {PATIENCE_S:g} s without progress: {', '.join(names)}"
+            self._report(
+                f"simulated time no longer waits for {', '.join(names)}: no progress for "
+                f"{PATIENCE_S:g} s"
             )
 
     def _give_up_line(self, line: Line) -> str:
-        """Wait for the frames of one line no longer; return whose it is."""
+        """Stop waiting for the frames of one line; return the name of its owner."""
         page, waiter = self._page, self._page.line_waiter[line.row]
         if waiter >= 0:
             page.line_waiter[line.row] = NOBODY  # until it waits again
@@ -213,14 +214,14 @@ class Conductor:
         return "the rig (frames lost)"
 
     def close(self) -> None:
-        """Let time stand."""
+        """Stop the time."""
         with self._page.locked():
             if self._page.conductor == os.getpid():
                 self._page.conductor = 0
 
 
 def _watched(page: Page, row: int) -> Line:
-    """Return somebody else's line, to look at."""
+    """Return another member's line, to read its counts."""
     line = Line.__new__(Line)
     line._page, line.row, line._roster, line._peers = page, row, -1, []
     return line

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that takes part in simulated time: busy, or content until a time that it names."""
+"""A thread that takes part in simulated time: busy, or waiting until a time that it states."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from .page import BUSY, FOREVER, NOBODY, Page
 from .wires import Hop, Line
 
 _SLICE_S = 0.05
-"""A sleeper looks up so often, whatever happens: a wake-up that was missed costs no more."""
+"""Longest sleep of a waiting thread: the cost of a missed wake-up."""
 
 
 class TimeStandsStill(RuntimeError):
-    """Simulated time does not move on; the message says what is missing."""
+    """Simulated time does not advance; the message names what is missing."""
 
 
 class Member:
     """One thread of this process.
 
-    name: how the conductor calls it. patience_s: wall clock for which a wait bears that time does
-    not move [s]; None = for ever, until `stopping()` says that the process is to end.
+    name: its name in the conductor's messages. patience_s: wall clock after which a wait without
+    progress of time fails [s]; None = wait without limit, until `stopping()` is true.
     """
 
     def __init__(
@@ -45,12 +45,12 @@ class Member:
         self._page.slot_until[self.slot] = BUSY
 
     def idle(self) -> None:
-        """Be content for ever: nothing this thread does from here on has to do with time."""
-        if self._page.slot_until[self.slot] != FOREVER:  # to say it again is no progress
+        """Release time for good: this thread no longer uses the clock."""
+        if self._page.slot_until[self.slot] != FOREVER:  # a repetition must not count as progress
             self._declare(FOREVER)
 
     def leave(self) -> None:
-        """Give the row back: this thread ends."""
+        """Return the row: this thread ends."""
         self.idle()
         with self._page.locked():
             self._page.slot_pid[self.slot] = 0
@@ -59,18 +59,18 @@ class Member:
     def wait(
         self, until_ns: int, line: Line | None = None, hops: Sequence[Hop] = ()
     ) -> None:
-        """Wait until `until_ns`, or until a frame on `line` or a message on one of `hops` is there.
+        """Wait until `until_ns`, or until a frame on `line` or a message on one of `hops` arrives.
 
         Raises TimeStandsStill.
         """
         page, slot = self._page, self.slot
         if page.now_ns >= until_ns:
-            page.slot_until[slot] = BUSY  # who was idle or given up holds time from here on
+            page.slot_until[slot] = BUSY  # an idle or given-up member holds time again from now on
             return
         stood_at, stood_since = page.now_ns, None
         try:
             while True:
-                if line is not None:  # each time: the conductor may have given us up meanwhile
+                if line is not None:  # each time: the conductor may have reset it
                     page.line_waiter[line.row] = slot
                 for hop in hops:
                     page.hop_waiter[hop.row] = slot
@@ -79,7 +79,7 @@ class Member:
                     return
                 if any(hop.pending() for hop in hops):
                     return
-                if page.slot_until[slot] != until_ns:  # not at each look: that is no progress
+                if page.slot_until[slot] != until_ns:  # a repetition must not count as progress
                     self._declare(until_ns)
                 page.sleep_slot(slot, seen, _SLICE_S)
                 if page.slot_wake[slot] == seen:
@@ -101,7 +101,7 @@ class Member:
             page.wake_conductor()
 
     def _look_up(self, since: float | None) -> float:
-        """Note that time stands; return since when. Raises TimeStandsStill after a while."""
+        """Return since when time has stood still. Raises TimeStandsStill after a while."""
         now = time.monotonic()
         since = now if since is None else since
         page, patience_s = self._page, self._patience_s

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of shared memory that the processes of one simulated robot have in common.
+"""The page of memory that the processes of one simulated robot share.
 
-It is a file of 64-bit words in shared memory, found by ROS domain and namespace; rows are handed
-out under a file lock, everything else is plain reads and writes of single words. The last process
-to leave removes it.
+It is a file of 64-bit words in shared memory, found by ROS domain and namespace. A file lock
+protects the allocation of rows; other access is to single words. The last user removes the file.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 FOREVER = 2**62
-"""Content for ever: an idle thread, a thread that has left [ns]."""
+"""Time of a thread that waits for nothing: idle, or ended [ns]."""
 BUSY = 0
 NOBODY = -1
 START_NS = 1_000_000_000_000
-"""Simulated time begins here [ns]: far enough from 0, which stands for never."""
+"""Start of simulated time [ns]: far from 0, which means never."""
 
 USERS, SLOTS, LINES, TOPICS, HOPS = 64, 96, 64, 192, 320
 _NAME_BYTES = 96
@@ -63,17 +62,17 @@ class Page:
     """The words of one page; attributes named as in the tables are arrays of 64-bit integers.
 
     now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
-    row that is taken or given back. factor: real-time factor in per mille.
-    user_*: one row per process that has the page open. slot_*: one row per thread: until when it is
-    content [ns], what wakes it, how often it has declared. line_*: one row per open bus: frames
-    sent and handled. topic_*: messages published, and of these before the time of now.
-    hop_*: one row per subscription: the newest message taken, whether it has kept up, who waits.
+    row that is taken or returned. factor: real-time factor in per mille.
+    user_*: one row per process that has the page open. slot_*: one row per thread: the time that it
+    waits for [ns], its wake word, number of its declarations. line_*: one row per open bus: frames
+    sent and handled. topic_*: messages published in all, and before the present time.
+    hop_*: one row per subscription: newest message taken, whether it keeps up, which thread waits.
     """
 
     def __init__(self, name: str):
-        """Open the page called `name`, make it where there is none. Raises OSError."""
+        """Open the page called `name`, or create it. Raises OSError."""
         self.path = _FOLDER / f"screw_module_ros_{os.getuid()}_{name}"
-        self._lock = threading.Lock()  # a file lock does not keep the threads of a process apart
+        self._lock = threading.Lock()  # a file lock does not exclude threads of the same process
         self._file = _opened_and_locked(self.path)
         try:
             self._map()
@@ -102,7 +101,7 @@ class Page:
     def _prepare(self) -> None:
         if self.header[0] == _VERSION:
             return
-        self._memory[:] = bytes(_SIZE)  # of another version of this package
+        self._memory[:] = bytes(_SIZE)  # a page of another version of this package
         for index in range(SLOTS):
             self.slot_until[index] = FOREVER
         for table in (self.line_waiter, self.hop_waiter):
@@ -113,7 +112,7 @@ class Page:
 
     @contextmanager
     def locked(self):
-        """Hold the page: rows are taken and given back by one thread of one process at a time."""
+        """Lock the page: one thread of one process at a time takes and returns rows."""
         with self._lock:
             fcntl.flock(self._file, fcntl.LOCK_EX)
             try:
@@ -134,7 +133,7 @@ class Page:
 
     @property
     def conductor(self) -> int:
-        """Process id of who moves the time, 0 = nobody."""
+        """Process id of the conductor, 0 = none."""
         return self.header[2]
 
     @conductor.setter
@@ -143,12 +142,12 @@ class Page:
 
     @property
     def roster(self) -> int:
-        """Changes whenever a row is taken or given back."""
+        """Changes whenever a row is taken or returned."""
         return self.header[3]
 
     @property
     def top(self) -> int:
-        """No slot from here on is taken."""
+        """Upper bound of the slots in use."""
         return self.header[7] or SLOTS
 
     @top.setter
@@ -167,7 +166,7 @@ class Page:
     # Rows ----------------------------------------------------------------------------------
 
     def take(self, table: memoryview, value: int, what: str) -> int:
-        """Take the first free row (0) of `table` for `value`; hold the lock. Raises TableFull."""
+        """Take the first free row (0) of `table`, with the lock held. Raises TableFull."""
         for index in range(len(table)):
             if not table[index]:
                 table[index] = value
@@ -177,7 +176,7 @@ class Page:
         raise TableFull(f"no room for one more {what} in simulated time: {len(table)} are there")
 
     def changed(self) -> None:
-        """Tell the conductor that the roster has changed."""
+        """Notify the conductor that the roster has changed."""
         self.header[3] += 1
 
     def name(self, slot: int) -> str:
@@ -191,7 +190,7 @@ class Page:
         self._names[slot * _NAME_BYTES : (slot + 1) * _NAME_BYTES] = raw
 
     def dismiss(self, pid: int) -> None:
-        """Give back all rows of a process; hold the lock."""
+        """Return all rows of a process; the caller holds the lock."""
         for index in range(USERS):
             if self.user_pid[index] == pid:
                 self.user_pid[index] = 0
@@ -217,7 +216,7 @@ class Page:
         self.changed()
 
     def close(self) -> None:
-        """Leave the page; remove it when nobody is left."""
+        """Close the page; the last user removes it."""
         with self.locked():
             self.user_pid[self._user] = 0
             if os.getpid() not in self.user_pid:
@@ -248,7 +247,7 @@ class Page:
             self._wake(4)
 
     def sleep_conductor(self, seen: int, timeout_s: float) -> None:
-        """Sleep until somebody wakes the conductor, or for `timeout_s`; seen: `header[4]`."""
+        """Sleep until a member wakes the conductor, or for `timeout_s`; seen: `header[4]`."""
         self.header[5] = 1
         self._sleep(4, seen, timeout_s)
         self.header[5] = 0
@@ -288,7 +287,7 @@ def alive(pid: int) -> bool:
 
 
 def _opened_and_locked(path: Path) -> int:
-    """Open or make the file, and lock it; not one that its last user is just removing."""
+    """Open or create the file and lock it; retry if its last user is just removing it."""
     while True:
         file = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
         fcntl.flock(file, fcntl.LOCK_EX)

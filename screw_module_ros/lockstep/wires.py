@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is under way between members: frames on a bus, messages on a topic, counted at both ends."""
+"""Counts frames and messages in transit between members, at both ends of a bus or topic."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .page import HOPS, LINES, TOPICS, Page, alive
 
 
 class Line:
-    """One open bus of this process: frames sent, and handled of those that others sent."""
+    """One open bus of this process: counts frames sent, and frames of others handled."""
 
     def __init__(self, page: Page, bus: str):
         self._page = page
@@ -38,13 +38,13 @@ class Line:
         return self._peers
 
     def pending(self) -> int:
-        """Return how many frames for this end are under way."""
+        """Return the number of frames in transit to this end."""
         page = self._page
         sent = sum(page.line_sent[row] for row in self.peers)
         return sent - page.line_base[self.row] - page.line_handled[self.row]
 
     def sent(self) -> None:
-        """Count a frame that the bus has taken, and wake who waits for it."""
+        """Count a frame that the bus has accepted, and wake the member that waits for it."""
         page = self._page
         page.line_sent[self.row] += 1
         for row in self.peers:
@@ -55,11 +55,11 @@ class Line:
                 page.wake_conductor()
 
     def handled(self, count: int) -> None:
-        """Note that `count` frames of other members have been read since the bus was opened."""
+        """Set the number of other members' frames read since the bus was opened."""
         self._page.line_handled[self.row] = count
 
     def forgive(self, frames: int) -> None:
-        """Wait no longer for `frames` that were lost; for the conductor."""
+        """Count lost `frames` as handled; for the conductor."""
         self._page.line_base[self.row] += frames
 
     def close(self) -> None:
@@ -70,7 +70,7 @@ class Line:
 
 
 class Source:
-    """The publishing end of a topic that one member publishes; `counts` is False beside another."""
+    """The publishing end of a topic; `counts` is False if another member already publishes it."""
 
     def __init__(self, page: Page, topic: str):
         self._page = page
@@ -85,12 +85,12 @@ class Source:
         self._hops: list[int] = []
 
     def publishing(self) -> None:
-        """Count a message that is just about to be published."""
+        """Count a message; call it just before publishing."""
         if self.counts:
             self._page.topic_published[self.row] += 1
 
     def published(self) -> None:
-        """Wake who waits for the message."""
+        """Wake the members that wait for the message."""
         page = self._page
         if self._roster != page.roster:
             self._roster = page.roster
@@ -102,17 +102,17 @@ class Source:
                 page.wake_slot(waiter)
 
     def close(self) -> None:
-        """Let another publisher be counted."""
+        """Return the topic's row, so that another publisher can be counted."""
         with self._page.locked():
             if self.counts:
                 self._page.topic_pid[self.row] = 0
 
 
 class Hop:
-    """The receiving end of a topic: how far this subscription has come.
+    """The receiving end of a topic: counts the messages that this subscription has taken.
 
-    It is waited for only while it keeps up: from the first message that was the newest when it was
-    taken, until the conductor's patience ends.
+    Time waits for it only while it keeps up: from the first message that was the newest when taken,
+    until the conductor gives it up.
     """
 
     def __init__(self, page: Page, topic: str):
@@ -124,47 +124,47 @@ class Hop:
             page.hop_taken[row] = page.hop_follows[row] = 0
 
     def pending(self) -> bool:
-        """Return whether a message that was published has not been taken."""
+        """Return whether a published message has not been taken."""
         page, row = self._page, self.row
         return bool(page.hop_follows[row]) and (
             page.hop_taken[row] != page.topic_published[self._topic]
         )
 
     def unsettled(self) -> bool:
-        """Return whether a message from before the time of now has not been taken."""
+        """Return whether a message from before the present time has not been taken."""
         page, row = self._page, self.row
         return bool(page.hop_follows[row]) and (
             page.hop_taken[row] < page.topic_settled[self._topic]
         )
 
     def is_new(self) -> bool:
-        """Return whether the message taken last was published at the time of now."""
+        """Return whether the last message taken was published at the present time."""
         return self._page.hop_taken[self.row] > self._page.topic_settled[self._topic]
 
     def taken(self, number: int) -> None:
-        """Note a message; number: the middleware's count since its publisher was made."""
+        """Record a message taken; number: the middleware's count since the publisher's creation."""
         page, row = self._page, self.row
         published = page.topic_published[self._topic]
         number += page.topic_base[self._topic]
         if not page.hop_taken[row] < number <= published:
-            number = published  # of a publisher that is not counted: nothing can be said
+            number = published  # from a publisher that is not counted: its number is unknown
         page.hop_taken[row] = number
         if number == published:
             page.hop_follows[row] = 1
 
     def catch_up(self) -> None:
-        """Note that everything published so far has been taken, and follow from here on."""
+        """Record that all messages so far have been taken, and follow from now on."""
         page, row = self._page, self.row
         page.hop_taken[row] = page.topic_published[self._topic]
         page.hop_follows[row] = 1
 
     def hold(self, slot: int) -> None:
-        """Follow for good: time waits for what is published, whether or not `slot` waits."""
+        """Follow permanently: time waits for published messages, whether or not `slot` waits."""
         self._page.hop_waiter[self.row] = slot
         self.catch_up()
 
     def let_go(self) -> None:
-        """Wait for this end no longer, until it has caught up."""
+        """Stop waiting for this end until it has caught up."""
         self._page.hop_follows[self.row] = 0
 
     def close(self) -> None:
@@ -176,7 +176,7 @@ class Hop:
 
 
 def topic_row(page: Page, topic: str) -> int:
-    """Return the row of a topic, taken where it is new; hold the lock."""
+    """Return the row of a topic, a new one if needed; the caller holds the lock."""
     key = _key(topic)
     for row in range(TOPICS):
         if page.topic_key[row] == key:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical controller: samples in, force out, zero whenever the watch doubts them."""
+"""The vertical controller: turns samples into a force, zero while the watch rejects them."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 class VerticalController:
     """Watch and law of the vertical axis; all times are passed in [ns].
 
-    mode, settings: may be replaced at any time, the law fades over. output: of the last step.
-    wanted: the set point, height alone. guide: the slot, if there is one. held: why the owner
-    commands no force, empty while it does not. answered: the newest sample acted upon, None before
-    the first. handle_force: newest that was accepted [N]. meter: from a sample to its command.
-    reason: why the force is held at zero, empty while it is not. A fault seen while the amplifier
-    is on or a force is out stays until `reset`; any other goes when its cause does.
+    mode, settings: may be replaced at any time; the law fades to the new ones. output: of the last
+    step. wanted: the set point, height only. guide: the slot, if there is one. held: reason of the
+    owner to hold the force at zero, empty if it has none. answered: newest sample turned into a
+    command, None before the first. handle_force: newest accepted one [N]. meter: latency from a
+    sample to its command. reason: why the force is zero, empty if it is not. A fault while the
+    amplifier is on or a force is commanded stays latched until `reset`; any other fault ends with
+    its cause.
     """
 
     def __init__(
@@ -69,13 +70,13 @@ class VerticalController:
         return bool(self._watch.fault or self._doubt)
 
     def on_force(self, sample: ForceLike, now_ns: int) -> None:
-        """Take a force sample."""
+        """Process a force sample."""
         if self._watch.force(sample, now_ns):
             self.handle_force = sample.fz
         self._keep_fault()
 
     def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
-        """Return the force for an encoder sample, None when it is not to be acted upon."""
+        """Return the force for an encoder sample, None if the watch rejects the sample."""
         if not self._watch.encoder(sample, now_ns):
             self._keep_fault()
             return None
@@ -101,17 +102,17 @@ class VerticalController:
         return self.output
 
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
-        """Take what the drive says: torque on or off, nut travel [m]."""
+        """Process the drive's report: torque on or off, travel of the nut [m]."""
         self._drive_ns = now_ns
         self._note_drive(enabled, position, now_ns)
 
     def distrust(self, reason: str) -> None:
-        """Hold the force at zero for a reason that the samples themselves do not show."""
+        """Hold the force at zero for a reason that the samples do not show."""
         self._doubt = self._doubt or reason
         self._keep_fault()
 
     def end_tick(self, now_ns: int) -> None:
-        """Notice a drive that has said nothing for a while."""
+        """Detect a drive that has not reported for a while."""
         if self._drive_ns is None or now_ns - self._drive_ns > _DRIVE_AGE_NS:
             self._note_drive(None, math.nan, now_ns)
 
@@ -120,7 +121,7 @@ class VerticalController:
         self.meter.tick(self.answered.sequence, self.answered.monotonic_ns, now_ns)
 
     def idle(self, now_ns: int) -> VerticalOutput | None:
-        """Return the zero to send when samples fail to come while a force is out, else None."""
+        """Return zero force when samples stop while a force is commanded, else None."""
         self._check(now_ns)
         if not self.reason or self.output.force == 0.0:
             return None
@@ -129,7 +130,7 @@ class VerticalController:
         return self.output
 
     def reset(self, now_ns: int) -> None:
-        """Forget a latched fault; it comes back at once while its cause persists."""
+        """Clear a latched fault; it returns at once while its cause persists."""
         self._doubt = ""
         self._must_reset = False
         self._agreement.restart()
@@ -153,7 +154,7 @@ class VerticalController:
         self._keep_fault()
 
     def _keep_fault(self) -> None:
-        """Note at once, before the amplifier goes off over it, that a fault came in operation."""
+        """Record a fault in operation at once, before it switches the amplifier off."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True
         self.reason = self.reason or self._watch.fault or self._doubt

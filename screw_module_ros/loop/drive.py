@@ -23,17 +23,17 @@ from .gated_drives import GatedDrives
 from .ticker import Tick
 
 LARGEST_FORCE = 150.0
-"""No controller of this robot may ask for more [N]."""
-_LONGEST_STEP = 5  # periods: what is older closes the gate
-_ANSWER = 0.1  # periods that the drive has to answer SYNC before the command is waited for
+"""Largest force command of any controller of this robot [N]."""
+_LONGEST_STEP = 5  # periods; longest dt of the rate limit (the gate checks the command's age)
+_ANSWER = 0.1  # periods that the drive has to answer SYNC before the loop waits for the command
 _LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
 
 Permission = Callable[[GatedDrives, int], None]
-"""Tells the gate what the supervisor permits; time of now [ns]."""
+"""Passes the supervisor's permission to the gate; argument: time of now [ns]."""
 
 
 class Written(NamedTuple):
-    """The last write: torque wanted and command sent [Nm], whether a limit acted."""
+    """The last write: desired torque and sent command [Nm], whether a limit acted."""
 
     torque: float
     command: float
@@ -41,15 +41,15 @@ class Written(NamedTuple):
 
 
 class VerticalDrive:
-    """Turns force commands into drive writes; every method of the loop's thread.
+    """Turns force commands into drive writes; only the loop's thread calls it.
 
-    Errors of the bus are latched by the driver and shown by state and diagnostics; what comes after
-    them gets its turn all the same.
+    The driver latches errors of the bus, and state and diagnostics show them; the loop continues
+    with its other work.
 
     period_ns: between commands. chain: from force to torque. missed_limit: deadlines missed in a
-    row that stop the torque. asked: the last force command [N]. meter: from the sample behind a
-    command to its write; own: histogram of the part of it that is spent here. skipped: ticks that
-    an overrun left out.
+    row that stop the torque. asked: the last force command [N]. meter: latency from the sample
+    behind a command to its write; own: histogram of this process's part of it. skipped: ticks that
+    an overrun skipped.
     """
 
     def __init__(
@@ -81,21 +81,21 @@ class VerticalDrive:
 
     @property
     def position(self) -> float:
-        """Nut travel by the drive's newest answer [m], without a home."""
+        """Travel of the nut from the drive's newest answer [m], not homed."""
         reading = self.drive.reading
         return reading.position if reading is not None else 0.0
 
     # One period ----------------------------------------------------------------------------
 
     def begin_tick(self, tick: Tick) -> None:
-        """Send what goes out on the tick: SYNC and, when due, the heartbeat."""
+        """Send the frames of the tick: SYNC and, when due, the heartbeat."""
         self.skipped += tick.skipped
         with suppress(DeviceError):
             self.drive.sync(tick.monotonic_ns)
             self.drive.heartbeat(tick.monotonic_ns)
 
     def await_answer(self, tick: Tick) -> None:
-        """Give the drive a moment to answer SYNC: its state of now then judges the command."""
+        """Wait a moment for the drive's answer to SYNC: the gate needs its present state."""
         until_ns = tick.monotonic_ns + round(_ANSWER * self._period_ns)
         with suppress(DeviceError):
             while self._clock.now_ns() < until_ns:
@@ -107,7 +107,8 @@ class VerticalDrive:
     def act(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> None:
         """Turn a command [N] into torque at once.
 
-        sequence, monotonic_ns: of the sample behind it; now_ns: when its cause was in hand [ns].
+        sequence, monotonic_ns: of the sample behind it; now_ns: when the sample or command came
+        [ns].
         """
         # Torque first: the status read last time is one period old, ten are allowed.
         self.asked = force
@@ -119,14 +120,14 @@ class VerticalDrive:
             self._pump(now_ns)
 
     def end_tick(self, tick: Tick, permission: Permission) -> None:
-        """Look after gate and drive, whether a command came or not."""
+        """Update gate and drive, whether a command came or not."""
         now_ns = tick.monotonic_ns
-        if tick.sequence % self._look_every == 0:
+        if tick.sequence % self._look_every <= tick.skipped:  # also one that was left out
             permission(self.drives, now_ns)
             self.drives.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
         with suppress(DeviceError):
             if now_ns - self._pumped_ns > self._period_ns:
-                self._pump(now_ns)  # no command came that would have done it
+                self._pump(now_ns)  # no command came; a command would have done it
         with suppress(DeviceError):
             self.idle(now_ns)
 
@@ -139,7 +140,7 @@ class VerticalDrive:
     def command(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
         """Write a force command [N]; return whether it was plausible and new. Raises DeviceError.
 
-        Zero torque is always written, whatever else is wrong.
+        Zero torque is always written, whatever fault exists.
         """
         accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
         if self._watch.fault and not self.drives.fault:
@@ -147,14 +148,14 @@ class VerticalDrive:
             self._watch.reset()
         if accepted:
             self._write(force, now_ns)
-        elif force == 0.0:  # a controller that stops repeats the sample it last answered
+        elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
             self._write(0.0, now_ns)
         return accepted
 
     def idle(self, now_ns: int) -> None:
-        """Keep gate and drive going without a new command; once a tick is enough.
+        """Serve gate and drive without a new command; once a tick is enough.
 
-        The last force is held until the gate finds it too old: one late command is no reason for a
+        The last force stays until the gate finds it too old: a single late command must not cause a
         step to zero and back. Raises DeviceError.
         """
         if now_ns - self._written_ns >= 2 * self._period_ns:
@@ -166,7 +167,7 @@ class VerticalDrive:
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
         elapsed = max(elapsed, 1e-6)
-        # Where nothing passes, nothing was felt: the next force begins from zero.
+        # A closed gate passed no force: the rate limit of the next force starts from zero.
         last = self._followed if scale else 0.0
         self._followed = followed(self._chain, last, force, min(elapsed, self._longest_step))
         limited = self._followed != force

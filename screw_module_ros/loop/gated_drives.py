@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One gate over one or more drives: no torque passes to any unless it may pass to all.
 
-The loop's thread calls `step` before each write. Services ask from another thread; what they ask
-is carried out by the loop, so that gate and drives are only ever changed between two writes.
+The loop's thread calls `step` before each write. Services call from another thread; the loop
+carries out their requests, so that gate and drives change only between two writes.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _ASK_AGAIN_S = 0.005
 class GatedDrives:
     """Gate and drives of one axis group.
 
-    settings: of the gate. period_ns: between commands. fault: set by the owner where it has a
-    reason of its own to let no torque pass; it closes the gate and stays until `clear_fault`.
+    settings: of the gate. period_ns: between commands. fault: the owner's own reason to stop the
+    torque; it closes the gate and stays until `clear_fault`.
     """
 
     def __init__(self, drives: Sequence[Drive], settings: GateSettings, period_ns: int):
@@ -47,9 +47,9 @@ class GatedDrives:
     # -- loop's thread ---------------------------------------------------------------------------
 
     def permit(self, permitted: bool, reason: str, now_ns: int) -> None:
-        """Take over a safety_state that arrived at now_ns [ns]; reason: why not permitted.
+        """Process a safety_state that arrived at now_ns [ns]; reason: why not permitted.
 
-        A refusal stands for a while: a second sender cannot talk over the supervisor's.
+        A refusal holds for a while, so that a second sender cannot override the supervisor's.
         """
         if not permitted:
             self._refused_ns = now_ns
@@ -59,14 +59,14 @@ class GatedDrives:
         self._safety_ns = now_ns
 
     def missed(self, in_a_row: int, limit: int) -> None:
-        """Stop with a fault when `limit` deadlines in a row were missed while torque passes."""
+        """Stop with a fault after `limit` missed deadlines in a row while torque passes."""
         if self.enabled and in_a_row >= limit:
             self.fault = self.fault or f"{in_a_row} deadlines missed in a row"
 
     def step(self, command_ns: int, now_ns: int) -> float:
-        """Bring gate and drives up to date; return the factor on the torque, 0 to 1.
+        """Update gate and drives; return the factor on the torque, 0 to 1.
 
-        command_ns: acquisition behind the newest command [ns], 0 = none yet.
+        command_ns: acquisition time of the newest command's sample [ns], 0 = none yet.
         """
         inp = self._input(command_ns, now_ns)
         while not self._asked.empty():
@@ -80,7 +80,7 @@ class GatedDrives:
         return self.gate.scale
 
     def close(self, now_ns: int) -> None:
-        """Close the gate as `disable` does; also for after the loop's end. now_ns [ns]."""
+        """Close the gate as `disable` does, also after the loop has ended. now_ns [ns]."""
         self.gate = gate.disable(self.gate, now_ns)
         self._closed()
 
@@ -116,7 +116,7 @@ class GatedDrives:
         return gate.REASONS[state.reason]
 
     def _open(self, inp: GateInput) -> str:
-        """Carry out an `enable`; return why not, empty when the gate is opening."""
+        """Carry out an `enable`; return why it is refused, empty when the gate is opening."""
         state, refused = gate.enable(self._settings, self.gate, inp)
         if refused:
             detail = self._why(state._replace(reason=self._refused_for(state, inp)))
@@ -156,7 +156,7 @@ class GatedDrives:
 
     @property
     def enabled(self) -> bool:
-        """Whether torque is being passed on."""
+        """Whether torque passes."""
         return self.gate.phase == gate.OPEN
 
     def at_rest(self, now_ns: int) -> bool:
@@ -166,7 +166,7 @@ class GatedDrives:
 
     @property
     def faulted(self) -> bool:
-        """Whether something is latched that `clear_fault` must clear."""
+        """Whether a fault is latched; `clear_fault` clears it."""
         return self.gate.latched or bool(self._latched())
 
     @property
@@ -178,14 +178,14 @@ class GatedDrives:
         return self._closed_because or gate.REASONS[self.gate.reason]
 
     def enable(self, clock: Clock) -> str:
-        """Enable and wait until torque passes; return why not, empty when it does.
+        """Enable and wait until torque passes; return why it does not, empty when it does.
 
-        clock: what to wait by. A permission that was given just now may still be on its way, so its
-        absence is no reason to refuse at once.
+        clock: clock of the wait. A permission may still be on its way, so a missing one does not
+        refuse at once.
         """
         deadline_ns = clock.now_ns() + _PERMISSION_NS
         while True:
-            lacking = not self._permitted  # before asking: it may come while the answer is made
+            lacking = not self._permitted  # read before the request: it may come in between
             refused = self._ask(self._open, clock)
             if not refused or not lacking or clock.now_ns() > deadline_ns:
                 break
@@ -197,13 +197,13 @@ class GatedDrives:
         return self.reason
 
     def disable(self, clock: Clock) -> str:
-        """Disable; return what is wrong, empty when done."""
+        """Disable; return the problem, empty when done."""
         return self._ask(self._disable, clock)
 
     def clear_fault(self, clock: Clock) -> str:
-        """Recover the drives, up to switched on at most; return what is left, empty when well.
+        """Recover the drives, up to switched on at most; return the remaining fault, empty if none.
 
-        Raises DeviceError when a drive that restarted cannot be configured again.
+        Raises DeviceError when a restarted drive cannot be configured again.
         """
         for drive in self.drives:
             if drive.fault:

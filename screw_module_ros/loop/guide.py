@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slot of a therapy session, as the control loops act upon it.
+"""The slot of a therapy session in the control loops.
 
-One that is not asked for again within `RENEWED_NS` counts as gone, and fades out.
+A slot that is not requested again within `RENEWED_NS` fades out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _NO_SLOT = Slot()
 
 
 class Guidance(NamedTuple):
-    """The slot's share in one step: force along both axes [N], weight 0 to 1."""
+    """The slot's part in one step: force along both axes [N], weight 0 to 1."""
 
     force_x: float
     force_y: float
@@ -23,7 +23,7 @@ class Guidance(NamedTuple):
 
 
 class Guide:
-    """The slot of one group of axes; `ask` from the loop's thread too.
+    """The slot of one group of axes; the loop's thread also calls `ask`.
 
     limits: may be replaced at any time.
     """
@@ -36,9 +36,9 @@ class Guide:
         self._asked_ns = 0
 
     def ask(self, slot: Slot | None, start_ns: int, now_ns: int) -> None:
-        """Take what is wanted: a slot, None for none, and when it started [ns], 0 = open.
+        """Request a slot, None for no slot, with its start time [ns], 0 = open.
 
-        Raises ValueError naming what is wrong with the slot; there is none then.
+        Raises ValueError naming the problem of an invalid slot; the loop then has no slot.
         """
         self._slot = None
         if slot is not None:
@@ -47,7 +47,7 @@ class Guide:
     def guidance(
         self, x: float, y: float, vx: float, vy: float, now_ns: int, dt: float
     ) -> Guidance:
-        """Return the slot's share for the hand at x, y [m], vx, vy [m/s], dt [s] after the last."""
+        """Return the slot's part for the hand at x, y [m], vx, vy [m/s], dt [s] after the last."""
         present = self._slot is not None and now_ns - self._asked_ns <= RENEWED_NS
         if not present and self._state.weight == 0.0:
             return Guidance(0.0, 0.0, 0.0)

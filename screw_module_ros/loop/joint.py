@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One planar joint: the position that its drive reports, and whether it is plausible."""
+"""One planar joint: position and velocity from its drive, with plausibility checks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..settings import Setting
 
 
 class JointSettings(NamedTuple):
-    """The joints' position sensors and limits of what is plausible."""
+    """The joints' position sensors and the limits of plausible motion."""
 
     velocity_cutoff: Annotated[
         float, Setting("cutoff of the velocity filter", "Hz", 1.0, 240.0)
@@ -26,10 +26,10 @@ class JointSettings(NamedTuple):
         float, Setting("homing is refused while a joint moves faster", "rad/s", 0.0, 1.0)
     ] = 0.02
     home_shift: Annotated[
-        float, Setting("homing must be asked for twice when it moves the handle further", "m",
+        float, Setting("homing needs a second call when it moves the handle further", "m",
                        0.0, 1.0)
     ] = 0.005
-    speed: Annotated[float, Setting("fastest joint that is believed", "rad/s", 0.1, 50.0)] = 6.0
+    speed: Annotated[float, Setting("fastest plausible joint velocity", "rad/s", 0.1, 50.0)] = 6.0
     jump: Annotated[
         float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)
     ] = 0.02
@@ -48,7 +48,7 @@ class Joint:
         self._settings = settings
         self._period_ns = period_ns
         self._freeze = freeze
-        self._still = FreezeState(0.0, 0.0)
+        self._freeze_state = FreezeState(0.0, 0.0)
         self._motion = Motion(settings.velocity_cutoff, period_ns)
 
     @property
@@ -67,11 +67,11 @@ class Joint:
         return self._motion.homed
 
     def restart(self) -> None:
-        """Forget the last position; the home position goes with it."""
+        """Drop the last position and the home position."""
         self._motion.restart()
 
     def home(self, angle: float) -> None:
-        """Say that the joint stands at `angle` [rad]."""
+        """Declare that the joint stands at `angle` [rad]."""
         self._motion.home(angle)
 
     def lose_home(self) -> None:
@@ -79,9 +79,9 @@ class Joint:
         self._motion.homed = False
 
     def take(self, position: float, periods: int) -> str:
-        """Take the drive's position [rad], `periods` after the last; return what is wrong.
+        """Process the drive's position [rad], `periods` after the last; return its fault or "".
 
-        After a jump the joint may be turns away, so the home is lost.
+        After a jump the joint may be turns away, so the home position is lost.
         """
         motion, settings = self._motion, self._settings
         before, seen = motion.position, motion.seen
@@ -95,18 +95,18 @@ class Joint:
         return ""
 
     def trust(self) -> None:
-        """Forget what was held against the position: nothing passes that would have to move it."""
-        self._still = self._still._replace(doubt=0.0)
+        """Reset the frozen-position check: no torque passes that would move the joint."""
+        self._freeze_state = self._freeze_state._replace(doubt=0.0)
 
     def doubt(self, torque: float) -> str:
-        """Return what is wrong with a joint that stood still, a period after the last look.
+        """Return the fault of a frozen position, or ""; call once a period.
 
-        torque: net, that must have moved it [Nm], NaN = not known. The error of a frozen position
-        is unknown, so the home is lost.
+        torque: net torque on the joint [Nm], NaN = not known. The error of a frozen position is
+        unknown, so the home position is lost.
         """
         dt = self._period_ns * 1e-9
-        frozen, self._still = freeze_step(
-            self._freeze, self._still, self._motion.position, torque, dt
+        frozen, self._freeze_state = freeze_step(
+            self._freeze, self._freeze_state, self._motion.position, torque, dt
         )
         if not frozen:
             return ""

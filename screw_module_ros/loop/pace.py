@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long to wait for the force sample of the same tick: where it is always late, not at all."""
+"""Wait for the force sample of the same tick, unless the sample is always late."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _TRY_AGAIN = 64  # periods
 
 
 class Pace:
-    """Remembers whether the wait was worth it; wait_ns: how long it is [ns]."""
+    """Records whether the wait succeeded; wait_ns: its length [ns]."""
 
     def __init__(self, period_ns: int):
         self.wait_ns = round(_SHARE * period_ns)
@@ -21,5 +21,5 @@ class Pace:
         return self._quick or self._periods % _TRY_AGAIN == 0
 
     def came(self, came: bool) -> None:
-        """Note what became of a wait."""
+        """Record whether the sample came during the wait."""
         self._quick = came

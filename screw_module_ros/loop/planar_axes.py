@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The planar axes: two drives that are position sensors too, the planar law between them.
+"""The planar axes: two drives, which also measure the positions, and the planar law.
 
 ::
 
     SYNC -> both drives' positions -> joint angles -> planar law -> gate -> torques -> both drives
 
-The drives' counts have no home: `home` says that the handle stands at the reference mark.
+The drives' counts have no home: `home` declares that the handle stands at the reference mark.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ _SLOT_LIMITS = SlotLimits()
 
 
 class PlanarAxes:
-    """Both joints, their drives and the law; the loop's thread unless said otherwise.
+    """Both joints, their drives and the law; for the loop's thread unless noted otherwise.
 
-    settings, joints, gate, freeze: see there; `settings` may be replaced at any time. guide: the
-    slot, if there is one.
+    settings, joints, gate, freeze: see their classes; `settings` may be replaced at any time.
+    guide: the slot, if there is one.
     """
 
     def __init__(
@@ -73,14 +73,21 @@ class PlanarAxes:
         """Whether both angles are absolute."""
         return all(joint.homed for joint in self.joints)
 
+    def restart(self) -> None:
+        """Forget the positions, the home too: for a start, since nobody listened before it."""
+        self._acted_ns = 0
+        self.output = None
+        self._law = initial_state(self.settings)
+        self._lose_homes()
+
     def request(self, now_ns: int) -> None:
-        """Send SYNC and heartbeat, the latter in any case. Raises BusError."""
+        """Send SYNC and heartbeat; the heartbeat also when SYNC fails. Raises BusError."""
         shoulder, elbow = self.drives.drives
         try:
             shoulder.sync(now_ns)
         finally:
             shoulder.heartbeat(now_ns)
-            elbow.heartbeat(now_ns)  # the same heartbeat: sent once
+            elbow.heartbeat(now_ns)  # the drives share one heartbeat
 
     def answered(self, since_ns: int) -> bool:
         """Return whether both drives have answered since `since_ns` [ns]."""
@@ -96,7 +103,7 @@ class PlanarAxes:
         now_ns: int,
         hand: tuple[float, float] = _HAND_UNKNOWN,
     ) -> None:
-        """Take both positions and write both torques, the second also when the first fails.
+        """Read both positions and write both torques, the second also when the first fails.
 
         setpoint: x, y [m], vx, vy [m/s], NaN = leave that axis alone. hand: force of the patient on
         the robot along x and y [N], NaN = not known. Raises BusError.
@@ -128,7 +135,7 @@ class PlanarAxes:
         return self.guide.guidance(x, y, vx, vy, now_ns, dt)
 
     def idle(self, now_ns: int) -> None:
-        """Write zero in a tick without both answers; latch when there were too many.
+        """Write zero in a tick without both answers; latch a fault after too many such ticks.
 
         Raises BusError, after both writes.
         """
@@ -146,7 +153,7 @@ class PlanarAxes:
                 self._fault(f"{drive.label} {wrong}")
 
     def _doubt(self, hand: tuple[float, float]) -> None:
-        """Look for a frozen position while torque passes; `written` is what acted until now."""
+        """Check for a frozen position while torque passes; `written` acted until now."""
         if not self.drives.enabled:
             for joint in self.joints:
                 joint.trust()
@@ -165,7 +172,7 @@ class PlanarAxes:
         self.drives.fault = self.drives.fault or reason
 
     def _write(self, now_ns: int) -> None:
-        # The law acts on the very positions that came with this tick: they are the command's age.
+        # The law used the positions of this tick: their age is the command's age.
         scale = self.drives.step(self._acted_ns, now_ns)
         output = self.output
         wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
@@ -173,7 +180,7 @@ class PlanarAxes:
         for drive, torque in zip(self.drives.drives, wanted, strict=True):
             try:
                 written.append(drive.write(scale * torque, now_ns))
-            except BusError as error:  # no reason to leave the other drive without a command
+            except BusError as error:  # the other drive still needs its command
                 written.append(0.0)
                 failed = failed or error
         self.written = tuple(written)
@@ -183,9 +190,10 @@ class PlanarAxes:
     # -- any thread ------------------------------------------------------------------------------
 
     def home(self, now_ns: int) -> str:
-        """Declare that the handle stands at the reference mark; return why not, else empty.
+        """Declare that the handle stands at the reference mark; return why not, empty if done.
 
-        Not while enabled, moving or silent; twice where it contradicts the last one (`Rehoming`).
+        Refused while enabled, moving or without answers. Needs a second call when it contradicts
+        the last homing (`Rehoming`).
         """
         settings = self._joint_settings
         if not self.drives.at_rest(now_ns):
@@ -211,23 +219,26 @@ class PlanarAxes:
         return ""
 
     def enable(self, clock: Clock) -> str:
-        """Enable both drives; return why not, else empty. clock: as in `GatedDrives.enable`."""
+        """Enable both drives; return why not, empty if done. clock: see `GatedDrives.enable`."""
         if not self.homed:
             return "not homed: call ~/home first"
         return self.drives.enable(clock)
 
     def clear_fault(self, clock: Clock) -> str:
-        """Recover both drives; a drive that restarted must be homed again. See `GatedDrives`."""
+        """Recover both drives; home again after a drive's restart. See `GatedDrives`."""
         restarted = any(not drive.running for drive in self.drives.drives)
         problem = self.drives.clear_fault(clock)
         if restarted:
-            self._rehoming.forget()
-            for joint in self.joints:
-                joint.restart()
+            self._lose_homes()
         return problem
 
+    def _lose_homes(self) -> None:
+        self._rehoming.forget()
+        for joint in self.joints:
+            joint.restart()
+
     def shutdown(self, port: Port) -> str:
-        """Leave both drives cleanly after the loop has ended; return what did not work."""
-        # An open gate would find its command old at the next start.
+        """Shut both drives down cleanly after the loop has ended; return the errors."""
+        # With an open gate the next start would report a stale command.
         self.drives.close(port.clock.now_ns())
         return drive_exit.leave(self.drives.drives, port)

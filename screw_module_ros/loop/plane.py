@@ -26,7 +26,7 @@ _UNKNOWN = (math.nan, math.nan)
 
 
 class PlaneLimits(NamedTuple):
-    """What stops the plane beside drives and law."""
+    """Limits that stop the plane, besides those of drives and law."""
 
     handle_force_limit: Annotated[
         float, Setting("planar handle force that stops the plane", "N", 1.0, 1000.0)
@@ -39,8 +39,8 @@ class PlaneLimits(NamedTuple):
 class PlaneWires(NamedTuple):
     """The connections to other processes.
 
-    read_inputs: reads set point, force on the handle and permission at a time [ns], while the
-    drives answer. publish_state: called with each tick; it publishes when it is due.
+    read_inputs: reads set point, handle force and permission at a time [ns], while the drives
+    answer. publish_state: called with each tick; it publishes when due.
     """
 
     read_inputs: Callable[[int], None] = lambda now_ns: None
@@ -48,10 +48,10 @@ class PlaneWires(NamedTuple):
 
 
 class PlaneLoop:
-    """The planar axes on the tick; `step` again and again is the loop.
+    """The planar axes on the tick; the caller repeats `step`.
 
-    wanted: the set point, x and y. meter: from the tick to the torques. skipped: ticks that an
-    overrun left out.
+    wanted: the set point, x and y. meter: latency from the tick to the torques. skipped: ticks that
+    an overrun skipped.
     """
 
     def __init__(
@@ -67,14 +67,14 @@ class PlaneLoop:
         self._hand, self._hand_ns = _UNKNOWN, 0
 
     def on_force(self, fx: float, fy: float, now_ns: int) -> None:
-        """Take the force of the patient on the robot along x and y [N]."""
+        """Process the force of the patient on the robot along x and y [N]."""
         self._hand, self._hand_ns = (fx, fy), now_ns
 
     def step(self) -> None:
         """Do one tick.
 
-        Errors of the bus are latched by the driver, shown by state and diagnostics; gate and writes
-        get their turn whatever else fails.
+        The driver latches errors of the bus; state and diagnostics show them. Gate and writes run
+        whatever else fails.
         """
         tick = self._ticker.sleep()
         self.skipped += tick.skipped
@@ -103,7 +103,7 @@ class PlaneLoop:
         return True
 
     def _look_around(self, now_ns: int) -> tuple[float, float]:
-        """Stop for a force or deadlines beyond the limits; return the force on the handle [N]."""
+        """Stop on a handle force or missed deadlines beyond the limits; return the force [N]."""
         drives, limits = self.axes.drives, self._limits
         fresh = self._hand_ns and now_ns - self._hand_ns <= _FORCE_AGE_NS
         hand = self._hand if fresh else _UNKNOWN

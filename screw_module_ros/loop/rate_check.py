@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a stream of numbered samples ticks at this node's rate.
+"""Checks that a stream of numbered samples has this node's rate.
 
-Rates are parameters of each node. Where they differ, filters, limits in periods and deadlines count
-in periods that are not those of the samples, and what shows is at most that samples are late.
+The rate is a parameter of each node. If the rates differ, filters, limits in periods and deadlines
+use a wrong period, and the only symptom may be late samples.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 from ..samples import sequence_gap
 
 _PAIRS = 50  # a late sample must not look like another rate
-_NEAR = 10  # ticks between two samples that are of one sender
+_NEAR = 10  # largest distance in ticks between two samples of one sender
 _TOLERANCE = 0.1
 
 
 class RateCheck:
     """Compares the ticks of one stream with a period.
 
-    wrong: the sentence that names both rates, empty while they agree or too few samples came.
+    wrong: a message that names both rates, empty while they agree or too few samples came.
     """
 
     def __init__(self, sender: str, period_ns: int):
-        """Name the sender and the period of this node [ns]."""
+        """Start with the sender's name and this node's period [ns]."""
         self.wrong = ""
         self._sender = sender
         self._period_ns = period_ns
@@ -30,7 +30,7 @@ class RateCheck:
         self._pairs = self._ticks = 0
 
     def note(self, sequence: int, monotonic_ns: int) -> None:
-        """Take tick number and acquisition [ns] of a sample."""
+        """Process tick number and acquisition time [ns] of a sample."""
         ticks = sequence_gap(self._last, sequence) + 1
         self._last = sequence
         if self._first is None or not 0 < ticks <= _NEAR:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Encoder and force sensor in the loop: asked on the tick, answered within the period."""
+"""Encoder and force sensor in the loop: request on the tick, reading within the period."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from .ticker import Tick
 Reading = TypeVar("Reading")
 
 
-class Asked(Protocol[Reading]):
-    """A driver that is asked with the tick's number and time and gives one reading for it."""
+class PolledDevice(Protocol[Reading]):
+    """A driver that sends a request per tick and returns one reading for it."""
 
     def request(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        """Ask. Raises DeviceError."""
+        """Send the request of this tick. Raises DeviceError."""
 
     def reading(self) -> Reading | None:
-        """Return the answer, once; None while there is none. Raises DeviceError."""
+        """Return each reading once; None while there is none. Raises DeviceError."""
 
 
 class PolledSensor(Generic[Reading]):
-    """One sensor of the loop. The driver counts what fails, the diagnostics show it.
+    """One sensor of the loop. The driver counts failures; the diagnostics show them.
 
-    answers: histogram of the latencies from asking to the answer in hand. skipped: ticks that an
-    overrun left out.
+    answers: histogram of the latencies from request to reading. skipped: ticks that an overrun
+    skipped.
     """
 
-    def __init__(self, device: Asked[Reading], port: Port, clock: Clock):
+    def __init__(self, device: PolledDevice[Reading], port: Port, clock: Clock):
         self.answers = empty_histogram()
         self.skipped = 0
         self._device, self._port, self._clock = device, port, clock
 
     def ask(self, tick: Tick) -> None:
-        """Ask for the reading of this tick."""
+        """Request the reading of this tick."""
         self.skipped += tick.skipped
         try:
             self._device.request(tick.sequence, tick.monotonic_ns, tick.stamp_ns)
@@ -45,7 +45,7 @@ class PolledSensor(Generic[Reading]):
             return
 
     def answer(self, until_ns: int) -> Reading | None:
-        """Return the reading asked for, None when it has not come by `until_ns`."""
+        """Return the requested reading, None if it has not come by `until_ns`."""
         try:
             while (reading := self._device.reading()) is None:
                 if self._clock.now_ns() >= until_ns:

@@ -8,14 +8,14 @@ from typing import NamedTuple
 from ..clock import Clock
 
 BETWEEN_TICKS_NS = 500_000
-"""How long after the tick the slow loops look: by then those that tick fast have said all [ns]."""
+"""Delay of the slow loops after the tick [ns]: by then the fast loops have published."""
 BACK_OFF_S = 100e-6
-"""A hot loop that was woken for nothing sleeps so long before it waits again: a wait set that is
-always ready would else make it spin, at a priority at which nobody else on its core runs."""
+"""Sleep of a fast loop after a wake-up without work. Without it a wait set that is always ready
+would make the loop spin, at a priority that blocks every other process on its core."""
 
 
 class Tick(NamedTuple):
-    """One multiple of the period: number, time [ns], ROS time [ns], ticks left out before."""
+    """One multiple of the period: number, time [ns], ROS time [ns], ticks skipped before it."""
 
     sequence: int
     monotonic_ns: int
@@ -24,11 +24,11 @@ class Tick(NamedTuple):
 
 
 class Ticker:
-    """Whole multiples of `period_ns`; an overrun skips ticks, never bursts.
+    """Whole multiples of `period_ns`; after an overrun it skips ticks and never bursts.
 
-    The first is the one after it is first asked: what passed before the loop ran is no overrun.
-    offset_ns: how long after the whole multiple the tick is, for loops that only look at what
-    others do on it.
+    The first tick is the first multiple after the first call, so time before the loop started is no
+    overrun. offset_ns: delay after the whole multiple, for loops that only read what others publish
+    on the tick.
     """
 
     def __init__(self, clock: Clock, period_ns: int, offset_ns: int = 0):
@@ -49,7 +49,7 @@ class Ticker:
         return self.take()
 
     def take(self) -> Tick:
-        """Return the tick of now; the caller has seen by `due_ns` that it is due."""
+        """Return the present tick; call it only after `due_ns`."""
         now_ns = self._clock.now_ns()
         number = max((now_ns - self._offset_ns) // self.period_ns, self._last + 1)
         skipped = number - self._last - 1
@@ -60,8 +60,8 @@ class Ticker:
 def period_of(rate: float) -> int:
     """Return the period of `rate` [Hz] in ns.
 
-    Raises ValueError where it is no whole number of microseconds: ticks of nodes whose periods do
-    not divide each other would never line up.
+    Raises ValueError if it is not a whole number of microseconds: then the ticks of nodes whose
+    periods do not divide each other would never coincide.
     """
     period_ns = round(1e9 / rate)
     if period_ns % 1000:

@@ -1,54 +1,81 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical loop, from the encoder to the torque: one period of what is in this process.
+"""The vertical loop, from the encoder to the torque: one period of the parts in this process.
 
 ::
 
     tick -> SYNC and poll -> readings -> controller -> torque to the drive -> publish
 
-The separate nodes, `module` and the tests drive this one loop. Where a part is in another process,
-a wire takes the place of a call.
+The separate nodes, the node `module` and the tests run this one loop. If a part runs in another
+process, a wire (`Wires`: a topic) replaces the call.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ..clock import Clock
 from ..control.vertical_state import VerticalOutput
 from ..samples import EncoderReading, ForceReading
-from .controller import VerticalController
 from .drive import Permission, VerticalDrive
 from .pace import Pace
 from .sensor import PolledSensor
 from .ticker import BACK_OFF_S, Tick, Ticker
 
-_LOOK_NS = 10_000  # for what lies in the socket already
+_LOOK_NS = 10_000  # to read only frames that are already in the socket
 _LISTENS = 2  # periods
 
 
+class Controller(Protocol):
+    """Turns samples into a force: `controller.VerticalController`, or another in its place.
+
+    answered: newest sample turned into a command. mode: as in ForceCommand. An output has `force`
+    [N].
+    """
+
+    answered: EncoderReading | None
+    mode: int
+
+    def on_force(self, sample: ForceReading, now_ns: int) -> None:
+        """Process a force sample."""
+
+    def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
+        """Return the force for an encoder sample, None if it is not usable."""
+
+    def idle(self, now_ns: int) -> VerticalOutput | None:
+        """Return zero force when samples stop while a force is commanded, else None."""
+
+    def count(self, now_ns: int) -> None:
+        """Count the newest sample as answered."""
+
+    def end_tick(self, now_ns: int) -> None:
+        """End the period."""
+
+
 class Parts(NamedTuple):
-    """The parts that take part in a period; None: in another process, or not active."""
+    """The parts of the loop; None: in another process, or not active.
+
+    With a drive in this process the controller is a `VerticalController`, which needs its state.
+    """
 
     encoder: PolledSensor[EncoderReading] | None = None
     force_sensor: PolledSensor[ForceReading] | None = None
-    controller: VerticalController | None = None
+    controller: Controller | None = None
     drive: VerticalDrive | None = None
 
 
 def _unconnected(*_: Any) -> None:
-    """Do nothing: the wire leads nowhere."""
+    """Do nothing: the wire is not connected."""
 
 
 class Wires(NamedTuple):
     """The connections to other processes.
 
-    take_sample, take_force, take_command: return the newest that came from there, waiting for it
-    until a time [ns], None without one; a command is sequence, acquisition [ns] and force [N].
-    publish_sample, publish_force, publish_command: called with each reading and each answer.
-    read_inputs: hands the controller its other inputs at a time [ns]: set point, drive, resets.
-    permission: see `drive`. publish_controller_state, publish_drive_state: called at a time [ns];
-    they publish when it is due.
+    take_sample, take_force, take_command: wait until a time [ns] and return the newest message, or
+    None; a command is sequence, acquisition time [ns] and force [N]. publish_sample, publish_force,
+    publish_command: called with each reading and each command. read_inputs: passes the controller
+    its other inputs at a time [ns]: set point, drive, resets. permission: see `drive`.
+    publish_controller_state, publish_drive_state: called with a time [ns]; they publish when due.
     """
 
     take_sample: Callable[[int], EncoderReading | None] = _unconnected
@@ -64,7 +91,7 @@ class Wires(NamedTuple):
 
 
 class VerticalLoop:
-    """One robot's vertical axis, or a part of it; `step` again and again is the loop."""
+    """One robot's vertical axis, or a part of it; the caller repeats `step`."""
 
     def __init__(self, clock: Clock, period_ns: int, wires: Wires):
         self._clock, self._wires = clock, wires
@@ -74,7 +101,7 @@ class VerticalLoop:
         self._encoder_is_silent = False
 
     def step(self, parts: Parts) -> None:
-        """Do one period. A controller alone has no ticks: it follows the samples that come."""
+        """Do one period. A controller alone has no ticks: it follows the encoder's samples."""
         if parts.encoder or parts.force_sensor or parts.drive:
             self._one_tick(parts)
         else:
@@ -89,9 +116,9 @@ class VerticalLoop:
         sample, force = self._answers(parts, tick, due_ns)
         now_ns = self._clock.now_ns()
         output = self._act(parts, sample, force, now_ns)
-        # The torque is out; what follows only tells of it and looks after the drive.
+        # The torque is written; the rest publishes and serves the drive.
         self._publish(parts, sample, force, output)
-        self._look_after(parts, tick, now_ns)
+        self._end_tick(parts, tick, now_ns)
         if force is None and parts.force_sensor is not None:
             self._take_late_force(parts, due_ns)
 
@@ -101,7 +128,7 @@ class VerticalLoop:
         self._act(parts, sample, force, now_ns)
         if sample is None and force is None:
             self._clock.sleep(BACK_OFF_S)
-        self._follow(parts, now_ns)
+        self._update_controller(parts, now_ns)
 
     # Encoder and force sensor --------------------------------------------------------------
 
@@ -115,9 +142,10 @@ class VerticalLoop:
     def _answers(
         self, parts: Parts, tick: Tick, due_ns: int
     ) -> tuple[EncoderReading | None, ForceReading | None]:
-        """Return what encoder and force sensor answered; the latter keeps no drive waiting.
+        """Return the readings of encoder and force sensor; the drive never waits for the force.
 
-        An encoder that was silent on the last tick comes second: to wait for it takes the period.
+        If the encoder did not answer the last tick, the force sensor comes first: the wait for the
+        encoder may take the whole period.
         """
         sample = force = None
         first_force = parts.force_sensor is not None and self._encoder_is_silent
@@ -142,7 +170,7 @@ class VerticalLoop:
         return force
 
     def _received(self) -> tuple[EncoderReading | None, ForceReading | None]:
-        """Return the newest samples; the force of the encoder's tick is waited for a moment."""
+        """Return the newest samples; wait a moment for the force of the encoder's tick."""
         wires, pace = self._wires, self._force_pace
         sample = wires.take_sample(self._clock.now_ns() + _LISTENS * self._period_ns)
         force = wires.take_force(0)
@@ -167,9 +195,9 @@ class VerticalLoop:
     def _act(
         self, parts: Parts, sample: EncoderReading | None, force: ForceReading | None, now_ns: int
     ) -> VerticalOutput | None:
-        """Turn the samples into torque; return the controller's output, None without one.
+        """Turn the samples into torque; return the controller's output, or None.
 
-        Without a sample to act upon that is the zero in place of the last force, once.
+        Without a usable sample the controller outputs zero once, in place of the last force.
         """
         controller = parts.controller
         if controller is None:
@@ -187,7 +215,7 @@ class VerticalLoop:
         return output
 
     def _send(self, parts: Parts, output: VerticalOutput, now_ns: int) -> None:
-        """Bring the force to the drive, here or elsewhere."""
+        """Send the force to the drive, in this process or another."""
         behind = parts.controller.answered
         if parts.drive is not None:
             parts.drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns)
@@ -195,7 +223,7 @@ class VerticalLoop:
             self._wires.publish_command(behind, output, parts.controller.mode)
 
     def _follow_commands(self, drive: VerticalDrive) -> None:
-        """Until the tick, let another process command the drive."""
+        """Until the next tick, execute the commands of another process."""
         clock, due_ns = self._clock, self._ticker.due_ns()
         while clock.now_ns() < due_ns:
             command, now_ns = self._wires.take_command(due_ns), clock.now_ns()
@@ -221,16 +249,16 @@ class VerticalLoop:
         if output is not None and parts.drive is not None:
             wires.publish_command(controller.answered, output, controller.mode)
 
-    def _look_after(self, parts: Parts, tick: Tick, now_ns: int) -> None:
+    def _end_tick(self, parts: Parts, tick: Tick, now_ns: int) -> None:
         drive = parts.drive
         if drive is not None:
             drive.end_tick(tick, self._wires.permission)
             self._wires.publish_drive_state(tick.monotonic_ns)
         if parts.controller is not None:
-            self._follow(parts, now_ns)
+            self._update_controller(parts, now_ns)
 
-    def _follow(self, parts: Parts, now_ns: int) -> None:
-        """Let the controller know of drive, set point and supervisor; no command waits for it."""
+    def _update_controller(self, parts: Parts, now_ns: int) -> None:
+        """Pass drive state, set point and resets to the controller, after the command is sent."""
         controller, drive = parts.controller, parts.drive
         if drive is not None:
             controller.on_drive(drive.drives.enabled, drive.position, now_ns)

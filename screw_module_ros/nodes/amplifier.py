@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`amplifier`: the vertical CiA 402 drive; writes the torque as soon as a command comes."""
+"""`amplifier`: the vertical CiA 402 drive; writes the torque as soon as a command arrives."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.due import Due
 from .support.flat import COMMAND, Command
-from .support.module_node import Health
+from .support.health import Health
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
@@ -35,14 +35,14 @@ from .support.topics import offered
 
 
 class AmplifierSettings(NamedTuple):
-    """What stands between the force command and the drive."""
+    """Settings of the node beside those of drive, gate and limits."""
 
     missed_limit: Annotated[
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
     ] = 20
     state_rate: Annotated[
         float, Setting(f"{graph.AMPLIFIER_STATE} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.AMPLIFIER_STATE].rate
 
 
 class AmplifierNode(DriveNode):
@@ -112,24 +112,24 @@ class AmplifierNode(DriveNode):
             publish_drive_state=self.publish_state,
         )
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
-        drive.start()
+        self.start_drives()
         self.start_polls()
 
     def leave(self) -> str:
-        """Leave the drive cleanly."""
+        """Shut the drive down cleanly; return the errors."""
         return self.drives[0].shutdown()
 
     # Hot loop ------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Do what commands and the tick ask for."""
+        """Do one period: SYNC on the tick, then torque on each command."""
         self._loop.step(Parts(drive=self.part))
 
     def take_command(self, until_ns: int) -> Command | None:
         """Wait for a command on the topic, until `until_ns` [ns] at most.
 
-        One that comes just then belongs to the tick that begins: it is taken after its SYNC, and
-        judged by what the drive answers, whoever of the two processes is quicker.
+        A command that arrives exactly then belongs to the next tick: the loop takes it after that
+        tick's SYNC and the drive's answer, so the result does not depend on process speed.
         """
         if not self._inbox.wait(until_ns):
             return None
@@ -141,7 +141,7 @@ class AmplifierNode(DriveNode):
         return command
 
     def publish_state(self, now_ns: int) -> None:
-        """Publish the state when it is due."""
+        """Publish the state when due."""
         if self._state_due(now_ns):
             self.stamp(self._state.header)
             fill_amplifier(self._state, self.part, now_ns)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robots as the bridge's clients reach them: topics and services of the graph.
+"""Topics and services of the robots, for the clients of the bridge.
 
-It takes no part in simulated time: a browser must not keep the robot waiting. The hot loop of the
-node polls the subscriptions, which hold the newest message alone, so a topic at 200 Hz costs what
-is shown of it; a message becomes JSON once, when the first client is sent it.
+The gateway takes no part in simulated time, because a browser must not delay the robot. The node's
+loop polls the subscriptions, which hold only the newest message: a topic at 200 Hz costs only as
+much as the bridge sends of it. A message is converted to JSON once, for its first client.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .support.timers import Timers
 
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
-_FOUND_NS = 3_000_000_000  # in which a service that has just come is found
+_FOUND_NS = 3_000_000_000  # time in which the middleware discovers a new service
 
 
 def found_type(name: str) -> type:
@@ -44,8 +44,8 @@ def new_message(name: str) -> Any:
     return found_type(name)()
 
 
-class HeardTopic:
-    """A subscription that is polled, and its newest message; `kept`: and the last ones before."""
+class PolledTopic:
+    """A polled subscription with its newest message; `kept`: number of earlier ones to keep."""
 
     def __init__(
         self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup, kept: bool
@@ -59,7 +59,7 @@ class HeardTopic:
         self._text: tuple[int, str] | None = None
 
     def poll(self) -> None:
-        """Take what has come."""
+        """Take the messages that have arrived."""
         while (taken := self.subscription.handle.take_message(self.kind, False)) is not None:
             count = self._newest[0] if self._newest else 0
             self._newest = (count + 1, taken[0])
@@ -84,13 +84,13 @@ def _text(message: Any) -> str:
 class BridgeGateway:
     """Topics and services of the robots that `rights` names; see `bridge.client.Gateway`.
 
-    answer_s: for how long a service may take [s].
+    answer_s: time limit of a service call [s].
     """
 
     def __init__(self, node: Node, rights: Rights, periodic: Timers, answer_s: float):
         self._node, self._answer_ns = node, round(answer_s * 1e9)
         self._clock = WallClock()
-        self._heard: dict[str, HeardTopic] = {}
+        self._polled: dict[str, PolledTopic] = {}
         self._publishers: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
@@ -100,7 +100,7 @@ class BridgeGateway:
         for place, kind in rights.places(HEARD):
             kept = place.name in KEPT
             profile = qos.STATE if kept else qos.SAMPLE
-            self._heard[place.full] = HeardTopic(node, place.full, kind, profile, group, kept)
+            self._polled[place.full] = PolledTopic(node, place.full, kind, profile, group, kept)
         for place, kind in rights.places(SENT):
             self._publishers[place.full] = node.create_publisher(
                 found_type(kind), place.full, qos.COMMAND
@@ -113,28 +113,28 @@ class BridgeGateway:
     def close(self) -> None:
         """Destroy topics and clients."""
         self._periodic.cancel(self._timer)
-        for heard in self._heard.values():
-            self._node.destroy_subscription(heard.subscription)
+        for topic in self._polled.values():
+            self._node.destroy_subscription(topic.subscription)
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         for client in self._clients.values():
             self._node.destroy_client(client)
 
     def poll(self, anybody: bool) -> None:
-        """Take what has come, from the node's loop; without `anybody` only what is to be kept."""
-        for heard in self._heard.values():
-            if anybody or heard.kept.maxlen:
-                heard.poll()
+        """Take new messages, from the node's loop; without `anybody` only those of kept topics."""
+        for topic in self._polled.values():
+            if anybody or topic.kept.maxlen:
+                topic.poll()
 
     # Gateway: called from the server's thread ------------------------------------------------
 
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON, with its number."""
-        return self._heard[topic].newest()
+        return self._polled[topic].newest()
 
     def history(self, topic: str) -> list[str]:
         """Return the last messages of a topic that is kept, as JSON, oldest first."""
-        return self._heard[topic].history()
+        return self._polled[topic].history()
 
     def publish(self, topic: str, content: dict) -> None:
         """Publish a message. Raises ConversionError."""
@@ -173,12 +173,12 @@ class BridgeGateway:
         future.add_done_callback(done)
 
     def _taken(self, future: Any) -> bool:
-        """Take a call off the list; return whether it still was on it."""
+        """Remove a call from the list; return whether it was still on it."""
         with self._changing:
             return self._waiting.pop(future, None) is not None
 
     def _check_calls(self) -> None:
-        """Send what waited for its service; give up calls that have waited long enough."""
+        """Send the requests whose service has appeared; give up calls beyond the time limit."""
         now_ns = self._clock.now_ns()
         with self._changing:
             unsent, self._unsent = self._unsent, []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bringup`: start every node of the graph as a process of its own, stop them in order.
+"""`bringup`: start every node of the graph as its own process, and stop them in order.
 
 The same table serves `ros2 launch screw_module_ros therapy_robot.launch.py`; this executable is
 for environments without the launch package.
@@ -35,7 +35,7 @@ class Process:
     def __init__(self, name: str, arguments: list[str]):
         self.name = name
         self.arguments = arguments
-        # Its own session: Ctrl-C reaches bringup alone, which then stops the nodes in order.
+        # Its own session: Ctrl-C reaches only bringup, which then stops the nodes in order.
         self._process = subprocess.Popen(
             [executable_path(name), *arguments],
             start_new_session=True,
@@ -56,9 +56,9 @@ class Process:
         return self._process.poll()
 
     def stop(self) -> int:
-        """SIGINT, then SIGTERM, then SIGKILL, each with time to obey; return the exit code.
+        """Send SIGINT, then SIGTERM, then SIGKILL, with a wait after each; return the exit code.
 
-        A node that had done its work and was only held up by Fast DDS has ended well.
+        A node that finished its work and then hangs in Fast DDS counts as a normal end.
         """
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             if self._process.poll() is None:
@@ -73,7 +73,7 @@ class Process:
     def _ended(self, code: int) -> int:
         if code != -signal.SIGALRM:
             return code
-        click.echo(f"bringup: {self.name} was done, but Fast DDS did not let it go", err=True)
+        click.echo(f"bringup: {self.name} had finished but hung in Fast DDS", err=True)
         return 0
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the controller subscribes to: samples, set point, drive and supervisor."""
+"""Subscriptions of the controller: samples, set point, drive and supervisor."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _SAFETY_AGE_NS = 200_000_000
 class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
-    inbox, forces: what is waited for apart, the encoder sample and the force. period_ns: of the
-    node. wanted: the set point; slot: that of a therapy session.
+    inbox: wakes on an encoder sample; forces: wakes on a force sample. period_ns: of the node.
+    wanted: the set point; slot: that of a therapy session.
     """
 
     def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
@@ -40,11 +40,11 @@ class ControllerInputs:
 
     @property
     def wrong_rate(self) -> str:
-        """Return which sensor ticks at another rate, empty for none."""
+        """Return a message about a sensor with another rate, empty without one."""
         return self._encoder_rate.wrong or self._force_rate.wrong
 
     def next_sample(self, until_ns: int) -> EncoderReading | None:
-        """Return the newest encoder sample, waiting until then at most."""
+        """Return the newest encoder sample; wait for it until `until_ns` at most."""
         self._inbox.wait(until_ns)
         sample = self._take_encoder()
         if sample is not None:
@@ -52,7 +52,7 @@ class ControllerInputs:
         return sample
 
     def next_force(self, until_ns: int) -> ForceReading | None:
-        """Return the newest force sample, waiting until then at most; 0 = no wait."""
+        """Return the newest force sample; wait for it until `until_ns` at most, 0 = no wait."""
         if until_ns:
             self._forces.wait(until_ns)
         sample = self._take_force()
@@ -61,7 +61,7 @@ class ControllerInputs:
         return sample
 
     def read(self, controller: VerticalController, now_ns: int) -> None:
-        """Take set point, slot and amplifier state, where they come by a topic."""
+        """Pass set point, slot and amplifier state to the controller, if they come by a topic."""
         controller.held = self.wrong_rate
         self.slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
@@ -72,11 +72,11 @@ class ControllerInputs:
             controller.on_drive(state.enabled, state.position, now_ns)
 
     def restart(self) -> None:
-        """Forget the supervisor's count of resets."""
+        """Drop the supervisor's count of resets."""
         self._resets = None
 
     def follow_supervisor(self, controller: VerticalController, now_ns: int) -> None:
-        """A reset there clears a fault here; one that was started anew counts from 0 again."""
+        """Clear the fault when the supervisor's count of resets rises; it restarts from 0."""
         safety = self._safety.fresh(now_ns)
         if safety is None:
             return
@@ -85,5 +85,5 @@ class ControllerInputs:
         self._resets = safety.resets
 
     def close(self) -> None:
-        """Remove the subscriptions that the node does not remove itself."""
+        """Remove the subscription of the forces; the node removes the others."""
         self._forces.close()

@@ -16,7 +16,7 @@ from screw_module_ros.samples import EncoderReading
 
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_encoder
-from .support.module_node import ERROR, OK, WARN, Health
+from .support.health import ERROR, OK, WARN, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done
@@ -26,7 +26,7 @@ from .support.torque_off import TorqueOff
 
 
 class EncoderNode(DriverNode):
-    """One sample a tick, published as soon as it is there."""
+    """One sample per tick, published as soon as it arrives."""
 
     def __init__(self):
         super().__init__("encoder")
@@ -51,7 +51,9 @@ class EncoderNode(DriverNode):
         self._torque_off = TorqueOff(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Let the samples flow."""
+        """Let the samples flow; an encoder that may have restarted unseen is configured anew."""
+        if not self.device.configured:
+            self.device.configure()
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_sample=self.publish))

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`endpoint_state`: the 3-D state for games and tools, joined from all axes.
+"""`endpoint_state`: the 3-D state for games and tools, combined from all axes.
 
-It only shows; nothing that moves depends on it. Axes that are stale or not homed are marked invalid
-in `endpoint_state`, their last values are replaced by NaN; `joint_states` leaves them out: its
-subscribers take every value for a measurement. Its joints are those of the URDF.
+The robot's motion does not depend on this node. In `endpoint_state` an axis that is stale or not
+homed is marked invalid and has NaN as values. `joint_states` omits it, because its subscribers take
+every value for a measurement. Its joints are those of the URDF. The parameter `rate` sets the rate
+of `endpoint_state`.
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
+from .support.health import OK, WARN, Health
 from .support.hot_topics import fill_stamp
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.topics import offered, requested
@@ -37,14 +39,16 @@ _JOINTS_EVERY = 2
 
 
 class EndpointSettings(NamedTuple):
-    """What the node publishes and for how long it believes a sample."""
+    """Rate of the topic, and the largest age of a sample."""
 
-    rate: Annotated[float, Setting("endpoint states per second", "Hz", 10.0, 500.0)] = 200.0
+    rate: Annotated[
+        float, Setting(f"{graph.ENDPOINT_STATE} messages per second", "Hz", 10.0, 500.0)
+    ] = graph.TOPICS[graph.ENDPOINT_STATE].rate
     max_age: Annotated[float, Setting("samples older than this are invalid", "s", 0.005, 1.0)] = 0.1
 
 
 class EndpointStateNode(ModuleNode):
-    """Takes the newest of everything at its own rate; never waits for any of it."""
+    """Combines the newest messages at its own rate and never waits for one."""
 
     def __init__(self):
         super().__init__("endpoint_state")
@@ -72,7 +76,7 @@ class EndpointStateNode(ModuleNode):
         self._publish_joint_state = self.outlet(*offered(graph.JOINT_STATES))
 
     def begin(self) -> None:
-        """Start the clock."""
+        """Start the ticks."""
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
         self._ticks = 0
 
@@ -113,7 +117,7 @@ class EndpointStateNode(ModuleNode):
         self._publish_joint_state(message)
 
     def health(self) -> Health:
-        """Say which inputs are stale."""
+        """Report the stale inputs."""
         now = self.clock.now_ns()
         inputs = {
             graph.ENCODER: self._encoder,
@@ -134,8 +138,9 @@ class EndpointStateNode(ModuleNode):
 def planar_joints(plane: PlanarState | None) -> dict[str, tuple[float, float, float]]:
     """Return angle [rad], speed [rad/s] and torque [Nm] of the homed joints `shoulder`, `elbow`.
 
-    Both motors stand at the base and measure absolute angles. The joint `elbow` is the forearm's
-    angle to the upper arm; by virtual work the shoulder then carries both torques.
+    Both motors stand at the base and measure absolute angles. The joint `elbow` is the angle of the
+    forearm to the upper arm. By virtual work its torque is the elbow motor's, and the torque of the
+    joint `shoulder` is the sum of both motors'.
     """
     if plane is None or not plane.homed:
         return {}
@@ -152,7 +157,7 @@ def vertical_joint(
 ) -> dict[str, tuple[float, float, float]]:
     """Return height [m], speed [m/s] and force [N] of the homed joint `vertical`.
 
-    The force is what the motor's torque makes of a screw without friction (thesis 3.1).
+    The force is that of the motor's torque through a screw without friction (thesis 3.1).
     """
     if encoder is None or not encoder.homed or amplifier is None:
         return {}

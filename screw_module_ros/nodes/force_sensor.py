@@ -17,7 +17,7 @@ from screw_module_ros.settings import Setting
 
 from .support.driver import DriverNode, RateSettings, device_values
 from .support.flat import pack_force
-from .support.module_node import ERROR, OK, Health
+from .support.health import ERROR, OK, Health
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done
@@ -32,11 +32,11 @@ class WrenchSettings(NamedTuple):
 
     wrench_rate: Annotated[
         float, Setting(f"{graph.WRENCH} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.WRENCH].rate
 
 
 class ForceSensorNode(DriverNode):
-    """One wrench a tick, of the patient on the robot."""
+    """One wrench per tick, of the patient on the robot."""
 
     def __init__(self):
         super().__init__("force_sensor")
@@ -67,7 +67,7 @@ class ForceSensorNode(DriverNode):
         self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Let the samples flow; a fault latched before is cleared, it was asked for."""
+        """Start the samples; an activation also clears a latched fault."""
         if self.device.fault:
             self.device.clear_fault()
         self.device.start()
@@ -76,7 +76,7 @@ class ForceSensorNode(DriverNode):
         self.start_polls()
 
     def end(self) -> None:
-        """Stop asking."""
+        """Stop polling."""
         self.stop_polls()
         self.device.stop()
 
@@ -86,7 +86,7 @@ class ForceSensorNode(DriverNode):
         self.close_port()
 
     def step(self) -> None:
-        """One tick: ask, wait for both halves, publish."""
+        """One tick: send the request, wait for both halves, publish."""
         self._loop.step(Parts(force_sensor=self.part))
 
     def publish(self, reading: ForceReading) -> None:

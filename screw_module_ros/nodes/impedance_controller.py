@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`impedance_controller`: the vertical law, once per encoder sample with the newest force sample.
 
-Every number it computes comes from `control/`; here the samples come in and the command goes out.
+`control/` computes the force; this node receives the samples and publishes the command.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
+from .support.health import ERROR, OK, WARN, Health
 from .support.hot_topics import Inbox
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller
@@ -43,7 +44,7 @@ _SAMPLES = (graph.ENCODER, graph.FORCE)
 
 
 class ControllerSettings(NamedTuple):
-    """What the node starts with."""
+    """Settings of the node beside those of the law."""
 
     mode: Annotated[
         int, Setting("control mode: 0 OFF, 1 IMPEDANCE, 2 FRICTION_COMPENSATION, "
@@ -56,11 +57,11 @@ class ControllerSettings(NamedTuple):
     ] = ""
     state_rate: Annotated[
         float, Setting(f"{graph.CONTROLLER_STATE} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.CONTROLLER_STATE].rate
 
 
 class ImpedanceControllerNode(ModuleNode):
-    """Encoder sample in, force command out; a latched watch holds the force at zero."""
+    """Encoder sample in, force command out; zero force while the watch has a latched fault."""
 
     def __init__(self):
         super().__init__("impedance_controller")
@@ -118,7 +119,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_message.calibration = calibration
 
     def begin(self) -> None:
-        """Start from nothing: zero force, set point at the measured position."""
+        """Start with zero force and the set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
         self.part = VerticalController(
             self.parameters.read(VerticalSettings).validated(),
@@ -143,7 +144,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._loop = VerticalLoop(self.clock, self._period_ns, wires)
 
     def end(self) -> None:
-        """Send one last zero, so that the amplifier does not go on with the last force."""
+        """Send a last zero, so that the amplifier does not continue with the last force."""
         if self._inbox is not None and self.part is not None and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 
@@ -156,7 +157,7 @@ class ImpedanceControllerNode(ModuleNode):
             self._senders = None
 
     def changed(self, kind: type) -> None:
-        """Take over live parameters; the law fades them in."""
+        """Apply live parameters; the law fades them in."""
         if kind is VerticalSettings:
             self._name_calibration()
         if self.part is None:
@@ -177,7 +178,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._publish(pack_command(sample, output, mode))
 
     def read_inputs(self, now_ns: int) -> None:
-        """Take set point, slot and amplifier state, where they come by a topic."""
+        """Read set point, slot and amplifier state, if they come by a topic."""
         self._inputs.read(self.part, now_ns)
         if self._senders.warning:
             self.part.distrust(self._senders.warning)

@@ -25,7 +25,7 @@ from screw_module_ros.settings import Setting
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
-from .support.module_node import Health
+from .support.health import Health
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane
@@ -33,7 +33,7 @@ from .support.topics import offered, requested
 
 
 class ManusSettings(NamedTuple):
-    """What the node adds to drives and law."""
+    """Settings of the node beside those of drives and law."""
 
     state_every: Annotated[int, Setting(f"ticks per {graph.MANUS_STATE} message", "", 1, 100)] = 4
 
@@ -99,12 +99,12 @@ class ManusNode(DriveNode):
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._loop.wanted = self._wanted
-        for drive in self.drives:
-            drive.start()
+        self._axes.restart()
+        self.start_drives()
         self.start_polls()
 
     def leave(self) -> str:
-        """Leave both drives cleanly."""
+        """Shut both drives down cleanly; return the errors."""
         return self._axes.shutdown(self.port)
 
     def disconnect(self) -> None:
@@ -113,7 +113,7 @@ class ManusNode(DriveNode):
         self._axes = None
 
     def changed(self, kind: type) -> None:
-        """Take over live parameters; the law fades them in."""
+        """Apply live parameters; the law fades them in."""
         if kind is PlanarSettings and self._axes is not None:
             self._axes.settings = self.parameters.read(PlanarSettings)
 
@@ -152,7 +152,7 @@ class ManusNode(DriveNode):
         return self._axes.drives
 
     def enable(self) -> str:
-        """Enable, once homed; return why not."""
+        """Enable both drives; return why not, empty if done. Refused while not homed."""
         return self.two_senders() or self._axes.enable(self.clock)
 
     def clear_fault(self) -> str:
@@ -167,7 +167,7 @@ class ManusNode(DriveNode):
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""
-        # The meter belongs to the hot loop, this is another thread: what the loop told last.
+        # Another thread owns the meter: this is the value that the loop stored last.
         now_ns, state = self.clock.now_ns(), self._state
         values = {
             "rate [1/s]": f"{state.rate:.0f}",

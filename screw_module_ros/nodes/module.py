@@ -5,10 +5,10 @@
 
     tick -> SYNC and poll -> readings -> controller -> torque to the drive -> publish
 
-The four nodes are the same as those of the separate executables, names, topics, services,
-parameters and diagnostics included; each is served by a thread of its own. Only the way from one to
-the next is another: a call in one hot loop in place of a topic. What they publish goes out after
-the torque.
+The four nodes are those of the separate executables, with the same names, topics, services,
+parameters and diagnostics; each has its own service thread. Only the connection between them
+differs: a call in one hot loop replaces the topic. The loop publishes after it has written the
+torque.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def wires_of(
     controller: ImpedanceControllerNode,
     amplifier: AmplifierNode,
 ) -> Wires:
-    """Return what leads from the one loop to the topics of the four nodes."""
+    """Return the wires from the one loop to the topics of the four nodes."""
     return Wires(
         take_command=amplifier.take_command,
         publish_sample=encoder.publish,

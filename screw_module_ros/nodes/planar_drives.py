@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two drives of the plane as parameters have them: one master, one rate, one heartbeat."""
+"""Parameters of the two planar drives: one master, one rate, one heartbeat."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _SHARED = ("rate", "master_id", "allow_unguarded")
 
 
 class SharedSettings(NamedTuple):
-    """What both drives have in common."""
+    """Settings that both drives share."""
 
     master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 113
     allow_unguarded: Annotated[
-        bool, Setting("DANGER: enable drives that do not stop by themselves when we hang")
+        bool, Setting("DANGER: enable drives that do not stop when this program hangs")
     ] = False
 
 
@@ -41,7 +41,7 @@ def declare_drives(parameters: Parameters) -> None:
 def read_drives(parameters: Parameters, rate: float, law: PlanarSettings) -> list[DriveSettings]:
     """Return the settings of both drives; rate: of the commands [1/s].
 
-    law: whose largest torques are the drives' own limits too, where max_torque is not smaller.
+    law: its largest torques are also the drives' own limits, unless max_torque is smaller.
     """
     shared = parameters.read(SharedSettings)._asdict()
     largest = (law.shoulder_torque, law.elbow_torque)

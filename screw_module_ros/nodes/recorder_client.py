@@ -15,9 +15,9 @@ _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is w
 
 
 class RecorderClient:
-    """Names the bag, then starts it.
+    """Sets the name of the bag, then starts the recording.
 
-    told: what the recorder answered, for diagnostics; refused: it does not record.
+    told: the recorder's answer, for diagnostics; refused: it does not record.
     """
 
     def __init__(self, node: Node, clock: Clock):
@@ -31,7 +31,7 @@ class RecorderClient:
         self._stop_ns: int | None = None
 
     def since(self, now_ns: int) -> int:
-        """Return for how long the recorder has recorded [ns], -1 while it does not."""
+        """Return the time since the start of the recording [ns], -1 while none runs."""
         return -1 if self._started_ns is None else now_ns - self._started_ns
 
     def is_closing(self, now_ns: int) -> bool:
@@ -44,7 +44,7 @@ class RecorderClient:
         self._stopper.call_async(Trigger.Request()).add_done_callback(self._stopped)
 
     def start(self, name: str) -> None:
-        """Ask for a recording under a name; what comes of it is told in the log."""
+        """Request a recording under a name; the log shows the result."""
         self.refused, self._started_ns = False, None
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
         request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])

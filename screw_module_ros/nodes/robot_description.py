@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`robot_description`: the robot as URDF; its shape from `urdf/`, its dimensions from the laws.
+"""`robot_description`: the robot as URDF; shape from `urdf/`, dimensions from the settings.
 
     ros2 run screw_module_ros robot_description > therapy_robot.urdf
 """
@@ -18,7 +18,7 @@ from screw_module_ros.resources import resource_path
 
 SHAPE = "urdf/therapy_robot.urdf.xacro"
 JOINT_SPEED = 6.0
-"""For the joints' limit, which URDF demands [rad/s]: the speed limit of the laws is the hand's."""
+"""Speed limit of the joints [rad/s], required by URDF; the laws limit the hand's speed instead."""
 
 
 def robot_description(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where `session_recorder` gets its messages: discovery, matching QoS, raw taking.
+"""Subscriptions of `session_recorder`: discovery, matching QoS, raw messages.
 
-Nothing waits here. The middleware queues what arrives, with the time of arrival; every few
-milliseconds all queues are emptied at once, which costs a few microseconds a message. An executor
-would spend tens on each.
+The middleware queues arriving messages with their time of arrival. Every few milliseconds the
+recorder empties all queues, at a cost of a few microseconds per message; an executor would need
+tens of microseconds.
 """
 
 from __future__ import annotations
@@ -34,18 +34,17 @@ from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
 from .support.hot_topics import HotGroup, await_message
 
-_AT_ONCE = 4000  # messages of one topic before the others have their turn
+_AT_ONCE = 4000  # messages of one topic at most, before the other topics follow
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
 _STAMP = struct.Struct("<iI")
-_STAMP_AT = 4  # behind the head of serialized messages
+_STAMP_AT = 4  # offset of the stamp, after the header of a serialized message
 _NO_DEFINITION = Definition("", "", "")
 
 
 class Selection(NamedTuple):
-    """Which topics: names or patterns (`/screw/*`) to record and to leave out.
+    """Topics to record: names or patterns (`/screw/*`) to include and to leave out.
 
-    others: whose topics are only recorded where they are named in full; None: all robots are
-    recorded.
+    others: other robots, whose topics are recorded only if named in full; None: record all robots.
     """
 
     topics: tuple[str, ...] = ("*",)
@@ -81,7 +80,7 @@ class _Tap:
 
 
 class Intake:
-    """Subscriptions to everything selected, for one session."""
+    """Subscriptions to all selected topics, for one session."""
 
     def __init__(self, node: Node, clock: Clock, selection: Selection, session: Session):
         self._node = node
@@ -97,7 +96,7 @@ class Intake:
         self.refused: dict[str, str] = {}
 
     def discover(self) -> None:
-        """Subscribe to selected topics that appeared; follow changes of their publishers."""
+        """Subscribe to new selected topics; follow changes of their publishers."""
         if self._selection.others is not None:
             self._selection.others.look()
         for name, types in self._node.get_topic_names_and_types():
@@ -169,7 +168,7 @@ class Intake:
             tap.hop = self._clock.hop(tap.name)
 
     def drain(self) -> list[Message]:
-        """Take everything that waits."""
+        """Take all waiting messages."""
         with self._lock:
             taken, self._left = self._left, []
             for tap in self._taking:
@@ -178,7 +177,7 @@ class Intake:
         return taken
 
     def _take(self, tap: _Tap) -> list[Any]:
-        """Take what waits for one topic, as plain tuples in the order of `Message`."""
+        """Take the waiting messages of one topic, as plain tuples in the order of `Message`."""
         take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
         numbered, hop = tap.numbered, tap.hop
         taken: list[Any] = []
@@ -200,7 +199,7 @@ class Intake:
         return taken
 
     def _awaited(self, tap: _Tap) -> Any:
-        """Take a message that was published and is still on its way, None when it was lost."""
+        """Take a published message that is still in transit, None when it was lost."""
         if not tap.hop.pending():
             return None
         handle = tap.subscription.handle
@@ -211,9 +210,9 @@ class Intake:
         return got
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
-        """Return ROS time of a message [ns]: its own stamp, or now where it has none.
+        """Return the ROS time of a message [ns]: its own stamp, or the present time without one.
 
-        A stamp of wall clock, which rclpy gives to what it logs, is none in simulated time.
+        In simulated time a wall-clock stamp, as in rclpy's log messages, counts as no stamp.
         """
         now_ns = self._clock.stamp_ns()
         if tap.is_stamped and data[1] == 1 and len(data) >= _STAMP_AT + _STAMP.size:

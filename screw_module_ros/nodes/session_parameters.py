@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the parameters of all nodes were when a recording began, for the bag.
+"""Parameters of all nodes at the start of a recording, for the bag.
 
-Each node is asked once, without waiting: first for the names, then for the values. Changes during
-the recording stand in the bag as messages of /parameter_events.
+The recorder asks each node once, without waiting: first for the names, then for the values. Changes
+during the recording are in the bag as messages of /parameter_events.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from rclpy.task import Future
 from screw_module_ros.recording.seal import NO_ANSWER
 
 _SERVICE = "/get_parameters"
-_PATIENCE = 5  # calls of `ask` before a node that is there and silent is asked again
+_PATIENCE = 5  # calls of `ask` until a node that does not answer is asked again
 
 
 class NodeParameters:
-    """Parameters of the nodes of the graph, gathered by the executor's thread.
+    """Parameters of the nodes of the graph, collected by the executor's thread.
 
     values: per node, its parameters as JSON with sorted names, or NO_ANSWER.
     """
 
     def __init__(self, node: Node, leave_out: Callable[[str], bool] = lambda name: False):
-        """Begin without any; `node` asks, but not nodes whose full name is to be left out."""
+        """Start without values; `node` asks all nodes except those that `leave_out` names."""
         self._node = node
         self._leave_out = leave_out
         self._clients: list[Client] = []
-        self._asked: dict[str, int] = {}
+        self._waited: dict[str, int] = {}
         self.values: dict[str, str] = {}
 
     def ask(self) -> None:
@@ -49,13 +49,13 @@ class NodeParameters:
             if self._leave_out(name):
                 continue
             missing = True
-            waited = self._asked[name] = self._asked.get(name, -1) + 1
+            waited = self._waited[name] = self._waited.get(name, -1) + 1
             if waited >= _PATIENCE:
                 self.values.setdefault(name, NO_ANSWER)
             if waited % _PATIENCE == 0:
                 self._ask(name)
         if not missing:
-            self.close()  # what waits costs the executor time
+            self.close()  # clients that wait cost the executor time
 
     def _ask(self, name: str) -> None:
         if name == self._node.get_fully_qualified_name():
@@ -86,7 +86,7 @@ class NodeParameters:
         return client
 
     def close(self) -> None:
-        """Forget the clients."""
+        """Destroy the clients."""
         for client in self._clients:
             self._node.destroy_client(client)
         self._clients = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quality of service and message class of a topic that is recorded."""
+"""Quality of service and message class of a recorded topic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screw_module_ros.recording import (
 
 from .support.topics import message_class
 
-_DEPTH = 2000  # messages; two seconds of a 1 kHz topic may wait for us
+_DEPTH = 2000  # messages in a queue: two seconds of a 1 kHz topic
 
 
 def recorded_class(type_name: str) -> type:
@@ -25,7 +25,7 @@ def recorded_class(type_name: str) -> type:
 
 
 def satisfying(offers: list[TopicEndpointInfo]) -> QoSProfile:
-    """Return a request that every offer satisfies, as strict as that allows (as rosbag2 does)."""
+    """Return the strictest request that every offer satisfies (as rosbag2 does)."""
     profiles = [offer.qos_profile for offer in offers]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
@@ -37,7 +37,7 @@ def satisfying(offers: list[TopicEndpointInfo]) -> QoSProfile:
 
 
 def is_stricter(have: QoSProfile, wanted: QoSProfile) -> bool:
-    """Whether `have` asks for something that `wanted` does not."""
+    """Return whether `have` requests more than `wanted`."""
     return (
         have.reliability == ReliabilityPolicy.RELIABLE != wanted.reliability
         or have.durability == DurabilityPolicy.TRANSIENT_LOCAL != wanted.durability
@@ -45,7 +45,7 @@ def is_stricter(have: QoSProfile, wanted: QoSProfile) -> bool:
 
 
 def offered_by(offer: TopicEndpointInfo) -> Qos:
-    """Return a publisher's quality of service in rosbag2's words."""
+    """Return a publisher's quality of service in rosbag2's format."""
     profile = offer.qos_profile
     return Qos(
         reliability=profile.reliability.name.lower(),

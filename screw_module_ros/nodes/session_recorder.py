@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session_recorder`: records topics as a rosbag2 bag (MCAP) and says what is missing in it.
+"""`session_recorder`: records topics as a rosbag2 bag (MCAP) and reports what is missing in it.
 
-The bag is complete on the disk every second, whatever happens to this process (see
-`screw_module_ros.recording`). A full disk or an unwritable folder ends the recording, never the
-node, and stands in `~/status` and diagnostics until the next `~/start`.
+The bag on the disk is complete every second, whatever happens to this process (see
+`screw_module_ros.recording`). A full disk or an unwritable folder ends the recording but not the
+node; `~/status` and diagnostics show the reason until the next `~/start`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
 from .support.below import one_name, root_folder
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.health import ERROR, OK, WARN, Health
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.topics import offered
@@ -48,38 +49,38 @@ _STAMP_LENGTH = len("session_2001_01_31-12_00_00")
 
 
 class RecorderSettings(NamedTuple):
-    """What is recorded, and where; changes count from the next start of a recording."""
+    """Topics to record, and the folder; changes apply from the next recording on."""
 
     folder: Annotated[
-        str, Setting("where the bags go and nothing leads out of, ~ is the home folder",
+        str, Setting("folder of all bags, no bag lies outside of it; ~ is the home folder",
                      at_start=True)
     ] = "~/sessions"
     name: Annotated[
-        str, Setting("name of the bag, empty for one made of date and time", live=True)
+        str, Setting("name of the bag, empty = from date and time", live=True)
     ] = ""
     record_on_start: Annotated[bool, Setting("start recording when the node is activated")] = False
-    topics: Annotated[tuple, Setting("topics to record, patterns like /screw/* too", live=True)] = (
+    topics: Annotated[tuple, Setting("topics to record, or patterns like /screw/*", live=True)] = (
         "*",
     )
     other_robots: Annotated[
         bool, Setting("record the topics of robots in other namespaces too", live=True)
     ] = False
-    exclude: Annotated[tuple, Setting("topics to leave out, patterns too", live=True)] = (
+    exclude: Annotated[tuple, Setting("topics to leave out, names or patterns", live=True)] = (
         "*/decimated",
     )
     include_hidden: Annotated[
-        bool, Setting("record topics with a part that begins with _ too", live=True)
+        bool, Setting("also record topics with a name part that begins with _", live=True)
     ] = False
     configuration: Annotated[
         tuple, Setting("files whose hashes are noted in the bag, like parameter files", live=True)
     ] = ("",)
     period: Annotated[
-        float, Setting("the queues of all topics are emptied once in this time", "s", 0.001, 0.1)
+        float, Setting("period in which the queues of all topics are emptied", "s", 0.001, 0.1)
     ] = 0.02
 
 
 class SessionRecorder(ModuleNode):
-    """Takes messages in the hot loop, writes them on the session's own thread."""
+    """Takes messages in the hot loop; the session's own thread writes them."""
 
     def __init__(self):
         super().__init__("session_recorder")
@@ -99,7 +100,7 @@ class SessionRecorder(ModuleNode):
         self.periodic.every(self.clock, 1.0, self._each_second)
 
     def connect(self) -> None:
-        """Complete bags that a power failure cut off."""
+        """Repair bags that a power failure cut off."""
         self._period = self.parameters.read(RecorderSettings).period
         try:
             found = recover_all(self._parent())
@@ -111,11 +112,11 @@ class SessionRecorder(ModuleNode):
             self.get_logger().warning(f"{folder}: {why}: {result}")
 
     def _parent(self) -> Path:
-        """Return where the bags go. Raises ValueError when no user has that home folder."""
+        """Return the folder of the bags. Raises ValueError for the home folder of no user."""
         return root_folder(self.parameters.read(RecorderSettings).folder)
 
     def begin(self) -> None:
-        """Start recording when the parameters say so."""
+        """Start recording if `record_on_start` is set."""
         self._refusal = ""
         if self.parameters.read(RecorderSettings).record_on_start:
             self._refusal = self._start()
@@ -123,7 +124,7 @@ class SessionRecorder(ModuleNode):
     def step(self) -> None:
         """Empty the queues."""
         if self._session is None:
-            self.clock.idle()  # a recorder that records nothing keeps nobody waiting
+            self.clock.idle()  # without a recording this thread does not hold simulated time
             self.stopping.wait(_IDLE_S)
             return
         self._ticker.sleep()
@@ -136,7 +137,7 @@ class SessionRecorder(ModuleNode):
         self._stop()
 
     def _start(self) -> str:
-        """Start a bag; return why not, empty when it runs."""
+        """Start a bag; return why it failed, empty when it records."""
         settings = self.parameters.read(RecorderSettings)
         try:
             session, intake = self._opened(settings)
@@ -150,7 +151,7 @@ class SessionRecorder(ModuleNode):
         return text
 
     def _opened(self, settings: RecorderSettings) -> tuple[Session, Intake]:
-        """Return a session whose bag is on the disk, and what will feed it; nothing, or both.
+        """Return a session with its bag on the disk, and its intake; on an error leave neither.
 
         Raises BagError, ValueError, OSError.
         """
@@ -171,7 +172,7 @@ class SessionRecorder(ModuleNode):
         return session, intake
 
     def _new_session(self, settings: RecorderSettings) -> Session:
-        """Return a session in a folder of its own; another recorder may start in this second."""
+        """Return a session in its own folder; another recorder may start in the same second."""
         storage = self.parameters.read(StorageSettings, "storage")
         parent = self._parent()
         if settings.name:
@@ -196,7 +197,7 @@ class SessionRecorder(ModuleNode):
         return ""
 
     def _is_other(self, node: str) -> bool:
-        """Whether a node of this full name belongs to a robot that is not recorded."""
+        """Return whether the node of this full name belongs to a robot that is not recorded."""
         return self._others is not None and self._others.have(node)
 
     def _stop(self) -> None:
@@ -213,7 +214,7 @@ class SessionRecorder(ModuleNode):
         self.get_logger().info(self._last.summary())
 
     def _note(self, session: Session, intake: Intake) -> None:
-        """Keep in the bag what the nodes were set to."""
+        """Write parameters and calibrations of the nodes into the bag."""
         session.add_metadata(CALIBRATION, intake.calibrations())
         session.add_metadata(PARAMETERS, self._noted_parameters.values)
         if intake.refused:
@@ -253,7 +254,7 @@ class SessionRecorder(ModuleNode):
         )
 
     def _hindrance(self) -> str:
-        """Return what would keep `~/start` from making a bag, empty when nothing is known to."""
+        """Return why `~/start` would fail to create a bag, empty if no reason is known."""
         try:
             if name := self.parameters.read(RecorderSettings).name:
                 one_name(name, "name")
@@ -268,7 +269,7 @@ class SessionRecorder(ModuleNode):
         return ""
 
     def health(self) -> Health:
-        """Say whether a recording runs and what is missing in it."""
+        """Report whether a recording runs and what is missing in it."""
         session, intake = self._session, self._intake
         status = session.status() if session is not None else self._last
         values = {"recording": session is not None, "bag": self._folder or ""}
@@ -294,5 +295,5 @@ class SessionRecorder(ModuleNode):
 
 def main() -> int:
     """Console entry point."""
-    os.umask(0o077)  # what a patient does is for the owner of the recording alone
+    os.umask(0o077)  # only the owner may read a patient's recording
     return run_node(SessionRecorder)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which topics and nodes belong to another robot: robots of one ROS domain differ by namespace."""
+"""Finds topics and nodes of other robots: robots of one ROS domain differ by namespace."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class OtherRobots:
     """The namespaces of other robots, seen from one node."""
 
     def __init__(self, node: Node):
-        """Look at the graph of `node`; its namespace is that of its own robot."""
+        """Use the graph of `node`; its namespace is that of its own robot."""
         self._node = node
         self._own = _prefix(node.get_namespace())
         self._others: set[str] = set()
         self.look()
 
     def look(self) -> None:
-        """Look where nodes of robots are now."""
+        """Update the namespaces from the nodes of the graph."""
         found = {
             _prefix(namespace)
             for name, namespace in self._node.get_node_names_and_namespaces()
@@ -35,9 +35,9 @@ class OtherRobots:
         self._others = {prefix for prefix in found if not self._own.startswith(prefix)}
 
     def have(self, name: str) -> bool:
-        """Whether a topic or node of this full name belongs to another robot or to none.
+        """Return whether a topic or node of this full name belongs to another robot or to none.
 
-        A robot in the root namespace owns all that is in no other robot's.
+        A robot in the root namespace owns every name that is in no other robot's namespace.
         """
         if name.startswith(tuple(self._others)):
             return True

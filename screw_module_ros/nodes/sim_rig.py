@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`sim_rig`: everything physical, simulated behind the same CAN frames as the hardware.
+"""`sim_rig`: the simulated robot, with the same CAN frames as the hardware.
 
-It meets the rest of the graph on the CAN bus only; `sim/truth` is for tests and figures.
+It communicates with the rest of the graph by CAN only; `sim/truth` is for tests and figures.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
 from .support.due import Due
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.health import OK, WARN, Health
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.topics import offered
@@ -34,28 +35,28 @@ _CLOCK_RATE = graph.TOPICS[graph.CLOCK].rate
 
 
 class SimulationSettings(NamedTuple):
-    """What is simulated and how time passes in it."""
+    """The simulated plant and its time."""
 
     plant_file: Annotated[str, Setting("YAML file of the plant, empty for the packaged one")] = ""
     seed: Annotated[int, Setting("seed of the noise", "", 0, 2**31 - 1)] = 0
     perturb_seed: Annotated[
-        int, Setting("seed that perturbs the plant's values, -1 for none", "", -1, 2**31 - 1)
+        int, Setting("seed of a random change of the plant's values, -1 = none", "", -1, 2**31 - 1)
     ] = -1
     period: Annotated[
-        float, Setting("simulated time moves on by this much, or less when a node asks for it", "s",
+        float, Setting("largest step of simulated time; nodes may request smaller ones", "s",
                        1e-4, 0.01)
     ] = 0.001
     speed: Annotated[
-        float, Setting("simulated seconds per second at most, 0 = as fast as it goes", "", 0.0, 1e3,
+        float, Setting("simulated seconds per second at most, 0 = no limit", "", 0.0, 1e3,
                        live=True)
     ] = 1.0
     truth_rate: Annotated[
         float, Setting(f"{graph.TRUTH} messages per second", "Hz", 1.0, 500.0)
-    ] = 100.0
+    ] = graph.TOPICS[graph.TRUTH].rate
 
 
 class SimRigNode(ModuleNode):
-    """Owns the plant and the far ends of all buses."""
+    """Owns the plant and the simulated devices of all buses."""
 
     hardware_id = "simulated"
     moves_time = True
@@ -104,7 +105,7 @@ class SimRigNode(ModuleNode):
         return self._buses[settings]
 
     def changed(self, kind: type) -> None:
-        """Take over a new speed."""
+        """Apply a new speed."""
         if kind is SimulationSettings and self._time is not None:
             self._time.speed = self.parameters.read(kind).speed
 
@@ -133,7 +134,7 @@ class SimRigNode(ModuleNode):
         return self.stopping.is_set() and self._departure.is_due(self._rig.counters.frames_in)
 
     def _look_up(self) -> bool:
-        """Between two frames: publish what is due; return whether to stop serving."""
+        """Publish what is due, between two frames; return whether to stop serving."""
         self._publish_due(self.clock.now_ns())
         return self._is_over()
 
@@ -153,7 +154,7 @@ class SimRigNode(ModuleNode):
         message.slipped = self._rig.counters.slipped
         self._publish(message)
 
-    # Services: what they change, the rig's own thread changes between two frames -------------
+    # Services: the rig's own thread carries out their changes between two frames -------------
 
     def _set_arm(self, request: SetArm.Request) -> str:
         return self._changed(lambda: self._world.set_arm(ArmSettings(
@@ -179,7 +180,7 @@ class SimRigNode(ModuleNode):
         ))
 
     def _changed(self, change: Callable[[], None]) -> str:
-        """Have the rig's thread make a change; return what is wrong with it."""
+        """Let the rig's thread carry out a change; return the error, empty if done."""
         answer: queue.SimpleQueue[str] = queue.SimpleQueue()
 
         def carry_out() -> None:

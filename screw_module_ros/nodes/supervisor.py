@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`supervisor`: permission to move, emergency stop, vertical lock.
 
-It grants nothing by itself: every drive stays off until it is enabled. What it decides, and from
-what, is `control/supervision.py`; here the states are collected and the decision is sent. An
-emergency stop and the lock outlive the process; a latched stop does too, unless it ended in order.
+A permission enables nothing: every drive stays off until it is enabled. `control/supervision.py`
+decides; this node collects the states and publishes the decision. An emergency stop and the lock
+survive a restart of the process. A latched stop also does, unless the process ended normally.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
+from .support.health import ERROR, OK, WARN, Health
 from .support.kept import Kept
-from .support.module_node import ERROR, OK, WARN, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.rates import RateMeter
 from .support.runtime import main as run_node
 from .support.serving_node import Done
@@ -38,18 +39,20 @@ from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _DIAGNOSTICS_NS = 3_000_000_000
-_HEARD_BY = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
-"""Node -> the topic it is watched by; endpoint_state too, although nothing depends on it."""
+_STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
+"""Node -> the topic that shows its state; also endpoint_state, although nothing depends on it."""
 
 
 class SupervisorSettings(NamedTuple):
-    """The node's clock."""
+    """Rate of the node."""
 
-    rate: Annotated[float, Setting("decisions per second", "Hz", 20.0, 500.0)] = 50.0
+    rate: Annotated[
+        float, Setting(f"decisions and {graph.SAFETY_STATE} messages per second", "Hz", 20.0, 500.0)
+    ] = graph.TOPICS[graph.SAFETY_STATE].rate
 
 
 class SupervisorNode(ModuleNode):
-    """Looks at the newest state of every node and says whether the robot may move."""
+    """Publishes whether the robot may move, from the newest state of every node."""
 
     def __init__(self):
         super().__init__("supervisor")
@@ -59,7 +62,7 @@ class SupervisorNode(ModuleNode):
         self._message.header.frame_id = "manus_base"
         self._kept = Kept(self.get_fully_qualified_name())
         self._state = self._restored()
-        # The loop decides, services change what it decides from; both fill the one message.
+        # The loop decides, services change the state; both fill the same message.
         self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
@@ -70,14 +73,14 @@ class SupervisorNode(ModuleNode):
         self.serve(SetBool, "~/lock_vertical", self._lock, always=True)
 
     def _restored(self) -> SupervisorState:
-        """Return the state that an earlier process left; one that cannot be read is a stop."""
+        """Return the state of an earlier process; an unreadable one counts as a stop."""
         try:
             state = supervision.restored(self._kept.read())
         except (OSError, ValueError) as error:
             self.get_logger().warning(
-                f"what was stopped before cannot be read, so it counts as an emergency stop; look "
-                f"whether the vertical axis is locked, then call ~/reset ({self._kept.place}: "
-                f"{error})"
+                "the saved stop and lock cannot be read, so the supervisor starts with an "
+                "emergency stop; check whether the pin of the vertical axis is in "
+                f"(~/lock_vertical), then call ~/reset ({self._kept.place}: {error})"
             )
             return supervision.estop(SupervisorState())
         if kept := supervision.kept(state):
@@ -86,12 +89,12 @@ class SupervisorNode(ModuleNode):
         return state
 
     def _keep(self, state: SupervisorState) -> None:
-        """Write down what must not be forgotten, where it has changed; hold the lock."""
+        """Save the state that must survive a restart, if changed; the caller holds the lock."""
         try:
             self._kept.write(supervision.kept(state))
         except OSError as error:
             self.get_logger().warning(
-                f"a restart of the supervisor would forget what is stopped or locked now: "
+                "the stop or lock cannot be saved, so a restart of the supervisor would lose it: "
                 f"{self._kept.place}: {error}"
             )
 
@@ -99,35 +102,35 @@ class SupervisorNode(ModuleNode):
         """Make the topics."""
         self._period_ns = round(1e9 / self.parameters.read(SupervisorSettings).rate)
         self._settings = self.parameters.read(SupervisionSettings)
-        unknown = set(self._settings.required) - set(_HEARD_BY)
+        unknown = set(self._settings.required) - set(_STATE_TOPICS)
         if unknown:
             raise ValueError(
-                f"required names {', '.join(sorted(unknown))}; there are {', '.join(_HEARD_BY)}"
+                f"required names {', '.join(sorted(unknown))}; there are {', '.join(_STATE_TOPICS)}"
             )
         inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
         self._heard = {
             node: Newest(inbox.subscribe(*requested(topic)), age_ns)
-            for node, topic in _HEARD_BY.items()
+            for node, topic in _STATE_TOPICS.items()
         }
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
-        """Start the clock."""
+        """Start the ticks."""
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
     def disconnect(self) -> None:
         """Remove the topics; without safety_state the drives stop."""
         if self._inbox is not None:
-            with self._changing:  # when a graph is ended, the last to go sees the others missing
+            with self._changing:  # at the end of a graph the last node sees the others missing
                 self._keep(self._state._replace(latched=()))
 
     def step(self) -> None:
-        """Decide and say so."""
+        """Decide and publish the decision."""
         self._publish(self._ticker.sleep().monotonic_ns)
 
     def _publish(self, now: int) -> None:
-        with self._changing:  # as a whole: two threads must not mix their answers
+        with self._changing:  # two threads must not mix their decisions in one message
             self._decide_and_tell(now)
             self._keep(self._state)
 
@@ -158,7 +161,7 @@ class SupervisorNode(ModuleNode):
         alarmed_ns, alarm = self._alarms.get(node, (0, ""))
         alarm = alarm if now - alarmed_ns < _DIAGNOSTICS_NS else ""
         age = (now - newest.arrival_ns) * 1e-9
-        if not hasattr(message, "faulted"):  # a sample: only the diagnostics tell of an error
+        if not hasattr(message, "faulted"):  # a sample: only the diagnostics show an error
             return NodeReport(True, age, error=bool(alarm), reason=alarm)
         enabled = getattr(message, "enabled", False) and not newest.stale(now)
         return NodeReport(True, age, False, message.faulted, enabled, message.reason)
@@ -167,7 +170,7 @@ class SupervisorNode(ModuleNode):
         mine = self.get_namespace().strip("/")
         for status in array.status:
             namespace, _, node = status.name.rpartition("/")
-            if namespace == mine and node in _HEARD_BY:
+            if namespace == mine and node in _STATE_TOPICS:
                 alarm = status.message if status.level == ERROR else ""
                 self._alarms[node] = (self.clock.now_ns(), alarm)
 
@@ -198,7 +201,7 @@ class SupervisorNode(ModuleNode):
         return Done("vertical locked" if request.data else "vertical unlocked")
 
     def health(self) -> Health:
-        """What is permitted and why not."""
+        """Permission, and the reasons against it."""
         message, now = self._message, self.clock.now_ns()
         ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._heard.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the force sensor may be tared, and the readings for it.
+"""Permission to tare the force sensor, and the readings for it.
 
-Only while the vertical drive gives no torque: with force feedback the patient would feel what is
-removed, several times over and at once.
+Taring is permitted only while the vertical drive gives no torque: with force feedback the patient
+would feel the removed bias at once, multiplied by the gain.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ class Taring:
         self._enough = threading.Event()
 
     def note(self, reading: ForceReading) -> None:
-        """Keep a reading where it is wanted; the loop's thread."""
-        readings = self._readings  # the service may end it meanwhile
+        """Store a reading while taring; for the loop's thread."""
+        readings = self._readings  # the service may end the collection meanwhile
         if readings is not None:
             readings.append(reading)
             if len(readings) >= self._wanted:
                 self._enough.set()
 
     def permitted(self) -> None:
-        """Raise NotPermitted when the amplifier's next state says that torque passes."""
+        """Raise NotPermitted when the amplifier's next state shows torque."""
         self._torque_off.check("would jump")
 
     def gathered(self, count: int) -> list[ForceReading]:
-        """Return the next readings, up to `count`; fewer where they fail to come."""
+        """Return the next `count` readings; fewer if they do not come in time."""
         self._enough.clear()
         self._wanted = count
         self._readings = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session's records as messages, and the hand's sample from one."""
+"""Converts records of a session to messages, and a message to the hand's sample."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _SLOT_NUMBERS = (
 
 
 def hand_sample(message: EndpointState, space: str) -> HandSample:
-    """Return the hand's sample from an endpoint_state, with what stands against going on."""
+    """Return the hand's sample from an endpoint_state, with a reason to pause, if any."""
     p, v, f = message.position, message.velocity, message.force
     return HandSample(
         message.sequence,
@@ -72,7 +72,7 @@ def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:
 
 
 def fill_state(message: TherapyState, session: Session, sample: HandSample | None) -> None:
-    """Write where a session is; sample: the newest."""
+    """Write the state of a session; sample: the newest."""
     message.state, message.reason = STATES[session.state], session.reason
     message.trials = session.trials
     message.duration, message.side_stiffness = session.assistance

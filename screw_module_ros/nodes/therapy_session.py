@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`therapy_session`: carries out a therapy protocol on the running robot.
 
-It hears `endpoint_state` and publishes the slot that the controllers act upon; what is done when is
-decided by `therapy/`, which knows neither ROS nor a clock. A node that hangs or dies lets its slot
-go: the controllers fade out what is not renewed. Torque is neither switched on nor off here.
+It subscribes to `endpoint_state` and publishes the slot for the controllers. `therapy/`, which is
+independent of ROS and of the clock, decides on the course of the session. When the node hangs or
+dies, the controllers fade out its slot, because nothing renews it. The node never switches torque.
 
-Games ask for set points by `therapy/wish`. They are passed on within the workspace, no faster than
-`wish.speed`, and only while no session runs and `allow_wishes` is true.
+Games request set points by `therapy/wish`. The node passes them on within the workspace, no faster
+than `wish.speed`, and only while no session runs and `allow_wishes` is true.
 
-A therapist's page tells by `therapy/attendance` that somebody is there. Once a session has heard
-it, it goes on only as long as it hears it: whatever fails between the therapist and here, the page,
-the network, the bridge, the session pauses.
+A therapist's page publishes `therapy/attendance`. Once a session has received it, the session
+continues only while it does: if page, network or bridge fail, the session pauses.
 """
 
 from __future__ import annotations
@@ -58,10 +57,10 @@ _WAITS = "waiting for the recording"
 
 
 class TherapySettings(NamedTuple):
-    """What games and the therapist may ask for."""
+    """Limits of the requests of games and therapist."""
 
     folder: Annotated[
-        str, Setting("protocols of your own lie below it, ~ is the home folder")
+        str, Setting("folder of your own protocols, ~ is the home folder")
     ] = "~/protocols"
     allow_wishes: Annotated[
         bool, Setting("pass on set points of therapy/wish while no session runs", live=True)
@@ -118,13 +117,13 @@ class TherapySessionNode(ModuleNode):
         self._recording.begin(self.parameters.read(RecorderWatchSettings, "recorder"))
 
     def changed(self, kind: type) -> None:
-        """Take over live parameters; what a session may do counts from its start on."""
+        """Apply live parameters; a session keeps its limits from its start."""
         if kind is WishLimits and self.active:
             with self._lock:
                 self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
-        """End a session that runs, so that the hand is let go."""
+        """End a running session, so that the slot fades out."""
         with self._lock:
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
@@ -133,7 +132,7 @@ class TherapySessionNode(ModuleNode):
     # Loop ----------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take what has come; renew slot and state."""
+        """Process new messages; renew slot and state."""
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
         with self._lock:
             now_ns = self.clock.now_ns()
@@ -154,12 +153,12 @@ class TherapySessionNode(ModuleNode):
             self._note_state(session, before)
 
     def _note_state(self, session: Session, before: str) -> None:
-        """Keep after which sample a state began: a replay needs it."""
+        """Record the sample after which a state began: a replay needs it."""
         if session.state != before:
             self._state.state_since = self._sample.sequence if self._sample else 0
 
     def _watch(self, now_ns: int) -> None:
-        """Pause a session whose samples have stopped, or whose therapist's page is silent."""
+        """Pause the session when its samples stop or the therapist's page is silent."""
         if self._take_attendance() is not None:
             self._attendance.hear(now_ns)
         if self._session is None:
@@ -170,7 +169,7 @@ class TherapySessionNode(ModuleNode):
             self._change(self._session.pause, reason)
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
-        """Let an operator's act change the session; return whether it did."""
+        """Apply an operator's action to the session; return whether it changed the state."""
         before = self._session.state
         act(*reason)
         self._note_state(self._session, before)
@@ -202,7 +201,7 @@ class TherapySessionNode(ModuleNode):
             self._publish_change(message)
 
     def _tell(self, now_ns: int) -> None:
-        """Publish slot and state where they have changed, and again now and then."""
+        """Publish slot and state when they have changed, and repeat them now and then."""
         session = self._session
         if session is None:
             if self._due(now_ns):
@@ -277,7 +276,7 @@ class TherapySessionNode(ModuleNode):
         return ""
 
     def _named(self, protocol: str) -> str:
-        """Return one of the package's protocols, or the path of a file below our folder."""
+        """Return one of the package's protocols, or the path of a file below `folder`."""
         if protocol in SHIPPED:
             return protocol
         root = root_folder(self.parameters.read(TherapySettings).folder)
@@ -298,7 +297,7 @@ class TherapySessionNode(ModuleNode):
         return self._act("resume")
 
     def health(self) -> Health:
-        """Say how far the session is."""
+        """Report the progress of the session."""
         session = self._session
         values = {"recording": self._recording.told}
         if session is None:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`web_bridge`: pages for patient and therapist, and the robot for games written with roslibjs.
 
-One port serves the pages and a websocket; who may do what there is decided by `bridge/`, which
-knows no ROS. The node takes no part in simulated time. It moves nothing and stops nothing by
-itself: a session whose therapist's page is silent, for whatever reason, is paused by
-`therapy_session`.
+One port serves the pages and a websocket. `bridge/`, which is independent of ROS, decides on the
+rights of each client. The node takes no part in simulated time. It neither moves nor stops the
+robot: `therapy_session` pauses a session when the therapist's page is silent for any reason.
 """
 
 from __future__ import annotations
@@ -27,25 +26,26 @@ from screw_module_ros.therapy.screens import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
 from .support.below import root_folder
+from .support.health import OK, Health
 from .support.kept import state_folder
-from .support.module_node import OK, Health, ModuleNode
+from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05
 
 
 class BridgeSettings(NamedTuple):
-    """Whose screens these are, and what the patient's token may do."""
+    """Robots of the pages, and the rights of the patient's token."""
 
     robots: Annotated[
-        tuple[str, ...], Setting("namespaces of the robots, empty: its own", at_start=True)
+        tuple[str, ...], Setting("namespaces of the robots, empty = the bridge's", at_start=True)
     ] = ("",)
     folder: Annotated[
-        str, Setting("protocols of your own, as of therapy_session, ~ is the home folder",
+        str, Setting("folder of your own protocols, as in therapy_session; ~ is the home folder",
                      at_start=True),
     ] = "~/protocols"  # fmt: skip
     wishes: Annotated[
-        bool, Setting("the patient's token, which reads, may publish therapy/wish too", live=True)
+        bool, Setting("the patient's token may also publish therapy/wish", live=True)
     ] = False
 
 
@@ -64,7 +64,7 @@ class WebBridgeNode(ModuleNode):
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Find out whether we may listen there, and with which tokens; make the topics."""
+        """Check address, certificate and tokens; make the topics."""
         listening, settings = self._listening(), self.parameters.read(BridgeSettings)
         limits = self.parameters.read(Limits, "limits")
         self._rights = Rights(self._robots(settings.robots), settings.wishes)
@@ -84,12 +84,12 @@ class WebBridgeNode(ModuleNode):
         try:
             server.start()
         except ssl.SSLError as error:
-            raise OSError(f"certificate and key do not serve: {error}") from None
+            raise OSError(f"certificate and key cannot be used: {error}") from None
         except OSError as error:
             where = self.parameters.read(Listening)
             raise OSError(
                 f"cannot listen on {where.address} port {where.port}: {error.strerror or error}; "
-                "end who listens there, or choose another port"
+                "end the program that listens there, or choose another port"
             ) from None
         self._server = server
         self.get_logger().info(
@@ -97,7 +97,7 @@ class WebBridgeNode(ModuleNode):
         )
 
     def end(self) -> None:
-        """Let every page go."""
+        """Disconnect every page."""
         if self._server is not None:
             self._server.close()
             self._server = None
@@ -109,7 +109,7 @@ class WebBridgeNode(ModuleNode):
             self._gateway = None
 
     def _listening(self) -> Listening:
-        """Return where to listen. Raises ValueError where that would be open to eavesdroppers."""
+        """Return the address to listen on. Raises ValueError if others could eavesdrop there."""
         listening = self.parameters.read(Listening)
         if not is_loopback(listening.address) and not listening.certificate:
             raise ValueError(
@@ -124,7 +124,7 @@ class WebBridgeNode(ModuleNode):
         return listening
 
     def _robots(self, names: tuple[str, ...]) -> list[str]:
-        """Return full namespaces. Raises ValueError for what is none, and for one named twice."""
+        """Return full namespaces. Raises ValueError for an invalid or repeated one."""
         found = []
         for name in names or ("",):
             full = f"/{name.strip('/')}" if name.strip("/") else self.get_namespace()
@@ -147,14 +147,14 @@ class WebBridgeNode(ModuleNode):
         return folder / "screw_module_ros" / "web_bridge" / "tokens.json"
 
     def changed(self, kind: type) -> None:
-        """Take over live parameters."""
+        """Apply live parameters."""
         if kind is BridgeSettings and self._gateway is not None:
             self._rights.wishes = self.parameters.read(BridgeSettings).wishes
 
     # Loop ----------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take the newest messages while anybody looks; by wall clock, as browsers live in it."""
+        """Take the newest messages while a client is connected; by wall clock, as in browsers."""
         self.clock.idle()
         clients = self._server.clients
         self._gateway.poll(anybody=clients > 0)
@@ -165,7 +165,7 @@ class WebBridgeNode(ModuleNode):
             self.stopping.wait(_IDLE_S)
 
     def health(self) -> Health:
-        """Say who is connected."""
+        """Report the connected clients."""
         server = self._server
         values = {
             "address": server.address, "clients": server.clients, "cut off": server.cut_off,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What games wish for, from `therapy/wish` to `setpoint`, within the therapist's limits."""
+"""Passes games' set points from `therapy/wish` to `setpoint`, within the therapist's limits."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ class WishRelay:
         self._gate = WishGate(limits)
 
     def limit(self, limits: WishLimits) -> None:
-        """Take other limits from the next wish on."""
+        """Use new limits from the next wish on."""
         self._gate.limits = limits
 
     def begin(self, limits: WishLimits) -> None:
-        """Forget all wishes; the last set point of a game is not to pull any more."""
+        """Drop all wishes, so that the last set point of a game does not pull any more."""
         self._gate = WishGate(limits)
         self._ask_for(_NOWHERE)
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
-        """Pass on the newest wish, if any; let the hand go where a game has gone silent.
+        """Pass on the newest wish, if any; release the hand when a game is silent.
 
-        hand: where it is [m], None where that is not known.
+        hand: its position [m], None if unknown.
         """
         message = self._take()
         if not allowed:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client of the running graph: services with deadlines, newest states, what the nodes say.
+"""A client of the running graph: services with deadlines, newest states, diagnostics.
 
-Every call either works or raises RobotError in a sentence that names the node and what it said.
+Every call either succeeds or raises RobotError, which names the node and quotes its message.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, S
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.clock import WallClock, simulated_clock
+from screw_module_ros.clock import WallClock
 from screw_module_ros.loop.ticker import BACK_OFF_S
+from screw_module_ros.simulated_clock import simulated_clock
 
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest
@@ -39,7 +40,7 @@ ANSWER_S = 10.0
 _LOST_S = 1.0
 _READY_S = 90.0
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
-_WALL = WallClock()  # processes start by it, whatever the robot's time is
+_WALL = WallClock()  # for the start of processes, independent of the robot's time
 _FRESH_NS = 300_000_000
 _STATE_S = 5.0
 _STATES = {
@@ -53,8 +54,8 @@ _STATES = {
 class Client(Waiting):
     """A client of the whole graph. Not thread-safe: one thread calls it.
 
-    watch: called in every wait, may raise to end it, for instance when a process died. simulated:
-    take part in the rig's time: waits go by it, and a request is answered before it moves on.
+    watch: called in every wait; may raise to end it, for instance when a process died. simulated:
+    use the rig's time: waits use it, and it does not advance before a request is answered.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class Client(Waiting):
         self.clock.close()
 
     def _serve(self) -> None:
-        # Not `spin`: shutting it down from another thread destroys what it is about to use.
+        # Not `spin`: a shutdown from another thread destroys objects that it still uses.
         while not self._closing.is_set():
             try:
                 self._executor.spin_once(timeout_sec=_SERVE_S)
@@ -138,10 +139,10 @@ class Client(Waiting):
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
-        """Whether the node has answered so.
+        """Return whether the node has reported the state active.
 
-        A node that is just being discovered may lose a question: it is asked a moment after it was
-        seen, and again where an answer does not come.
+        A node may lose a request during its discovery, so the first request follows a moment after
+        it appeared, and the client repeats a request without an answer.
         """
         future, due_ns = asked.get(name, (None, 0))
         if future is not None and future.done():
@@ -157,7 +158,7 @@ class Client(Waiting):
             asked[name] = (client.call_async(GetState.Request()), now_ns + _ASK_AGAIN_NS)
         return False
 
-    # What the nodes say --------------------------------------------------------------------
+    # Diagnostics and states ----------------------------------------------------------------
 
     def _diagnose(self, message: DiagnosticArray) -> None:
         mine = self.node.get_namespace().strip("/")
@@ -167,7 +168,7 @@ class Client(Waiting):
                 self._statuses[name] = status
 
     def said(self, node: str) -> str:
-        """Return what the node said last on /diagnostics."""
+        """Return the node's last message on /diagnostics."""
         status = self._statuses.get(node)
         return status.message if status else "nothing heard of it on /diagnostics"
 
@@ -199,7 +200,7 @@ class Client(Waiting):
     # Services ------------------------------------------------------------------------------
 
     def client(self, kind: type, service: str):
-        """Return the client of a service, made once."""
+        """Return the client of a service; create it once."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         return self._clients[service]
@@ -220,7 +221,7 @@ class Client(Waiting):
         return future.result()
 
     def _await(self, future: Any, until_ns: int, hops: list) -> None:
-        """Wait until `until_ns` for an answer; one that was given comes before time moves on."""
+        """Wait until `until_ns` for an answer; simulated time waits for one that was sent."""
         if not hops:
             answered = threading.Event()
             future.add_done_callback(lambda _: answered.set())
@@ -238,7 +239,7 @@ class Client(Waiting):
 
     @contextmanager
     def _under_way(self, kind: type, service: str):
-        """Let a request hold simulated time until its node has it; yield the way of the answer.
+        """Make a request hold simulated time until its node has it; yield the answer's hop.
 
         Only services that the node offers with `ModuleNode.serve` count; rclpy's own do not.
         """

@@ -6,7 +6,7 @@
         robot.home()
         robot.set_mode(ForceCommand.IMPEDANCE)
 
-Every call either works or raises RobotError in a sentence that names the node and what it said.
+Every call either succeeds or raises RobotError, which names the node and quotes its message.
 """
 
 from __future__ import annotations
@@ -52,9 +52,10 @@ def arm(
     stiffness: float = _NAN,
     damping: float = _NAN,
 ) -> SetArm.Request:
-    """Return a change of the simulated patient, in the units of SetArm.srv; NaN and '' keep.
+    """Return a change of the simulated patient, in the units of SetArm.srv.
 
-    An axis with NaN as target, amplitude and omega goes on with what its hand is doing.
+    NaN and '' keep the present value. An axis with NaN as target, amplitude and omega continues its
+    present path.
     """
     return SetArm.Request(
         kind=kind,
@@ -69,7 +70,7 @@ def arm(
 
 
 class Robot(Client):
-    """The robot as its operator handles it."""
+    """The operator's actions on the robot."""
 
     def __init__(self, *args: Any, **kwargs: Any):
         super().__init__(*args, **kwargs)
@@ -90,11 +91,11 @@ class Robot(Client):
         self.trigger("manus/home")
 
     def tare(self) -> str:
-        """Take the resting, unloaded handle as zero force."""
+        """Tare: set zero force at the resting, unloaded handle."""
         return self.trigger("force_sensor/tare")
 
     def clear_faults(self) -> None:
-        """Clear latched faults of the drives until they answer and none is left."""
+        """Clear latched faults of the drives until both answer without a fault."""
         self.clear_amplifier()
         self._clear("manus", PlanarState, lambda state: state.drive_state)
 
@@ -121,9 +122,9 @@ class Robot(Client):
             raise RobotError(f"the fault of {node} cannot be cleared: {refusal or self.said(node)}")
 
     def permit(self) -> None:
-        """Wait for the supervisor's permission; acknowledge what stopped the robot before.
+        """Wait for the supervisor's permission; reset an earlier stop.
 
-        What stopped it may take a while to go, and is not to be acknowledged while it lasts.
+        The cause of the stop may last for a while; a reset is possible only after it has ended.
         """
         refusal = ""
 
@@ -164,8 +165,7 @@ class Robot(Client):
             raise RobotError(f"{node} did not switch {'on' if on else 'off'}: {reason}")
 
     def _ask_to_enable(self, node: str, on: bool) -> None:
-        """Ask, and again while the permission of the supervisor is still on its way to the drive.
-        """
+        """Request it, and repeat while the supervisor's permission has not reached the drive."""
         refusal = ""
 
         def answered() -> bool:
@@ -213,7 +213,7 @@ class Robot(Client):
         return self.trigger("session_recorder/stop", deadline_s=30.0)
 
     def check_enabled(self) -> None:
-        """Raise RobotError with what is known of the reason when a torque is off."""
+        """Raise RobotError with the known reason when a torque is off."""
         for name, kind in (("amplifier", AmplifierState), ("manus", PlanarState)):
             if not self.met(lambda kind=kind: self.state(kind), _SILENT_S):
                 raise RobotError(f"{name} is silent{self.complaints_text()}")
@@ -235,11 +235,11 @@ class Robot(Client):
         self.client(SetArm, "sim_rig/set_arm").call_async(request)
 
     def set_fixture(self, name: str) -> None:
-        """Change what the handle is attached to: human_arm, free, stage or locked_rotor."""
+        """Change the fixture of the handle: human_arm, free, stage or locked_rotor."""
         request = SetFixture.Request(fixture=name, position=_NAN)
         self.ask(SetFixture, "sim_rig/set_fixture", request)
 
     def inject(self, device: str, fault: str, value: float = 0.0, duration: float = 0.0) -> str:
-        """Make something go wrong at the far end of a bus; return what the rig says it did."""
+        """Inject a fault into a simulated device or bus; return the rig's description of it."""
         request = InjectFault.Request(device=device, fault=fault, value=value, duration=duration)
         return self.ask(InjectFault, "sim_rig/inject_fault", request)

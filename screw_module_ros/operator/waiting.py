@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting for a robot, by its clock or by wall clock, with a look at its processes meanwhile."""
+"""Waits for a robot, by its clock or by wall clock, and checks its processes meanwhile."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
 from screw_module_ros.lockstep.wires import Hop
 
 POLL_NS = 20_000_000
-_STANDS_NS = 60_000_000_000  # wall clock: a rig that was stopped, by a debugger too, may go on
+_STANDS_NS = 60_000_000_000  # wall clock: a stopped rig, as in a debugger, may continue
 _WALL = WallClock()
 
 
 class RobotError(RuntimeError):
-    """Something asked of the robot did not work; the message says which node said what."""
+    """A request to the robot failed; the message names the node and quotes it."""
 
 
 class Waiting:
-    """What can be waited for.
+    """Waits with a clock.
 
-    clock: what is waited by. watch: called in every wait, may raise to end it.
+    clock: clock of the waits. watch: called in every wait; may raise to end it.
     """
 
     def __init__(self, clock: Clock, watch: Callable[[], None]):
         self.clock, self.watch = clock, watch
 
     def complaints_text(self) -> str:
-        """Return what the nodes report as the end of a sentence, empty for nothing."""
+        """Return the nodes' errors as the end of a sentence, empty without any."""
         return ""
 
     def pause(self, seconds: float) -> None:
@@ -55,7 +55,7 @@ class Waiting:
                     self.clock.sleep_until(until_ns)
                 return
             except TimeStandsStill as error:
-                self.watch()  # a process that has ended says more
+                self.watch()  # a process that has ended gives a better message
                 if not self.clock.has_rig or _WALL.now_ns() > end_ns:
                     raise RobotError(str(error)) from None
 
@@ -74,7 +74,7 @@ class Waiting:
         return True
 
     def met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        """Like `met`, by wall clock: processes start by it, whatever the robot's time is."""
+        """Like `met`, by wall clock, for the start of processes."""
         self.clock.idle()
         end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
         while not condition():

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A dynamic signal analyser on the servo amplifier alone (thesis 4.1.2: HP 3562A, 256 kHz).
 
-It plays a sine into the amplifier, held between its samples, and reads the current; the module
-takes no part. The amplifier is that of `amplifier.py`, at the instrument's rate, where its delay
-lasts many substeps.
+It feeds a sine into the amplifier, held between its samples, and reads the current, without the
+module. The amplifier is that of `amplifier.py` at the instrument's rate, where its delay lasts many
+substeps.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .amplifier import Amplifier, bridge_current, delayed_step, discretised
 def analyzed(
     amplifier: Amplifier, frequency: float, amplitude: float, duration: float, rate: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `analyzer_sine` does, from its compiled twin."""
+    """Return the result of `analyzer_sine`, from its compiled function."""
     return compiled(analyzer_sine)(amplifier, frequency, amplitude, duration, rate)
 
 
@@ -34,7 +34,7 @@ def analyzer_sine(
     count = int(round(duration * rate))
     p = discretised(amplifier, 1.0 / rate)
     command = np.empty(count)
-    settled = np.zeros(count + p.whole + 1)  # what the bridge makes of it, after the delay
+    settled = np.zeros(count + p.whole + 1)  # current of the bridge, after the delay
     answer = np.empty(count)
     current = 0.0
     for k in range(count):

@@ -9,8 +9,8 @@ moves on a minimum-jerk path (Flash and Hogan 1985) to a target and there follow
 - tremor: active, with a 5 Hz sine of 8 mm on each axis of the virtual hand;
 - weak: active, but spring and damper together cannot exceed 8 N.
 
-The arm's mass moves with the handle. Its weight is carried by the patient, unless `carried` says
-what share of it rests on the handle.
+The arm's mass moves with the handle. The patient carries its weight, except for the share `carried`
+that rests on the handle.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WEAK_FORCE = 8.0  # the most a weak arm pushes or pulls [N]
 
 
 class HumanArm(NamedTuple):
-    """The patient's arm as it is when the rig starts."""
+    """The patient's arm at the start of the rig."""
 
     kind: Annotated[str, Setting("what the arm does", choices=KINDS)]
     mass: Annotated[float, Setting("moved with the handle", "kg", 0.0, 60.0)]
@@ -39,7 +39,7 @@ class HumanArm(NamedTuple):
 
 
 class ArmForce(NamedTuple):
-    """The arm as the equations of motion see it, on every axis alike.
+    """The arm in the equations of motion, the same on every axis.
 
     mass [kg], stiffness [N/m], damping [N s/m], limit: of spring and damper together [N],
     weight: on the handle [N].
@@ -70,7 +70,7 @@ class HandPath(NamedTuple):
 
 
 def arm_force(arm: HumanArm, gravity: float) -> ArmForce:
-    """Return the arm as the equations of motion see it; gravity [m/s^2]."""
+    """Return the arm for the equations of motion; gravity [m/s^2]."""
     relaxed = RELAXED_SHARE if arm.kind == RELAXED else 1.0
     return ArmForce(
         mass=arm.mass,
@@ -127,8 +127,8 @@ def stage_velocity(
 ) -> float:
     """Return the positioning stage's velocity [m/s] after a substep.
 
-    It goes to `target` [m] at `speed` [m/s] and stops there, never faster than it can brake with
-    `acceleration` [m/s^2]. position [m], velocity: now [m/s], dt [s].
+    The stage moves to `target` [m] at `speed` [m/s] and stops there; its speed always allows it to
+    brake with `acceleration` [m/s^2]. position [m], velocity: now [m/s], dt [s].
     """
     way = target - position
     step = acceleration * dt

@@ -2,8 +2,8 @@
 """The circuit that reads the motor current for the A/D card (thesis 4.1.2, appendix C.2).
 
 0.1 Ohm shunt, differential amplifier, active low pass of second order (928.8 Hz), gain: 3.42 V/A.
-In `H(s) = g w^2 / (s^2 + (R1 + R2) C1 w^2 s + w^2)` the letters stand for the parts of C.2. It is
-the equation of an inertia on a damped spring, so the rotor's exact step solves it.
+In `H(s) = g w^2 / (s^2 + (R1 + R2) C1 w^2 s + w^2)` the symbols are those of C.2. It has the form
+of an inertia on a damped spring, so the exact step of the rotor solves it.
 """
 
 from __future__ import annotations

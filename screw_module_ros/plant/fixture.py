@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What holds the handle: the patient, nothing, the positioning stage, or the locked rotor.
 
-The handle can be brought to a height before a fixture takes hold: it is carried there at
-`PLACING_SPEED`, so that no sensor sees it jump.
+Before a fixture takes effect, the handle can be moved to a height. It moves there at
+`PLACING_SPEED`, so that no sensor sees a jump.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from .module import LOCKED_ROTOR, STAGE
 
 NAMES = ("human_arm", "free", "stage", "locked_rotor")  # by number
 PLACING_SPEED = 0.1  # [m/s]
-PLACED = 2e-6  # how near to the wanted height is there [m]
+PLACED = 2e-6  # tolerance of the desired height [m]
 FASTEST = 1.0  # speed of the stage [m/s]
 
 
 class Fixture(NamedTuple):
     """kind: number of the fixture; locked: the pin is in; upright: +1, upside down -1;
     speed: of the stage, up positive [m/s]; target: where stage or placing end [m];
-    placing: the handle is still being brought to where the fixture starts."""
+    placing: the handle is still moving to the start height of the fixture."""
 
     kind: int
     locked: bool
@@ -33,12 +33,12 @@ class Fixture(NamedTuple):
 
     @property
     def acting(self) -> int:
-        """The number of what holds the handle now; placing works like the stage."""
+        """Number of the fixture that holds the handle now; placing acts like the stage."""
         return STAGE if self.placing else self.kind
 
     @property
     def pace(self) -> float:
-        """How fast stage or placing move, without sign [m/s]."""
+        """Speed of stage or placing, without sign [m/s]."""
         return PLACING_SPEED if self.placing else abs(self.speed)
 
 
@@ -54,8 +54,8 @@ def changed_fixture(
 ) -> Fixture:
     """Return the fixture after a change as SetFixture.srv describes it.
 
-    travel, handle: end of travel and where the handle is [m]. Raises ValueError saying what cannot
-    be and why.
+    travel, handle: end of travel and position of the handle [m]. Raises ValueError with the
+    impossible value and the reason.
     """
     if name and name not in NAMES:
         raise ValueError(f"fixture = {quoted(name)}: one of {', '.join(NAMES)} is wanted")
@@ -76,7 +76,7 @@ def changed_fixture(
 
 
 def running(fixture: Fixture, travel: float, handle: float) -> Fixture:
-    """Return the fixture at work, placing done: a stage goes to the end its speed points to."""
+    """Return the fixture after placing: a stage moves to the end in the direction of its speed."""
     target = handle
     if fixture.speed != 0.0:
         target = travel if fixture.speed > 0.0 else 0.0

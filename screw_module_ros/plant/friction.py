@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction of the screw module: the thesis's steady map and what the thesis left out.
+"""Friction of the screw module: the thesis's steady map and effects that the thesis left out.
 
-Ground truth in steady motion is the map of thesis 5.2.5: a trend over height, a ripple once per
-screw turn and a speed factor, one set for moving against gravity and one for moving with it
-(5.2.4: the load decides, not the direction on the screw). Height is held at the ends of the range
-that was mapped. On top come effects no controller of this project models:
+The values are in `params/plant.yaml`, section `friction`. In steady motion the true friction is the
+map of thesis 5.2.5: a trend over height, a ripple once per screw turn and a speed factor, one set
+for motion against gravity and one for motion with it (5.2.4: the load decides, not the direction on
+the screw). Height is clamped to the mapped range. In addition there are effects that no controller
+of this project models:
 
 - a roller ripple, four per screw turn (figs 5-7, 5-8);
 - a Stribeck term, friction falling with speed in the lower half and rising in the upper half as in
@@ -12,16 +13,16 @@ that was mapped. On top come effects no controller of this project models:
 - stiction: below the slowest speed measured (0.5 mm/s) the map's power law, which runs to zero, is
   replaced by a rise to a breakaway level;
 - presliding: an elasto-plastic bristle (Dahl 1968; LuGre, Canudas de Wit 1995; Dupont 2002) that
-  carries the whole force. Below `ELASTIC` of the level it only bends, so a load below that is held
+  carries the whole force. Below `ELASTIC` of the level it only bends, so it holds a smaller load
   without creep;
 - load: the moment on the linear bearing, from the handle's 77.85 mm offset and from sideways force,
   raises friction above what the same speed has in the passive runs that gave the map;
 - waves along the screw that no polynomial of the thesis's order follows;
-- rollers that slip: their ripple's phase moves on with the way travelled, so that it does not
-  repeat with the height;
-- warm-up and wear: the level starts too high and falls with the way travelled since power-on.
+- slip of the rollers: the phase of their ripple shifts with the distance travelled, so that the
+  ripple does not repeat with the height;
+- warm-up and wear: the level starts too high and falls with the distance travelled since power-on.
 
-The bristle is integrated implicitly and can only lose energy, whatever level and speed do.
+The bristle is integrated implicitly and can only lose energy, at any level and speed.
 """
 
 from __future__ import annotations
@@ -78,9 +79,9 @@ class Friction(NamedTuple):
     wave_length: Annotated[float, Setting("of these waves", "m", 0.005, 1.0)]
     wave_phase: Annotated[float, Setting("of these waves at z = 0", "rad", -10.0, 10.0)]
     roller_phase: Annotated[float, Setting("of the rollers at power-on", "rad", -10.0, 10.0)]
-    roller_slip: Annotated[float, Setting("phase lost per way travelled", "rad/m", 0.0, 100.0)]
+    roller_slip: Annotated[float, Setting("phase lost per distance travelled", "rad/m", 0.0, 100.0)]
     cold: Annotated[float, Setting("excess of the level at power-on", "", 0.0, 2.0)]
-    cold_way: Annotated[float, Setting("way over which that excess goes", "m", 0.01, 1000.0)]
+    cold_way: Annotated[float, Setting("distance over which that excess decays", "m", 0.01, 1000.0)]
 
 
 def steady_level(
@@ -147,9 +148,9 @@ def bristle_terms(
 ) -> tuple[float, float, float]:
     """Return (keep, slope, damping) of one implicit bristle step.
 
-    After the step the bristle carries keep * bristle + slope * v [N], v being the velocity [m/s]
-    at the end of the step, and friction is that plus damping * v. The bristle slips only towards
-    the side it is bent to, and the more the nearer it is to the friction level.
+    After the step the bristle carries keep * bristle + slope * v [N], with v the velocity [m/s] at
+    the end of the step; friction is that plus damping * v. The bristle slips only towards the side
+    to which it is bent, and slips more the closer it is to the friction level.
 
     stiffness [N/m], damping [N s/m], bristle: force it carries now [N], velocity: now [m/s],
     level: |friction| in steady motion [N], dt [s]. The same in Nm and rad for a joint.
@@ -163,10 +164,10 @@ def bristle_terms(
 
 
 def settled_bristle(bristle: float, before: float, level: float) -> float:
-    """Return the bristle force [N] after a step, kept from shooting past the friction level.
+    """Return the bristle force [N] after a step, limited to the friction level.
 
-    A fast step from the elastic range could overshoot; a bristle that was already above the level
-    (the level fell) is left to decay.
+    A fast step from the elastic range could overshoot. A bristle that was already above the level
+    (because the level fell) decays without the limit.
     """
     limit = max(level, abs(before))
     return min(max(bristle, -limit), limit)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of the vertical module: its parameters, what acts on it, its state.
+"""Records of the vertical module: parameters, inputs, state.
 
 Two masses, thesis 5.1 and Table 5.1 (equation of motion 5.3, split at the play): the nut side is
 everything the motor turns, as mass at the nut; the handle side is what moves up and down (10.04 N
@@ -66,7 +66,7 @@ class VerticalParams(NamedTuple):
 
 
 class ModuleInput(NamedTuple):
-    """What acts on the module during a substep.
+    """Inputs of the module during a substep.
 
     current: from `bridge_current` [A]; powered: else the motor coasts; braked: unpowered and
     shorted; fixture: HUMAN_ARM, FREE, STAGE or LOCKED_ROTOR; locked: the pin holds the screw;
@@ -149,9 +149,9 @@ def vertical_params(
 
 
 def resting_state(module: Vertical, position: float, upright: float) -> ModuleState:
-    """Return the module at rest with the nut at `position` [m], the handle hanging in the play.
+    """Return the module at rest with the nut at `position` [m], the handle at the end of the play.
 
-    Friction in its elastic range carries the weight, if it can. upright: +1, upside down -1.
+    Friction in its elastic range carries the weight, if possible. upright: +1, upside down -1.
     """
     weight = upright * module.moving_mass * module.gravity
     sag = 0.5 * module.play * upright + weight / module.contact_stiffness

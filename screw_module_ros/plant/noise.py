@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Normal random numbers as a pure function of two integers, the same compiled and plain.
 
-Two multiplicative generators joined (L'Ecuyer, Comm. ACM 31, 1988), products below 2^63, then
-Box and Muller. numba's and Python's own generators would give the two twins different noise.
+Two combined multiplicative generators (L'Ecuyer, Comm. ACM 31, 1988), products below 2^63, then
+Box and Muller. numba's and Python's generators would give compiled and plain function different
+noise.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes of the simulated patient at run time: its arm, and where its virtual hand goes."""
+"""Changes of the simulated patient at run time: its arm, and the path of its virtual hand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _KEEP = (math.nan, math.nan, math.nan)
 
 
 class ArmSettings(NamedTuple):
-    """A change of the patient's arm, as in SetArm.srv; NaN and '' keep what is.
+    """A change of the patient's arm, as in SetArm.srv; NaN and '' keep the present value.
 
     kind: active, relaxed, tremor or weak; mass [kg], stiffness [N/m], damping [N s/m];
     target: of the virtual hand, x, y from the centre, z from the bottom [m]; duration: of the
@@ -50,9 +50,9 @@ def moved_patient(patient: Patient, z: float) -> Patient:
 
 
 def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patient:
-    """Return the patient after a change asked for at time `now` [s].
+    """Return the patient after a change requested at time `now` [s].
 
-    Raises ValueError naming the field that cannot be.
+    Raises ValueError naming the invalid field.
     """
     arm = patient.arm
     if change.kind:
@@ -78,9 +78,9 @@ def _replaced(arm: HumanArm, name: str, value) -> HumanArm:
 
 
 def _path(old: HandPath, arm: HumanArm, change: ArmSettings, axis: int, now: float) -> HandPath:
-    """Return the new path on one axis; it starts where the virtual hand is.
+    """Return the new path on one axis; it starts at the present point of the virtual hand.
 
-    NaN as target, amplitude and omega of an axis lets its path, sine and all, go on undisturbed.
+    With NaN as target, amplitude and omega of an axis its path continues unchanged, sine included.
     """
     asked = (change.target[axis], change.amplitude[axis], change.omega[axis])
     if all(map(math.isnan, asked)) and arm.kind != RELAXED:

@@ -3,8 +3,8 @@
 
 Both joint angles are absolute (the motors stand at the base; frame `manus_base`, counter-clockwise
 from +x), so with D = elbow - shoulder the arm's inertia is [[a, c cos D], [c cos D, b]] and a mass
-at the tip adds J^T J times it, of the same form. Motor torques meet a little joint friction, stops
-and the patient's hand; one substep solves both joint velocities implicitly (backward Euler).
+m at the tip adds m J^T J, of the same form. Motor torques, a little joint friction, stops and the
+patient's hand act on it; one substep solves both joint velocities implicitly (backward Euler).
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class PlanarParams(NamedTuple):
 
 
 class ManusInput(NamedTuple):
-    """What acts during a substep: torque commands [Nm], power and brakes, the hand.
+    """Inputs of a substep: torque commands [Nm], power and brakes, the hand.
 
     attached: a hand holds the handle; hand_*: virtual hand from the workspace centre [m], [m/s].
     """
@@ -211,7 +211,7 @@ def _motor(p: PlanarParams, torque: float, command: float, powered: bool) -> flo
 def _hand_terms(
     p: PlanarParams, u: ManusInput, reach_x: float, reach_y: float, vx: float, vy: float
 ) -> _Hand:
-    """Return what the hand does to the tip at reach_x, reach_y from the base [m], velocity v."""
+    """Return the hand's terms for the tip at reach_x, reach_y from the base [m], velocity v."""
     if not u.attached:
         return _Hand(0.0, 0.0, 0.0, 0.0, 0.0)
     x = p.robot.base_x + reach_x

@@ -7,9 +7,9 @@ parasitic torque of the 77.85 mm between transducer and screw (3.1.2) loads the 
 the transducer: it enters friction, not this wrench. On the locked-rotor fixture the transducer
 reads the rotor's torque about z.
 
-Zeros drift as the electronics warm up: each axis goes exponentially to an offset of its own.
-Quantisation is the business of the simulated ATI electronics. The filter before the converter acts
-on the force along z alone, the one that a loop is closed over; `plant.vertical` applies it.
+Zeros drift as the electronics warm up: each axis approaches its own offset exponentially. The
+simulated ATI electronics quantise the values. The filter before the converter acts only on the
+force along z, which the force feedback uses; `plant.vertical` applies it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that is settable about the rig, read from a YAML file, and perturbed by a seed."""
+"""Settings of the simulated rig, from a YAML file (`params/plant.yaml`), perturbed by a seed."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ POLYNOMIALS = {"trend": 8, "rotation": 6}  # coefficients, highest power first
 
 
 class PlantFileError(ValueError):
-    """A plant file cannot be used; the text names the file, the key and what is wrong."""
+    """A plant file cannot be used; the message names the file, the key and the problem."""
 
 
 class Start(NamedTuple):
-    """Where things are at power-on."""
+    """Positions and counts at power-on."""
 
     position: Annotated[float, Setting("nut and handle from the bottom of travel", "m", 0.0, 2.0)]
     x: Annotated[float, Setting("handle from the workspace centre", "m", -1.0, 1.0)]
@@ -62,7 +62,7 @@ class WorldSettings(NamedTuple):
 def load_world(path: str | Path | None = None, perturb_seed: int | None = None) -> WorldSettings:
     """Read the rig from a plant file; None = the one installed with the package.
 
-    perturb_seed: draw another rig round the file's values (`perturbed`), None = as written.
+    perturb_seed: draws another rig around the file's values (`perturbed`), None = as in the file.
     Raises PlantFileError naming the file and the key that is wrong.
     """
     file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
@@ -80,9 +80,9 @@ def load_world(path: str | Path | None = None, perturb_seed: int | None = None) 
 
 
 def checked(settings: WorldSettings) -> WorldSettings:
-    """Return the settings unchanged when they fit together.
+    """Return the settings unchanged when they are consistent.
 
-    Raises ValueError naming the values that do not.
+    Raises ValueError naming the values that are not.
     """
     start, planar, vertical = settings.start, settings.planar, settings.vertical
     if start.position > vertical.travel:
@@ -99,13 +99,13 @@ def checked(settings: WorldSettings) -> WorldSettings:
 
 
 def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
-    """Return another rig of the same build, drawn round `settings`; the same for the same seed.
+    """Return another rig of the same build, drawn around `settings`; the same for the same seed.
 
-    Changed are friction (level, ripples, phases, slopes, shape of the trend, stiction, Stribeck,
+    It changes friction (level, ripples, phases, slopes, shape of the trend, stiction, Stribeck,
     bristles, load, slip, warm-up), masses and with them gravity, the motor constant, dead zone and
-    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer; by
-    about as much as one module differs from the next or from itself after it was taken apart
-    (thesis 5.1.1).
+    delay of the amplifier, play, contact, film and guide, noise and filter of the transducer. The
+    changes are about as large as the differences between two modules, or of one module before and
+    after disassembly (thesis 5.1.1).
     """
     draw = random.Random(f"plant {seed}")
 
@@ -142,7 +142,7 @@ def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:
         dead_zone=about(amplifier.dead_zone, 0.3),
         torque_constant=about(amplifier.torque_constant, 0.03),
     )
-    # A stream of its own, so that what a seed drew before this was added is still what it draws.
+    # A separate random stream, so that seeds still draw the earlier values.
     return _less_known(
         settings._replace(friction=friction, vertical=vertical, amplifier=amplifier),
         random.Random(f"plant, what nobody measures, {seed}"),
@@ -154,7 +154,7 @@ def _about(draw: random.Random, value: float, spread: float) -> float:
 
 
 def _less_known(settings: WorldSettings, draw: random.Random) -> WorldSettings:
-    """Return the rig with other values where neither thesis nor data sheet gives one."""
+    """Return the rig with changed values that neither thesis nor data sheet gives."""
     f, v = settings.friction, settings.vertical
     friction = f._replace(
         against=_bent(f.against, draw),
@@ -201,11 +201,10 @@ def _bent(branch, draw: random.Random):
 
 
 def changed_later(settings: WorldSettings, seed: int) -> WorldSettings:
-    """Return the rig as it is some time after it was calibrated; the same for the same seed.
+    """Return the rig some time after its calibration; the same for the same seed.
 
-    Wear and grease change the friction's level and play, rollers have slipped to another phase, a
-    heavier or lighter handle is on, the transducer has another zero. What calibration found no
-    longer holds.
+    Wear and grease have changed level of friction and play, rollers have slipped to another phase,
+    the handle is heavier or lighter, the transducer has another zero. The calibration is outdated.
     """
     draw = random.Random(f"plant, later, {seed}")
     f, v, s = settings.friction, settings.vertical, settings.sensor

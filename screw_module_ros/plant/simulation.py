@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole rig over many substeps as one function: what `World` compiles."""
+"""The whole rig over many substeps as one function, which `World` compiles."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def advance(
 ) -> SimulationState:
     """Return the state after `steps` substeps with the same inputs.
 
-    The hand's place in the inputs is ignored: it comes from the paths.
+    The hand's position in the inputs is ignored: it comes from the paths.
     """
     ticks, vertical, planar = s.ticks, s.vertical, s.planar
     x, y, z, vx, vy, vz = s.x, s.y, s.z, s.vx, s.vy, s.vz
@@ -83,5 +83,5 @@ def advance_packed(
     planar_input: ManusInput,
     steps: int,
 ) -> SimulationState:
-    """Do what `advance` does with parameters from `compiled.packed`: quicker to call."""
+    """Do the same as `advance` with parameters from `compiled.packed`, which is faster to call."""
     return advance(parameters[0], s, vertical_input, planar_input, steps)

@@ -3,14 +3,14 @@
 
 The motor is off the screw; J phi'' + B phi' + K phi = T, and the transducer reads K phi.
 
-Which damping: C.3 prints B = 7.2 Nm/(rad/s). Taken as printed the mode is heavily overdamped
-(damping ratio 8.1, a slow pole at K/B = 1389 rad/s, 221 Hz), which is what makes magnitude and
-phase fall below 200 Hz in fig 4-9; a light damping would make them rise towards the folded
-resonance at 400 Hz. So the printed value is the default, and a small one shows the 3600 Hz mode.
+Damping: C.3 prints B = 7.2 Nm/(rad/s). With this value the mode is heavily overdamped (damping
+ratio 8.1, a slow pole at K/B = 1389 rad/s, 221 Hz). That explains why magnitude and phase fall
+below 200 Hz in fig 4-9; with light damping they would rise towards the folded resonance at 400 Hz.
+So the printed value is the default; a small one shows the 3600 Hz mode.
 
-Its poles are far above the substep, so a substep with constant torque is solved exactly. The
+The poles are too fast for the substep, so a substep with constant torque is solved exactly. The
 rotor's own breakaway torque (5.44 mNm) is left out: over the microradians of a locked rotor its
-bristles, soft beside the transducer, carry nothing.
+bristles, soft compared with the transducer, carry no torque.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def rotor_step_settings(t: Transducer, dt: float) -> RotorStep:
     if abs(root) < 1e-9 * half:  # critically damped: the limit of the formulas below
         slow += 1e-6 * half
         fast -= 1e-6 * half
-    slow = square / fast  # without the cancellation of -half + root
+    slow = square / fast  # avoids the cancellation in -half + root
     a, b = cmath.exp(slow * dt), cmath.exp(fast * dt)
     gap = slow - fast
     rise = ((a - b) / gap).real

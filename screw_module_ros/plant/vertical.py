@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The vertical screw module: motor and nut, play, handle, arm or stage, lock pin, end stops.
 
-Motor, friction and encoder are on the nut's side; weight, end stops, transducer and the arm are on
-the handle's. Between them is play with a film of grease in it, then a contact spring whose damping
-sets in with the contact. One substep solves both velocities implicitly (backward Euler), so springs
-and friction can take energy out but not put any in.
+Motor, friction and encoder are on the nut's side; weight, end stops, transducer and arm are on the
+handle's side. Between them is play with a film of grease, then a contact spring with a damper that
+acts in contact only. One substep solves both velocities implicitly (backward Euler), so springs and
+friction can remove energy but not add any.
 
 z is positive up the screw also when the module hangs upside down. `patient_force` is the force of
 the patient (arm or stage) on the robot at the transducer, so it contains the reaction of the arm's
@@ -66,8 +66,8 @@ def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleSt
 def _mount(p: VerticalParams, s: ModuleState, contact: float) -> tuple[float, float]:
     """Return deflection [m] and velocity of the screw in its mount (thesis appendix A, case 3).
 
-    The handle's force goes through the nut into screw and mount; the encoder turns with the screw
-    and does not see how far that gives way. Spring and damper implicit, the force is the substep's.
+    The handle's force acts through the nut on screw and mount. The encoder turns with the screw and
+    does not measure the deflection. Spring and damper are implicit, with the force of the substep.
     """
     m = p.module
     if m.mount_stiffness == 0.0:
@@ -84,7 +84,8 @@ def _friction_level(p: VerticalParams, s: ModuleState, upright: float) -> float:
     level = steady_level(f, p.turn_rate, s.nut, abs(s.nut_velocity), against, s.way)
     weight = p.module.moving_mass * p.module.gravity
     mapped = p.module.handle_offset * passive_force(level, weight, against)
-    # The map was pushed at the handle: what rubs there is part of it and does not act on the nut.
+    # The map was measured at the handle: it includes the handle's friction, which does not act on
+    # the nut.
     nut = level - p.module.rail_friction
     return max(nut + f.load_gain * (s.load - mapped), f.smallest)
 
@@ -152,7 +153,7 @@ def _move(
             s.handle, s.handle_velocity, u.stage_speed, u.stage_target, m.stage_acceleration, dt
         )
         if (s.handle <= 0.0 and stage < 0.0) or (s.handle >= m.travel and stage > 0.0):
-            stage = 0.0  # the end switches of the stage
+            stage = 0.0  # as the end switches of the stage do
     nut_velocity, handle_velocity, contact = _solve(
         m, s, dt, nut_gain, nut_push, handle_gain, handle_push, u.locked, stage
     )
@@ -195,12 +196,12 @@ def _solve(
     """Return both velocities after the substep and the contact force of the handle on the nut.
 
     Without contact, gain x velocity = push on each side [N]. A locked screw and a stage (velocity
-    `stage`, NaN = none) prescribe their side's velocity. The contact is assumed open or closed by
-    where the masses are heading, and the answer is checked: a contact does not pull.
+    `stage`, NaN = none) prescribe their side's velocity. The direction of the masses decides
+    whether the contact is assumed open or closed; the result is checked: a contact does not pull.
     """
     gap = s.handle - s.nut - s.mount
     half = 0.5 * m.play
-    sway = s.mount_velocity  # of the screw in its mount, with which the nut moves along
+    sway = s.mount_velocity  # of the screw in its mount; the nut moves with it
     ahead = gap + dt * (s.handle_velocity - s.nut_velocity - sway)
     nut_velocity = 0.0
     handle_velocity = 0.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated rig as its drives and sensors meet it: commands in, counts and wrench out.
+"""The simulated rig as seen by its drives and sensors: commands in, counts and wrench out.
 
-`World` holds the state of `simulation.advance` and what is attached to the handle. The simulated
-devices drive it; nothing here reads a clock.
+`World` holds the state of `simulation.advance` and the fixture at the handle. The simulated devices
+command it; it reads no clock.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["ArmSettings", "PlantFileError", "Truth", "World", "WorldSettings", "
 
 
 class Truth(NamedTuple):
-    """What really happens, fields and units of SimTruth.msg."""
+    """True values, with fields and units of SimTruth.msg."""
 
     handle_position: float
     handle_velocity: float
@@ -90,7 +90,7 @@ class World:
             start.x, start.y, start.position, 0.0, 0.0, 0.0,
         )  # fmt: skip
         self._params = self._built()
-        self.advance(0.0)  # compiles here, not in the first tick
+        self.advance(0.0)  # compiles now, not in the first tick
         self.wrench()
 
     def _built(self) -> Any:
@@ -107,7 +107,7 @@ class World:
         )
 
     def advance(self, dt: float) -> None:
-        """Let dt [s] pass, in whole substeps; what remains is carried over.
+        """Advance by dt [s], in whole substeps; the remainder is carried over.
 
         Raises ValueError for a negative dt or a command that is not finite.
         """
@@ -185,8 +185,8 @@ class World:
     def wrench(self) -> Wrench:
         """Return the wrench of the patient on the robot in frame `handle` [N, Nm].
 
-        With the transducer's zeros, drift and noise, not quantised. The noise belongs to the time:
-        asked twice at one time, or asked more or less often before, it gives the same answer.
+        With the transducer's zeros, drift and noise, not quantised. The noise depends on the time
+        only, not on the number of calls.
         """
         if self._measured[0] == self._state.ticks:
             return self._measured[1]
@@ -204,7 +204,7 @@ class World:
         return self._measured[1]
 
     def truth(self) -> Truth:
-        """Return what really happens now."""
+        """Return the present true values."""
         state = self._state  # once: another thread may be advancing
         v, plane = state.vertical, state.planar
         return Truth(
@@ -230,7 +230,7 @@ class World:
     def set_arm(self, arm: ArmSettings) -> None:
         """Change the patient's arm and send the virtual hand on its way.
 
-        Raises ValueError naming the field that cannot be.
+        Raises ValueError naming the invalid field.
         """
         self._patient = changed_patient(self._patient, arm, self.simulated_time)
         self._params = self._built()
@@ -243,10 +243,10 @@ class World:
         upside_down: bool = False,
         locked: bool = False,
     ) -> None:
-        """Change what holds the handle, as SetFixture.srv says; '' keeps the fixture.
+        """Change the fixture of the handle, as in SetFixture.srv; '' keeps the fixture.
 
-        speed: of the stage, up positive [m/s]; position: the handle is first carried there [m],
-        NaN = it stays where it is. Raises ValueError saying what cannot be.
+        speed: of the stage, up positive [m/s]; position: the handle first moves there [m], NaN = it
+        stays. Raises ValueError naming the impossible value.
         """
         v = self._state.vertical
         self._fixture = changed_fixture(

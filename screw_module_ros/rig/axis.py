@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulated drive is wired to: one motor and one position feedback of the world."""
+"""The connection of a simulated drive to the world: one motor and one position feedback."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class VerticalAxis:
         return self._world.vertical_torque
 
     def drive(self, torque: float, powered: bool, braked: bool) -> None:
-        """Command the amplifier [Nm], or let go of the motor."""
+        """Command the amplifier [Nm], or release the motor."""
         driven = (torque * self._amperes if powered else 0.0, powered, braked)
         if driven != self._driven:
             self._driven = driven
@@ -73,7 +73,7 @@ class PlanarAxis:
         return self._world.planar_torque[self._index]
 
     def drive(self, torque: float, powered: bool, braked: bool) -> None:
-        """Command the motor [Nm], or let go of it."""
+        """Command the motor [Nm], or release it."""
         driven = (torque if powered else 0.0, powered, braked)
         if driven != self._driven:
             self._driven = driven

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which devices there are, on which bus, with which ids and ratings."""
+"""Creates the simulated devices on their buses, with their ids and ratings."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class RigSettings(NamedTuple):
         int, Setting("largest torque of the drives, object 6072", "per mille", 100, 32767)
     ] = 4000
     command_latency: Annotated[
-        float, Setting("from SYNC to when the command that answers it acts, in simulated time", "s",
+        float, Setting("from SYNC to the effect of its command, in simulated time", "s",
                        0.0, 0.1)
     ] = 600e-6
 
@@ -71,7 +71,7 @@ def build_devices(
 
 
 def vertical_rating(settings: RigSettings) -> DriveRating:
-    """Return what the vertical drive says of itself."""
+    """Return the ratings that the vertical drive reports."""
     return DriveRating(
         node_id=settings.drive_node,
         rated_torque=settings.rated_torque,
@@ -82,7 +82,7 @@ def vertical_rating(settings: RigSettings) -> DriveRating:
 
 
 def planar_rating(settings: RigSettings, node_id: int) -> DriveRating:
-    """Return what a planar drive says of itself."""
+    """Return the ratings that a planar drive reports."""
     return DriveRating(
         node_id=node_id,
         rated_torque=settings.planar_rated_torque,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every simulated CANopen device does (CiA 301): NMT, SDO, SYNC, PDO, heartbeat, EMCY.
+"""Base of every simulated CANopen device (CiA 301): NMT, SDO, SYNC, PDO, heartbeat, EMCY.
 
-The object dictionary is the only configuration: whatever the master writes there takes effect at
-once. Time is passed in with every frame and every `poll`.
+The object dictionary is the only configuration: each write of the master takes effect at once. Time
+is passed in with every frame and every `poll`.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _COMMUNICATION_AREA = range(0x1000, 0x2000)
 _STATE_AFTER_LOSS = {0: PRE_OPERATIONAL, 2: STOPPED}
 _PDO_INDEX = 0x1FF
 _BOOT_NS = 20_000_000
-"""How long a device is away after a reset."""
+"""Time without communication after a reset."""
 
 
 class CanopenDevice:
     """One node on the bus.
 
-    name: how faults and reports call it; link: its cable; node_id: 1..127; eds: its EDS file.
+    name: in faults and reports; link: its cable; node_id: 1..127; eds: its EDS file.
     """
 
     def __init__(self, name: str, link: Link, node_id: int, eds: str):
@@ -99,7 +99,7 @@ class CanopenDevice:
         """React to objects that the master has changed, by RPDO or by SDO."""
 
     def connection_lost(self, code: int) -> None:
-        """React to a master that went silent: EMCY here, a drive stops too."""
+        """React to a silent master: EMCY here; a drive also stops."""
         self.errors.report(code)
 
     def connection_back(self, code: int) -> None:
@@ -110,7 +110,7 @@ class CanopenDevice:
         """React to a change of the NMT state."""
 
     def restarted(self) -> None:
-        """Start the application anew: power-on and NMT reset node."""
+        """Restart the application: after power-on and NMT reset node."""
 
     def went_bus_off(self) -> None:
         """Lose the bus, as a CAN controller with too many errors does."""
@@ -125,7 +125,7 @@ class CanopenDevice:
     # PDO owner.
 
     def length_error(self, code: int, data: bytes) -> None:
-        """Report an RPDO of the wrong length, or with code 0 that they are right again."""
+        """Report an RPDO of the wrong length, or with code 0 the end of that error."""
         del data
         if code:
             self.errors.report(code)
@@ -176,7 +176,7 @@ class CanopenDevice:
     # States.
 
     def reset(self, now_ns: int, whole: bool = True) -> None:
-        """Go away for a moment and boot with default objects: all, or the communication area."""
+        """Reset for a moment and boot with default objects: all, or the communication area."""
         if whole:
             self.node.restore()
         else:
@@ -218,7 +218,7 @@ class CanopenDevice:
     # Configuration.
 
     def _configured(self, index: int) -> None:
-        """Let a write to `index` take effect."""
+        """Apply a write to `index`."""
         if index in _COMMUNICATION_AREA:
             self._refresh(index)
             self._producer.refresh(self.now_ns)

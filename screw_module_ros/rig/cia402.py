@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State machine of the far end of a CiA 402 drive (CiA 402-2, section 8: PDS FSA).
+"""State machine of a simulated CiA 402 drive (CiA 402-2, section 8: PDS FSA).
 
-The transitions are a table. What happens on the way, coasting or braking to a standstill, follows
-the option codes 605A (quick stop), 605B (shutdown), 605C (disable operation) and 605E (fault
-reaction): 0 lets go of the motor at once, anything else brakes first.
+The transitions are a table. The option codes 605A (quick stop), 605B (shutdown), 605C (disable
+operation) and 605E (fault reaction) set the reaction: 0 releases the motor at once, any other value
+brakes to standstill first.
 """
 
 from __future__ import annotations
@@ -116,9 +116,9 @@ class StateMachine:
         self._last_controlword = 0
 
     def control(self, controlword: int, may_reset: bool, may_switch_on: bool) -> None:
-        """Take a controlword.
+        """Process a controlword.
 
-        may_reset: the cause of the fault is gone; may_switch_on: the power is there.
+        may_reset: the cause of the fault is gone; may_switch_on: the power is on.
         """
         rising = controlword & ~self._last_controlword & _FAULT_RESET
         self._last_controlword = controlword
@@ -144,7 +144,7 @@ class StateMachine:
             self._go(FAULT)
 
     def disable_voltage(self) -> None:
-        """Let go of the motor: transitions 7, 9, 10 and 12."""
+        """Release the motor: transitions 7, 9, 10 and 12."""
         if self.state in (READY, SWITCHED_ON, ENABLED, QUICK_STOP):
             self._go(SWITCH_ON_DISABLED)
 
@@ -155,7 +155,7 @@ class StateMachine:
             self._take(target)
 
     def standstill(self) -> None:
-        """Finish what waited for the motor to stand still."""
+        """Finish the transition that waited for standstill."""
         if self._after_stop is not None:
             self._go(self._after_stop)
 

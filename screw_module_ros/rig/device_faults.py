@@ -23,9 +23,9 @@ def add_common_faults(device: CanopenDevice) -> None:
     add("power_off", Fault("it loses its supply; boots when it is back", *_power(device)))
     add("emcy", _emcy(device))
     for name, attribute, text in (
-        ("heartbeat_lost", "mute_heartbeat", "its heartbeat stops, all else goes on"),
-        ("pdos_lost", "mute_pdos", "its PDOs stop, all else goes on"),
-        ("rpdos_lost", "deaf_pdos", "it hears no PDO, all else it does"),
+        ("heartbeat_lost", "mute_heartbeat", "its heartbeat stops, everything else continues"),
+        ("pdos_lost", "mute_pdos", "its PDOs stop, everything else continues"),
+        ("rpdos_lost", "deaf_pdos", "it receives no PDO, everything else continues"),
         ("sdo_silent", "silent_sdo", "it does not answer SDO requests"),
         ("refuse_guards", "refuse_guards", "it aborts writes to 1016, 1017 and 1400:05"),
     ):

@@ -2,8 +2,8 @@
 """Simulated torque drive (CiA 402): state machine, cyclic synchronous torque, profile torque.
 
 Target 6071 and actual 6077 are per mille of 6076 [mNm]; 6078 is per mille of 6075 [mA]. The drive
-is the robot's last guard: when the master's heartbeat or the RPDO's deadline is missed it acts as
-6007 says, without anybody's help.
+is the robot's last guard: when the master's heartbeat or the RPDO's deadline is missed, it reacts
+as object 6007 requires.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class DriveRating(NamedTuple):
 class SimulatedDrive(CanopenDevice):
     """One drive with its motor.
 
-    name: how faults call it; link: its cable; axis: its motor; physics: the world's time.
+    name: in faults; link: its cable; axis: its motor; physics: the world's time.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class SimulatedDrive(CanopenDevice):
         self._act(now_ns)
 
     def connection_lost(self, code: int) -> None:
-        """Report the loss and do what 6007 says."""
+        """Report the loss and react as 6007 requires."""
         super().connection_lost(code)
         option = self.node.value(0x6007)
         if option == _ABORT_FAULT:
@@ -141,7 +141,7 @@ class SimulatedDrive(CanopenDevice):
         self._act(self.now_ns)
 
     def connection_back(self, code: int) -> None:
-        """Report the return of the master, unless the fault it led to is still latched."""
+        """Report the return of the master, unless the resulting fault is still latched."""
         if self.error_code != code:
             super().connection_back(code)
 
@@ -158,7 +158,7 @@ class SimulatedDrive(CanopenDevice):
         self.connection_lost(NMT_LOST)
 
     def restarted(self) -> None:
-        """Start with this drive's own ratings, nothing commanded, motor let go."""
+        """Start with this drive's own ratings, no command, motor released."""
         settings, node = self.settings, self.node
         node.put(0x6075, 0, round(settings.rated_current * 1000.0))
         node.put(0x6076, 0, round(settings.rated_torque * 1000.0))
@@ -183,7 +183,7 @@ class SimulatedDrive(CanopenDevice):
             self._act(now_ns)
 
     def fail(self, code: int) -> None:
-        """Go into fault with an error code (object 603F), as 605E says."""
+        """Enter fault with an error code (object 603F); 605E sets the reaction."""
         if self.machine.state not in (cia402.FAULT, cia402.FAULT_REACTION):
             self.error_code = code
         self.errors.report(code)
@@ -191,7 +191,7 @@ class SimulatedDrive(CanopenDevice):
         self._act(self.now_ns)
 
     def refresh_output(self) -> None:
-        """Drive the motor again after a fault was put in or taken out."""
+        """Update the motor after a fault has begun or ended."""
         if self.torque_off:
             self.machine.disable_voltage()
         self._act(self.now_ns)
@@ -263,7 +263,7 @@ class SimulatedDrive(CanopenDevice):
         return self._target + self._torque_offset if self._mode in TORQUE_MODES else 0
 
     def _act(self, now_ns: int) -> None:
-        """Bring the motor in line with state, mode and target."""
+        """Set the motor according to state, mode and target."""
         machine = self.machine
         driving = machine.driving and self._mode in TORQUE_MODES
         elapsed, self._ramped_ns = now_ns - self._ramped_ns, now_ns

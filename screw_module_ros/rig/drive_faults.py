@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong in a simulated drive, beside its cable and its CANopen side."""
+"""Faults of a simulated drive, beside those of its cable and its CANopen side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CAUSES = (
     ("motor_temperature", 0x4310, "motor too hot"),
     ("watchdog", 0x6010, "software watchdog"),
     ("feedback", 0x7300, "position feedback broken"),
-    ("heartbeat_fault", 0x8130, "it believes that the master's heartbeat is lost"),
+    ("heartbeat_fault", 0x8130, "it reports a lost heartbeat of the master"),
 )
 _GENERIC_FAULT = 0x5000
 _LARGEST_CODE = 0xFFFF

@@ -80,7 +80,7 @@ class ErrorLog:
         return tuple(self._active)
 
     def report(self, code: int, info: bytes = b"") -> None:
-        """Note that an error has appeared; nothing when it is known already."""
+        """Report a new error; ignore one that is already reported."""
         if code in self._active:
             return
         self._active[code] = code
@@ -88,18 +88,18 @@ class ErrorLog:
         self.emit(code, self.register, info)
 
     def resolve(self, code: int) -> None:
-        """Note that an error is gone; nothing when there was none."""
+        """Report the end of an error; ignore one that was not reported."""
         if self._active.pop(code, None) is not None:
             self.emit(0, self.register)
 
     def resolve_all(self) -> None:
-        """Forget every error that lasts, with one EMCY 0000."""
+        """Clear every present error, with one EMCY 0000."""
         if self._active:
             self._active.clear()
             self.emit(0, 0)
 
     def reset(self) -> None:
-        """Start afresh, without a frame."""
+        """Restart without errors and without a frame."""
         self._active.clear()
         self._history.clear()
 

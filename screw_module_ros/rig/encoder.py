@@ -74,7 +74,7 @@ class SimulatedEncoder(CanopenDevice):
         return position % self._range
 
     def written(self, now_ns: int) -> None:
-        """Take over operating parameters that the master has changed."""
+        """Apply operating parameters that the master has changed."""
         parameters = self.node.value(0x6000)
         self._parameters = parameters & _KNOWN_PARAMETERS
         if parameters & _SCALED:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of one device by name: inject, let them end, clear, and list them for people.
+"""Faults of one device by name: inject, end, clear and list them.
 
 Every device has a `FaultBook`. The faults of its cable are in every book; the device adds its own.
 """
@@ -22,10 +22,10 @@ _S = 1_000_000_000
 
 
 class Fault(NamedTuple):
-    """Something that can go wrong.
+    """One fault that can be injected.
 
-    text: what happens; start: called with the value; stop: ends it, None for what happens once.
-    unit, default, low, high: what the value means; default is used for a value of 0 or NaN.
+    text: description; start: called with the value; stop: ends the fault, None for a single event.
+    unit, default, low, high: of the value; a value of 0 or NaN means default.
     """
 
     text: str
@@ -55,7 +55,7 @@ class FaultBook:
             self.add(name, Fault(spec.text, start, stop, *spec[1:]))
 
     def add(self, name: str, fault: Fault) -> None:
-        """Add what can go wrong with this device."""
+        """Add a fault of this device."""
         self._faults[name] = fault
 
     @property
@@ -64,7 +64,7 @@ class FaultBook:
         return tuple(self._until_ns)
 
     def check(self, name: str, value: float, duration: float) -> float:
-        """Return the value to use. Raises ValueError that says what is wrong and what exists."""
+        """Return the value to use. Raises ValueError with the problem and the known faults."""
         fault = self._faults.get(name)
         if fault is None:
             names = ", ".join((CLEAR, *self._faults))
@@ -79,9 +79,9 @@ class FaultBook:
         return value
 
     def inject(self, name: str, value: float, duration: float, now_ns: int) -> str:
-        """Make a fault happen for `duration` [s], 0 = until cleared; `clear` ends all of them.
+        """Inject a fault for `duration` [s], 0 = until cleared; the fault `clear` ends all.
 
-        Returns what happens, as `announce` does, and raises ValueError as `check` does.
+        Returns a description as `announce` does, and raises ValueError as `check` does.
         """
         said = self.announce(name, value, duration)
         if name == CLEAR:
@@ -94,7 +94,7 @@ class FaultBook:
         return said
 
     def announce(self, name: str, value: float, duration: float) -> str:
-        """Return a sentence about what `inject` would do. Raises ValueError as `check` does."""
+        """Return a description of the effect of `inject`. Raises ValueError as `check` does."""
         if name == CLEAR:
             return f"{self.device}: {', '.join(self.active) or 'no fault'} cleared"
         value = self.check(name, value, duration)
@@ -107,7 +107,7 @@ class FaultBook:
         return name in self._faults
 
     def poll(self, now_ns: int) -> None:
-        """End the faults whose time is over, and let the faulty cable do its work."""
+        """End the faults whose time is over, and update the faults of the cable."""
         for name, until_ns in tuple(self._until_ns.items()) if self._until_ns else ():
             if until_ns is not None and now_ns >= until_ns:
                 self._end(name)
@@ -126,7 +126,7 @@ class FaultBook:
             self._frames.stop(OFF_BUS)
 
     def describe(self) -> dict[str, str]:
-        """Return fault -> one line about it and its value."""
+        """Return fault -> one line with its description and its value."""
         return {name: _line(fault) for name, fault in self._faults.items()}
 
     def _end(self, name: str) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated six-axis force/torque sensor (ATI NETCANOEM, manual 9610-05-1030).
 
-Frame id = base << 4 | opcode, payloads big-endian. A request and its replies share ids: a request
-differs from a reply in its length. Two replies are as long as the request they answer (0x6, 0xC): a
-sensor that heard itself would answer itself for ever, which the port prevents.
+Frame id = base << 4 | opcode, payloads big-endian. A request and its replies share ids; they differ
+in length, except for 0x6 and 0xC. The port drops the sensor's own frames, because a sensor that
+received its own replies to these two would answer itself for ever.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ READ_COUNTS, READ_UNITS, READ_DIAGNOSTICS, RESET, READ_FIRMWARE = 0x7, 0x8, 0x9,
 
 WATCHDOG, BAD_CALIBRATION, CAN_ERROR, ANY_ERROR = 1 << 0, 1 << 6, 1 << 14, 1 << 15
 FAULT_BITS = 0x59FC
-"""Bits 2 to 8, 11, 12 and 14: the sensor's values are not to be believed."""
+"""Bits 2 to 8, 11, 12 and 14: the sensor's values are unusable."""
 
 LARGEST_COUNT = 32767
 
@@ -75,12 +75,12 @@ class SimulatedForceSensor:
         self._add_faults()
 
     def poll(self, now_ns: int) -> None:
-        """Let faults end and frames that are late go out."""
+        """End faults whose time is over and send delayed frames."""
         self.now_ns = now_ns
         self.faults.poll(now_ns)
 
     def gauges(self, now_ns: int) -> list[int]:
-        """Return the six gauges as of now [counts], rounded and limited as the ADC does."""
+        """Return the six gauges at now_ns [counts], rounded and limited as the ADC does."""
         if self._stuck is not None:
             return self._stuck
         fx, fy, fz, *torques = self._physics.world.wrench()
@@ -176,7 +176,7 @@ class SimulatedForceSensor:
         self.restart(now_ns)
 
     def restart(self, now_ns: int, cause: int = 0) -> None:
-        """Start again with the first calibration, silent for a moment; `cause`: status bit left."""
+        """Restart with the first calibration, silent for a moment; cause: status bit to set."""
         self._calibration = CALIBRATIONS[0]
         self.status = cause
         self._silent_until_ns = now_ns + _BOOT_NS
@@ -238,7 +238,7 @@ class SimulatedForceSensor:
 
 
 def _flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
-    """Return six standard normal numbers that belong to this microsecond, however often asked."""
+    """Return six standard normal numbers, the same at each call within a microsecond."""
     first, second = advanced(*seeds, _GAUGES * (now_ns // 1000))
     numbers: list[float] = []
     for _ in range(_GAUGES // 2):

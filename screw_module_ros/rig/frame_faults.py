@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can happen to frames on the way: the faults of one device's cable.
+"""Faults of one device's cable, which change, delay or drop its frames.
 
-Only frames of that device are touched, and those it receives; its neighbours on a shared bus live
-on. Several faults may be active at once; each takes the frames the one before has left.
+They affect only frames that this device sends or receives; other devices on a shared bus continue
+undisturbed. Several faults may be active at once; each processes the output of the one before.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _PADDING = b"\xaa"
 _OTHER_NODE = 0x40
 """Flipping this bit turns a frame of ours into one of a node that does not exist."""
 OFF_BUS = "off_bus"
-"""Not in the table of faults: a device's controller takes itself off the bus with it."""
+"""Not in the table of faults: with it a device's controller leaves the bus."""
 _DEAF = {"cable_out", "deaf", OFF_BUS}
 _FLOOD_ID = 0x001
-"""Highest priority there is below NMT, used by nobody."""
+"""Highest priority below NMT; no device uses it."""
 _FLOOD_FRAME = b"\xff" * _LONGEST
 _LARGEST_BURST = 200
 _MS = 1_000_000
@@ -31,7 +31,7 @@ _HOLD_NS = 5 * _MS
 
 
 class FrameFault(NamedTuple):
-    """What a frame fault does, and what its value means."""
+    """Effect of a frame fault, and the meaning of its value."""
 
     text: str
     unit: str = ""
@@ -71,13 +71,13 @@ class FrameFaults:
         self._flooded_ns = 0
 
     def start(self, name: str, value: float) -> None:
-        """Make the fault `name` happen from now on."""
+        """Start the fault `name`."""
         self._values[name] = value
         self._flooded_ns = self._link.port.now_ns
         self._link.mangle(self)
 
     def stop(self, name: str) -> None:
-        """End the fault `name`; with the last one, what is still under way goes out."""
+        """End the fault `name`; after the last one, send the delayed frames."""
         self._values.pop(name, None)
         if self._values:
             self._link.mangle(self)
@@ -86,7 +86,7 @@ class FrameFaults:
             self._release(all_of_them=True)
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Take a frame of the device and put on the bus what becomes of it."""
+        """Pass a frame of the device through the active faults to the bus."""
         frames = [(can_id, bytes(data))]
         for name, value in tuple(self._values.items()):
             change = _CHANGES.get(name)
@@ -96,7 +96,7 @@ class FrameFaults:
             self._link.port.send(*frame)
 
     def incoming(self, handler: Handler) -> Handler | None:
-        """Return what reaches the device in place of `handler`, None for nothing at all."""
+        """Return the handler behind the active faults, None if no frame reaches the device."""
         if not _DEAF.isdisjoint(self._values):
             return None
         share = self._values.get("drop_in", 0.0)
@@ -110,7 +110,7 @@ class FrameFaults:
         return sometimes
 
     def poll(self, now_ns: int) -> None:
-        """Send what has been delayed long enough, and the flood's share since the last call."""
+        """Send frames whose delay is over, and the flood's frames since the last call."""
         if not self._values:
             return
         self._link.port.now_ns = now_ns

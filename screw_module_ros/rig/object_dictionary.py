@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Object dictionary and SDO server of a simulated device (CiA 301, sections 7.2.4 and 7.4).
 
-`canopen.LocalNode` brings the EDS file and the SDO protocol. What an object is worth, who may write
-it and what follows from a write is ours: `sources` are read live, `checks` may refuse a value with
-an abort code before it is stored, `sinks` act on it afterwards.
+`canopen.LocalNode` implements the EDS file and the SDO protocol. This module adds values, access
+and effects: `sources` return live values, `checks` may refuse a value with an abort code before it
+is stored, `sinks` act on it afterwards.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class DeviceNode(canopen.LocalNode):
         try:
             self.sdo.on_request(self.sdo.rx_cobid, bytearray(data), 0.0)
         except Exception:
-            # The library cannot even abort a segment that nobody began: it has no index to name.
+            # The library cannot abort a segment without a begun transfer: it has no index to name.
             self.malformed += 1
 
     def variable(self, index: int, subindex: int) -> ODVariable:
@@ -138,12 +138,12 @@ class DeviceNode(canopen.LocalNode):
         self._stored[index, subindex] = self.variable(index, subindex).encode_raw(value)
 
     def restore(self, first: int = 0, last: int = 0xFFFF) -> None:
-        """Forget what was written between two indices: the defaults of the EDS file hold again."""
+        """Restore the defaults of the EDS file between two indices."""
         self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
 
 
 def _ignored(_index: int) -> None:
-    """Take part in nothing: the device has not said yet what follows from a write."""
+    """Do nothing: the device has not set its callback for writes yet."""
 
 
 def _check_range(variable: ODVariable, value: int) -> None:

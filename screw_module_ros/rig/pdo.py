@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Process data of a simulated device, as the master configured it (CiA 301, section 7.2.2).
 
-Each PDO is read out of the object dictionary after every write to it and compiled into one
-`struct` and a few functions: a master that maps wrongly gets what it asked for, and the cyclic path
-stays short.
+After every write to it a PDO is read from the object dictionary and compiled into one `struct` and
+a few functions. So a wrong mapping of the master takes effect as on a real device, and the cyclic
+path stays short.
 """
 
 from __future__ import annotations
@@ -105,13 +105,13 @@ class Tpdo:
         self.synchronous = self.kind <= _LAST_CYCLIC
 
     def start(self, now_ns: int) -> None:
-        """Begin with NMT start: SYNCs count from now, and an event-driven PDO is sent once."""
+        """Start at NMT start: SYNCs count from now, and an event-driven PDO is sent once."""
         self._syncs = 0
         if not self.synchronous:
             self._transmit(self.pack(), now_ns)
 
     def pack(self) -> bytes:
-        """Return the payload as of now."""
+        """Return the present payload."""
         return self._struct.pack(*[source() for source in self._sources])
 
     def on_sync(self, now_ns: int) -> None:
@@ -165,7 +165,7 @@ class Rpdo:
             self.deadline_ns = 0
 
     def receive(self, data: bytes, now_ns: int) -> None:
-        """Take a frame: too short is refused, too long is cut, both are reported."""
+        """Process a frame: refuse a short one, truncate a long one, report both."""
         owner = self._owner
         if not owner.operational or owner.deaf_pdos:
             return
@@ -191,13 +191,13 @@ class Rpdo:
             self._apply(data, now_ns)
 
     def on_sync(self, now_ns: int) -> None:
-        """Let a synchronous PDO that has arrived since the last SYNC act."""
+        """Apply a synchronous PDO that has arrived since the last SYNC."""
         if self._held is not None:
             data, self._held = self._held, None
             self._apply(data, now_ns)
 
     def expired(self, now_ns: int) -> bool:
-        """Return once that no frame came within the deadline; the next frame arms it again."""
+        """Return True once after a missed deadline; the next frame arms it again."""
         if not self.deadline_ns or now_ns < self.deadline_ns:
             return False
         self.deadline_ns = 0
@@ -205,7 +205,7 @@ class Rpdo:
         return True
 
     def disarm(self) -> None:
-        """Forget the deadline and what was held, as a reset does."""
+        """Clear the deadline and a held frame, as a reset does."""
         self.deadline_ns = 0
         self._held = None
         self._late = self._bad_length = False
@@ -231,6 +231,6 @@ def _sink(node: DeviceNode, key: tuple[int, int]) -> Callable[[int], None]:
         try:
             node.set_data(*key, variable.encode_raw(value))
         except SdoAbortedError:
-            pass  # a value the device refuses is ignored: a PDO has nobody to tell
+            pass  # the device ignores a refused value: a PDO has no answer
 
     return store

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a device refuses while its PDOs are being configured (CiA 301, sections 7.5.2.35 to 38).
+"""Refusals of a device while a master configures its PDOs (CiA 301, sections 7.5.2.35 to 38).
 
 A master has to disable a PDO before it changes its id or mapping, and to clear the mapping before
-it writes entries. A simulated device that let everything pass would hide a wrong order.
+it writes entries. A simulated device without these checks would hide a wrong order.
 """
 
 from __future__ import annotations

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant's time: wall clock, or steps in lock step with the nodes.
 
-With the wall clock the world follows CLOCK_MONOTONIC; after a stall it gives up the lost time and
-counts it instead of integrating a burst. In steps it goes exactly as far as the conductor says, and
-a command acts a fixed latency after the SYNC that it answers, as it would on a real robot, however
-long the answer took to compute.
+With the wall clock the world follows CLOCK_MONOTONIC; after a stall it skips and counts the lost
+time instead of integrating a burst. In steps it advances exactly to the conductor's time. A command
+then acts a fixed latency after its SYNC, as on a real robot, however long its computation took.
 """
 
 from __future__ import annotations
@@ -14,18 +13,18 @@ from collections.abc import Callable
 from typing import Protocol
 
 _SHORTEST_NS = 50_000
-"""The plant integrates in steps of this size; asking it more often only costs time."""
+"""Step of the plant's integration; more frequent calls only cost time."""
 
 _RECENT_NS = 250_000
-"""A world no older than this is as good as of now to who only reads it: samples are taken on the
-same tick, and bringing it up to date for each costs more than all else that a frame takes."""
+"""Age up to which readers use the world without an update: all samples of a tick are taken nearly
+at once, and an update for each would cost more than the rest of a frame's processing."""
 
 _LONGEST_PERIODS = 5
-"""A longer stall than this is given up instead of caught up."""
+"""After a longer stall the lost time is skipped."""
 
 
 class PlantInterface(Protocol):
-    """What the rig asks of the plant: quantities, units, signs as in `plant.world.World`."""
+    """Interface of the plant for the rig: quantities, units, signs as in `plant.world.World`."""
 
     vertical_command: float
     planar_command: tuple[float, float]
@@ -58,10 +57,10 @@ class PlantInterface(Protocol):
 
 
 class Physics:
-    """Keeps a world's time.
+    """Advances a world's time.
 
-    stepped: see above, else wall clock. period_ns: the unit of `slipped`. latency_ns: from a SYNC
-    to when its answer acts, in steps.
+    stepped: lock step (see above), else wall clock. period_ns: unit of `slipped`. latency_ns: from
+    a SYNC to the effect of its command, in lock step.
     """
 
     def __init__(self, world: PlantInterface, stepped: bool, period_ns: int, latency_ns: int):
@@ -77,7 +76,7 @@ class Physics:
         self._synced_ns = 0
 
     def advance(self, now_ns: int) -> None:
-        """Bring the world to `now_ns`."""
+        """Advance the world to `now_ns`."""
         if not self.reached_ns:
             self.reached_ns = now_ns
         if self.stepped:
@@ -106,7 +105,7 @@ class Physics:
             self.reached_ns = now_ns
 
     def act(self, change: Callable[[], None]) -> None:
-        """Carry out a change of the commands: now, or in steps when its latency is over."""
+        """Apply a change of the commands: now, or in lock step after the latency."""
         if not self.stepped:
             change()
             return
@@ -118,15 +117,15 @@ class Physics:
             self._step(self.reached_ns)
 
     def look(self, now_ns: int) -> None:
-        """Bring the world to `now_ns` for a reader, unless it is recent enough."""
+        """Advance the world to `now_ns` for a reader, unless it is recent enough."""
         if self.stepped or now_ns - self.reached_ns >= _RECENT_NS:
             self.advance(now_ns)
 
     def resume(self) -> None:
-        """Go on from the next `advance`, as if no time had passed since the last one."""
+        """Continue from the next `advance`, as if no time had passed since the last one."""
         self.reached_ns = 0
 
     def sync(self, _data: bytes, now_ns: int) -> None:
-        """Bring the world to this SYNC, before the devices latch their state."""
+        """Advance the world to this SYNC, before the devices latch their state."""
         self._synced_ns = now_ns
         self.look(now_ns)

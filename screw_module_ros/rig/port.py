@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """One bus of the rig, and the cable of each device on it.
 
-A `RigPort` reads frames and hands each to the devices that listen to its id: one dictionary lookup
-a frame. A `Link` is a device's own cable: frame faults sit there, so that one device of a shared
-bus can go wrong alone. A healthy link costs one attribute test a frame.
+A `RigPort` reads frames and passes each to the devices that listen to its id: one dictionary lookup
+per frame. A `Link` is a device's own cable and carries its frame faults, so that they affect only
+this device of a shared bus. A link without faults costs one attribute test per frame.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
 from screw_module_ros.clock import Clock
 
 Handler = Callable[[bytes, int], None]
-"""Takes the payload of a frame and the time it is handled at [ns]."""
+"""Handler of a frame: called with the payload and the present time [ns]."""
 
 
 class Mangler(Protocol):
-    """What may happen to the frames of one link; see `frame_faults`."""
+    """Changes the frames of one link; see `frame_faults`."""
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Take a frame of the device and put on the bus what becomes of it."""
+        """Pass a frame of the device through the active faults to the bus."""
 
     def incoming(self, handler: Handler) -> Handler | None:
-        """Return what reaches the device in place of `handler`, None for nothing at all."""
+        """Return the handler behind the active faults, None if no frame reaches the device."""
 
 
 class Link:
@@ -41,24 +41,24 @@ class Link:
         port.links.append(self)
 
     def listen(self, handlers: dict[int, Handler]) -> None:
-        """Replace what the device listens to: frame id -> handler."""
+        """Replace the device's handlers: frame id -> handler."""
         self.handlers = handlers
         self.port.rebuild()
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame of the device, through the faults of its cable when there are any."""
+        """Send a frame of the device, through the faults of its cable if there are any."""
         if self.mangler is None:
             self.port.send(can_id, data)
         else:
             self.mangler.send(can_id, data)
 
     def mangle(self, mangler: Mangler | None) -> None:
-        """Put faults on the cable, or take them off with None."""
+        """Set the faults of the cable; None removes them."""
         self.mangler = mangler
         self.port.rebuild()
 
     def received(self) -> dict[int, Handler]:
-        """Return the handlers that the faults of the cable leave."""
+        """Return the handlers behind the faults of the cable."""
         if self.mangler is None:
             return self.handlers
         wrapped = {can_id: self.mangler.incoming(h) for can_id, h in self.handlers.items()}
@@ -68,8 +68,7 @@ class Link:
 class RigPort:
     """One bus: frames in by id, frames out, counters.
 
-    bus: any python-can bus; it stays the caller's, and is not closed here. clock: what the other
-    ends of the bus wait by.
+    bus: any python-can bus; the caller closes it. clock: that of the other ends of the bus.
     around: frame id -> handlers called before and after every device's own.
     """
 
@@ -89,11 +88,11 @@ class RigPort:
         self._messages: dict[int, can.Message] = {}
 
     def plug(self) -> Link:
-        """Return a cable for one more device."""
+        """Return the cable of a further device."""
         return Link(self)
 
     def fileno(self) -> int | None:
-        """Return the descriptor to select on, None where the interface has none."""
+        """Return the file descriptor to select on, None if the interface has none."""
         try:
             number = self.bus.fileno()
         except NotImplementedError:
@@ -117,7 +116,7 @@ class RigPort:
         return self._arrivals.expects()
 
     def receive(self, now_ns: int) -> bool:
-        """Handle the next waiting frame, if there is one; never blocks. True when there was."""
+        """Handle the next waiting frame without blocking; return whether there was one."""
         self.now_ns = now_ns
         try:
             message = self._arrivals.receive(0)
@@ -161,7 +160,7 @@ def _present(handlers: Iterable[Handler | None]) -> tuple[Handler, ...]:
 
 
 def _unsupported(message: can.Message) -> bool:
-    """Return whether a frame is of a kind that no device here answers."""
+    """Return whether no simulated device answers this kind of frame."""
     return (
         message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd
     )

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole far end: five devices on up to four buses, one world, one thread.
 
-`process` is one pass without waiting, `run` serves the buses on the wall clock, `run_in_steps` in
-simulated time. The answer to SYNC comes first: frames are taken one from each bus in turn, and
-housekeeping waits for the quiet part of a period. Physics is brought up to date when something
-looks at it or acts on it.
+`process` is one pass without waiting, `run` serves the buses by wall clock, `run_in_steps` in
+simulated time. The answer to SYNC has priority: the rig takes one frame from each bus in turn and
+does its housekeeping in the quiet part of a period. It advances the physics when a device reads or
+commands it.
 """
 
 from __future__ import annotations
@@ -32,27 +32,26 @@ _BUS = "_bus"
 _PLANE = "planar"
 _SYNC_ID = 0x080
 _MOST_FRAMES = 256
-"""Handled in one pass, however many wait."""
+"""Frames handled in one pass at most."""
 _AWAITED = ("encoder", "force_sensor")
-"""Buses served first: real devices answer at the same time, these one after another."""
+"""Buses served first: real devices answer at the same time, simulated ones one after another."""
 _BACKLOG = 64
-"""Handled by the loop before the timers get their turn, however many wait."""
+"""Frames handled by the loop at most, before it serves the timers."""
 _HOUSEKEEPING_NS = 1_000_000
 _AFTER_TICK_NS = 600_000
-"""When housekeeping is due: the nodes tick at whole periods and have written by then."""
+"""Time of the housekeeping: the nodes tick at whole periods and have written by then."""
 _LONGEST_UNSEEN_NS = 2_000_000
-"""The world is brought up to date at least so often, though nobody looks."""
+"""Longest time without an update of the world."""
 _LOOK_S = 0.05
 _PAUSE_S = 0.0002
-"""Between two passes on interfaces that cannot be waited for."""
+"""Pause between two passes for interfaces without a file descriptor."""
 
 
 class RigCounters(NamedTuple):
-    """What the rig has done so far, over all buses.
+    """Counters of the rig, over all buses.
 
-    ignored: frames that no device here answers. own_echoes: our own frames, handed back by an
-    interface without a filter. slipped: periods of wall clock given up because the machine was
-    busy.
+    ignored: frames that no device here answers. own_echoes: our own frames, returned by an
+    interface without a filter. slipped: periods of wall clock skipped because the machine was busy.
     """
 
     frames_in: int
@@ -67,8 +66,8 @@ class RigCounters(NamedTuple):
 class Rig:
     """The simulated devices on `buses`, driven by `world`.
 
-    buses: encoder, drive, force_sensor, planar -> bus; the same bus may stand under several keys,
-    and what is left out is not there. clock: simulated time goes in steps (see `physics`);
+    buses: encoder, drive, force_sensor, planar -> bus; several keys may share a bus, and devices
+    without a key do not exist. clock: simulated time advances in steps (see `physics`);
     period_ns: the shortest period of the nodes. Raises ValueError for an unknown bus or setting.
     """
 
@@ -118,7 +117,7 @@ class Rig:
         return handled
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Serve the buses in real time until `should_stop` says so.
+        """Serve the buses in real time until `should_stop()`.
 
         Raises OSError or ValueError when a bus is closed meanwhile.
         """
@@ -138,7 +137,7 @@ class Rig:
             for descriptor in ready:
                 ports[descriptor].receive(now_ns)
             backlog += len(ready)
-            # Frames that have waited come before the timers: they may be what a timer watches for.
+            # Waiting frames come before the timers: a timer may monitor them.
             if now_ns >= wake_ns and (not ready or backlog > _BACKLOG):
                 self._serve_requests()
                 self._housekeep(now_ns)
@@ -147,7 +146,7 @@ class Rig:
     def run_in_steps(
         self, conductor: Conductor, should_stop: Callable[[], bool], stepped: Callable[[int], None]
     ) -> None:
-        """Serve the buses and move simulated time until `should_stop` says so.
+        """Serve the buses and advance simulated time until `should_stop()`.
 
         stepped: called with each new time [ns], after the devices' timers.
         """
@@ -165,34 +164,34 @@ class Rig:
                 now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
                 conductor.move(now_ns)
                 self._housekeep(now_ns)
-                for port in self._distinct:  # strangers are heard once a step
+                for port in self._distinct:  # frames of foreign processes are read once per step
                     while port.receive(now_ns):
                         pass
                 stepped(now_ns)
                 conductor.release()
 
     def _serve_expected(self, now_ns: int) -> None:
-        """Handle the frames that members have sent, one from each bus in turn."""
+        """Handle the frames of the members of simulated time, one from each bus in turn."""
         while True:
             waiting = [port for port in self._distinct if port.expects()]
             if not sum(port.receive(now_ns) for port in waiting):
                 return
 
     def call(self, function: Callable[[], object]) -> None:
-        """Have `function` called between two frames, by the thread that runs the rig.
+        """Call `function` between two frames, in the thread that runs the rig.
 
-        For whatever changes the world or a device from another thread. What it raises comes out of
-        `process` or `run`.
+        Use it to change the world or a device from another thread. `process` or `run` raises its
+        exceptions.
         """
         self._requests.append(function)
 
     def inject(self, device: str, fault: str, value: float, duration: float, now_ns: int) -> str:
-        """Make something go wrong; `describe` lists what there is.
+        """Inject a fault; `describe` lists the faults.
 
         device: a device, a bus (`planar`, or a key of the buses with `_bus` behind it) or `all`.
         value: size in the fault's own unit, 0 = its default; duration: [s], 0 = until the fault
         `clear`. An empty fault changes nothing and returns the list. Takes effect with the next
-        pass. Returns what happens; raises ValueError that says what is wrong and what exists.
+        pass. Returns a description; raises ValueError with the problem and the known faults.
         """
         if not fault:
             return self.describe(device or ALL)
@@ -206,7 +205,7 @@ class Rig:
         return "; ".join(said)
 
     def faults(self) -> dict[str, str]:
-        """Return "device fault" -> one line about it, for every fault there is."""
+        """Return "device fault" -> one line of description, for every fault."""
         return {
             f"{name} {fault}": text
             for name, device in self.devices.items()
@@ -214,7 +213,7 @@ class Rig:
         }
 
     def describe(self, device: str = ALL) -> str:
-        """Return the faults of a device, a bus or all, as text for people."""
+        """Return the faults of a device, a bus or all, as readable text."""
         books = {one.name: one.faults for one in self._chosen(device)}
         lines = [f"{name}, active: {', '.join(b.active)}" for name, b in books.items() if b.active]
         lines += catalogue({name: book.describe() for name, book in books.items()})
@@ -227,13 +226,13 @@ class Rig:
 
     @property
     def counters(self) -> RigCounters:
-        """What was done so far."""
+        """The counters, over all buses."""
         names = RigCounters._fields[:-1]
         sums = [sum(getattr(port, name) for port in self._distinct) for name in names]
         return RigCounters(*sums, self.physics.slipped)
 
     def close(self) -> None:
-        """Let go of the motors and stop listening; the buses stay the caller's."""
+        """Release the motors and stop listening; the caller closes the buses."""
         for device in self.devices.values():
             device.link.listen({})
             if isinstance(device, SimulatedDrive):
@@ -267,7 +266,7 @@ class Rig:
         return named
 
     def _chosen(self, name: str) -> list[Device]:
-        """Return the devices that a name means. Raises ValueError for an unknown one."""
+        """Return the devices for a name. Raises ValueError for an unknown one."""
         if name == ALL:
             return list(self.devices.values())
         if name in self.devices:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibrations of the simulated six-axis transducer: what its gauges show, what it says of them.
+"""Calibrations of the simulated six-axis transducer: gauge values and calibration matrix.
 
-Three beams 120 degrees apart, each with a gauge for the axial force and one for the tangential:
-that alone fixes how a wrench loads the gauges. A few per cent of cross-talk, the same in every run,
-keep the matrix from being a textbook one. The matrix that the sensor hands out is the inverse,
-rounded to float32 as on the wire: wrench = matrix @ (gauges - bias) / counts per unit.
+The transducer has three beams 120 degrees apart, each with a gauge for the axial force and one for
+the tangential force; this geometry determines the gauge values of a wrench. A few per cent of
+cross-talk, the same in every run, makes the matrix realistic. The sensor reports the inverse
+matrix, rounded to float32 as on the wire: wrench = matrix @ (gauges - bias) / counts per unit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _NEWTONS_PER_POUND = 4.4482216152605
 _METRES_PER_INCH = 0.0254
 
 ZERO_OFFSETS = (312, -145, 87, -260, 41, 198)
-"""What the gauges show with no load [counts]: the mounting strains every transducer."""
+"""Gauge values without load [counts]: the mounting strains every transducer."""
 
 
 class Calibration(NamedTuple):

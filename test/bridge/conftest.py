@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests of this folder share a robot without ROS; hypothesis runs without its deadline."""
+"""The tests of this folder share a robot without ROS."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 sys.path.insert(0, str(Path(__file__).parent))
-settings.register_profile("no deadline", deadline=None)
-settings.load_profile("no deadline")
 
-from fake_gateway import FakeGateway  # noqa: E402
+from fake_gateway import FakeGateway
 
 
 @pytest.fixture

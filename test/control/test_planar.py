@@ -4,7 +4,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.control.planar import (
@@ -151,7 +151,6 @@ def test_a_measurement_that_cannot_be_gives_zero(field, value):
     assert all(math.isfinite(value) for value in output)
 
 
-@settings(max_examples=100)
 @given(
     any_law,
     st.lists(st.tuples(st.one_of(real_inputs, wild_inputs), st.integers(1, 15)), max_size=6),

@@ -223,7 +223,6 @@ def test_a_time_step_that_cannot_be_gives_zero(dt):
     assert vertical_step(SETTINGS, MODEL, state, REST, dt)[0].force == 0.0
 
 
-@settings(max_examples=100)
 @given(
     any_law,
     st.lists(

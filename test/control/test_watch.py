@@ -4,8 +4,6 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from screw_module_ros.control.watch import (
     FORCE_FAULT_BITS,
@@ -222,33 +220,3 @@ def test_two_senders_are_noticed(bench):
         bench.step()
         bench.watch.encoder(encoder(bench.tick, 0.3), bench.now_ns)
     assert "second node" in bench.watch.fault
-
-
-wild = st.floats(allow_nan=True, allow_infinity=True)
-stamps = st.integers(-(2**63), 2**63 - 1)
-events = st.one_of(
-    st.tuples(st.just("encoder"), st.integers(0, 2**32 - 1), stamps, wild, wild, st.booleans()),
-    st.tuples(st.just("force"), st.integers(0, 2**32 - 1), stamps, wild, st.integers(0, 65535)),
-    st.tuples(st.just("step")),
-    st.tuples(st.just("wait"), st.integers(1, 100)),
-)
-
-
-@given(st.lists(events, max_size=40))
-def test_a_latched_fault_stays_whatever_comes(sequence):
-    bench, latched = Bench(), ""
-    for kind, *values in sequence:
-        if kind == "encoder":
-            tick, stamp, position, velocity, homed = values
-            bench.watch.encoder(encoder(tick, position, velocity, homed, stamp), bench.now_ns)
-        elif kind == "force":
-            tick, stamp, fz, status = values
-            bench.watch.force(force(tick, fz, status, stamp_ns=stamp), bench.now_ns)
-        elif kind == "step":
-            bench.step()
-        else:
-            bench.tick += values[0]
-        reason = bench.watch.check(bench.now_ns)
-        if latched:
-            assert reason == latched
-        latched = bench.watch.fault

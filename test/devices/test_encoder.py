@@ -370,28 +370,6 @@ def test_answer_read_only_after_its_tick_is_laid_to_no_other(wire, encoder, enco
     assert (encoder.counters.missing, encoder.counters.late) == (1, 1)
 
 
-def test_answers_that_all_run_a_tick_late_are_never_delivered(wire, encoder, encoder_end):
-    encoder_end.hold()
-    for n in range(20):
-        encoder_end.position = n
-        late = len(encoder_end.held)
-        encoder.request(n, wire.advance(), 0)
-        encoder_end.release(late)
-        wire.port.pump()
-        assert encoder.reading() is None
-    assert encoder.counters.late > 5
-
-
-def test_after_a_lost_answer_samples_come_back(wire, encoder, encoder_end):
-    tick(wire, encoder, 0)
-    encoder_end.answering = False
-    assert tick(wire, encoder, 1) is None
-    encoder_end.answering = True
-    samples = [tick(wire, encoder, n) for n in range(2, 8)]
-    assert [s.sequence for s in samples if s] == [4, 5, 6, 7]
-    assert encoder.counters.silent == 1
-
-
 def test_emergency_is_latched_by_name(wire, encoder, encoder_end):
     wire.emit(0x082, "20 73 20 00 00 00 00 00")  # 7320
     wire.port.pump()
@@ -483,21 +461,3 @@ def test_on_a_shared_bus_the_sync_seen_is_the_request(wire, encoder_end):
     assert sample.sequence == 2000
     assert sample.stamp_ns - sample.monotonic_ns == 500
     assert sample.count == 42
-
-
-@pytest.mark.parametrize("answered", [True, False])
-def test_a_tick_without_a_sample_is_missing_also_when_the_bus_fails(
-    wire, encoder, encoder_end, monkeypatch, answered
-):
-    def fails(timeout_s=0.0):
-        raise BusError("the cable is out")
-
-    encoder_end.answering = answered
-    assert (tick(wire, encoder) is not None) == answered
-    monkeypatch.setattr(wire.port, "pump", fails)
-    for _ in range(3):
-        with pytest.raises(BusError):
-            encoder.request(2, wire.advance(), 0)
-    # The third one has not ended yet.
-    assert encoder.counters.missing_in_a_row == (2 if answered else 3)
-    assert encoder.counters.requests == 4

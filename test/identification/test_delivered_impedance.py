@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The impedance at the handle: of a known mechanism exactly, of the modes in the right order."""
 
+import hashlib
 import math
 
 import numpy as np
@@ -10,7 +11,13 @@ import yaml
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import delivered_impedance
-from screw_module_ros.identification.delivered_impedance import FILE, Settings, reduced
+from screw_module_ros.identification.certificate import FILE
+from screw_module_ros.identification.delivered_impedance import (
+    Settings,
+    friction_felt,
+    reduced,
+)
+from screw_module_ros.identification.figures.certificate import certificate_figures
 from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.trials import MotionTrial, Samples
@@ -41,3 +48,29 @@ def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):
     certificate = yaml.safe_load((tmp_path / FILE).read_text(encoding="utf-8"))
     assert certificate["delivered"]["mass_observer"]["unit"] == "kg"
     assert "largest_gains" not in certificate, "nobody has looked for them"
+    assert certificate["serial"] == "SIM-0001"
+    text, checksum = (tmp_path / FILE).read_text(encoding="utf-8").split("sha256: ")
+    assert checksum.strip() == hashlib.sha256(text.encode()).hexdigest()
+    friction, hold, release = (
+        [result.value(f"{what}_{name}") for name in ("impedance", "force_feedback", "observer")]
+        for what in ("friction", "hold", "release")
+    )
+    assert 5.0 < friction[0] < 15.0, "about the 9 N of the thesis's map there"
+    assert friction[0] > 3.0 * friction[1] > 3.0 * abs(friction[2])
+    assert hold[2] < 0.3 < hold[0]
+    assert release[2] < 0.3 < release[0]
+    assert certificate["delivered"]["hold_travel_observer"]["value"] < 0.2e-3
+    left, right = certificate_figures(result)["certificate"].axes
+    assert len(left.lines) == 6, "five modes and the spring"
+    assert len(right.patches) == 15, "friction, hold and release in five modes"
+
+
+def test_coulomb_friction_is_found_beside_a_damper():
+    time, omega = np.arange(0.0, 16.5, 1e-3), math.pi
+    velocity = 0.04 * omega * np.cos(omega * time)
+    force = 6.0 * np.sign(velocity) + 5.0 * velocity
+    nothing = np.zeros_like(time)
+    samples = Samples(time, nothing, nothing, nothing, nothing, nothing, nothing,
+                      0.04 * np.sin(omega * time), velocity, force)  # fmt: skip
+    found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 0.5)["impedance"]
+    assert friction_felt(complex(found).real, 5.0, 0.04 * omega) == pytest.approx(6.0, rel=0.01)

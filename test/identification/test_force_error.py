@@ -54,6 +54,29 @@ def test_observer_on_rigs_that_nobody_calibrated(seed, case, rms):
         assert error.travel < 0.2e-3
 
 
+def known(seed):
+    """Numbers of the law with the mass that a calibration finds."""
+    v = load_world(None, seed).vertical
+    mass = v.turning_mass + v.moving_mass
+    return VerticalSettings(mass=mass, gravity=v.moving_mass * v.gravity)
+
+
+@pytest.mark.parametrize("seed", UNSEEN)
+def test_a_known_mass_is_carried_in_fast_motion(seed):
+    law = known(seed)
+    before = found(seed, modes.OBSERVER, "fast", law)
+    after = found(seed, modes.OBSERVER, "fast", law._replace(observer_inertia=0.7))
+    assert after.rms < 0.9 * before.rms
+
+
+@pytest.mark.parametrize("seed", UNSEEN)
+def test_a_released_handle_does_not_swing_on_the_mass_that_is_carried(seed):
+    """Carried without a hand as well, it swung with 3.7 N rms."""
+    error = found(seed, modes.OBSERVER, "released", known(seed)._replace(observer_inertia=0.7))
+    assert error.travel < 1e-3
+    assert error.rms < 0.2
+
+
 @pytest.mark.parametrize("case", ["wall_1e4_badly", "wall_1e6_badly", "heavy_holding"])
 @pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
 def test_the_guard_ends_what_no_gain_can_be_stable_against(mode, case):

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import cmath
-import math
 
 import numpy as np
 import pytest
@@ -27,13 +26,6 @@ def test_drift_is_taken_out():
     assert fit_sine(TIME, values, 1.3, drift=True).amplitude == pytest.approx(-1j, abs=1e-12)
 
 
-def test_harmonics_do_not_count_as_noise():
-    phase = 2.0 * np.pi * 5.5 * TIME
-    values = np.cos(phase) + 0.2 * np.cos(3.0 * phase + 1.0)
-    assert fit_sine(TIME, values, 5.5, harmonics=3).residual < 1e-12
-    assert fit_sine(TIME, values, 5.5).residual == pytest.approx(0.2 / math.sqrt(2.0), rel=0.01)
-
-
 def test_standard_error_is_the_scatter_of_repeated_fits():
     draw = np.random.default_rng(1)
     clean = np.cos(2.0 * np.pi * 20.0 * TIME)
@@ -49,18 +41,17 @@ def test_response_is_answer_over_input():
 
 
 @pytest.mark.parametrize(
-    ("time", "frequency", "harmonics", "words"),
+    ("time", "frequency", "words"),
     [
-        (TIME[:3], 10.0, 1, "3 samples do not determine"),
-        (TIME, 1000.0, 1, "do not determine"),  # Nyquist: sampled at its zeros
-        (TIME, 500.0, 3, "do not determine"),  # the third harmonic folds onto the first
-        (TIME, 0.0, 1, "cannot be fitted"),
-        (TIME[:20], 1e-3, 1, "do not determine"),  # 1e-5 of a cycle
+        (TIME[:3], 10.0, "3 samples do not determine"),
+        (TIME, 1000.0, "do not determine"),  # Nyquist: sampled at its zeros
+        (TIME, 0.0, "cannot be fitted"),
+        (TIME[:20], 1e-3, "do not determine"),  # 1e-5 of a cycle
     ],
 )
-def test_what_cannot_be_determined_is_refused(time, frequency, harmonics, words):
+def test_what_cannot_be_determined_is_refused(time, frequency, words):
     with pytest.raises(ValueError, match=words):
-        fit_sine(time, np.cos(time), frequency, harmonics=harmonics)
+        fit_sine(time, np.cos(time), frequency)
 
 
 def test_samples_that_are_no_numbers_are_refused():

@@ -63,6 +63,7 @@ def integrated(mechanism, environment, sampling, law, ticks=500):
         (Feedback(30.0), Sampling(1000.0, 1.26e-3)),
         (Feedback(40.0), Sampling(2000.0, 0.385e-3)),
         (Observer(60.0), Sampling(1000.0, 1.26e-3)),
+        (Observer(60.0, inertia=0.7), Sampling(1000.0, 1.26e-3)),
     ],
 )
 def test_unstable_loops_grow_as_their_eigenvalue_says(law, sampling):
@@ -101,12 +102,24 @@ def test_hand_formula_says_when_it_does_not_hold():
     soft = Mechanism(contact_stiffness=1e5)
     assert math.isnan(stability.hand_formula(soft, HAND, Sampling(), 30.0))
     assert math.isnan(stability.hand_formula(Mechanism(), Environment(0.0), Sampling(), 30.0))
+    light_wall = Environment(1.0, 1e5, 30.0)
+    assert largest_gain(Mechanism(), light_wall, Sampling(), Feedback(1.0)) < 1.0
+    assert math.isnan(stability.hand_formula(Mechanism(), light_wall, Sampling(), 30.0))
 
 
 def test_observer_default_gain_has_a_margin_with_hand_and_heavy_arm():
     law = Observer(10.0, stiffness=100.0, damping=6.0)
     for environment, margin in ((HAND, 2.0), (Environment(30.0, 300.0, 30.0), 1.2)):
         assert largest_gain(Mechanism(), environment, Sampling(), law) > margin * law.gain
+
+
+def test_carried_mass_leaves_the_margin_of_the_default_gain():
+    """All of the share in, as for a firm hand; the observer assumes 0.9 kg too much."""
+    light = Mechanism(nut_mass=3.6)
+    for environment, margin in ((HAND, 2.0), (Environment(30.0, 300.0, 30.0), 1.2)):
+        for inertia in (0.0, 0.7):
+            law = Observer(9.0, inertia=inertia)
+            assert largest_gain(light, environment, Sampling(), law) > margin * law.gain
 
 
 def test_what_limits_is_what_helps_most_when_taken_away():
@@ -123,5 +136,8 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
     result = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
+    assert result.value("formula_hand") == pytest.approx(result.value("feedback_hand"), rel=0.35)
+    with pytest.raises(KeyError):
+        result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
     assert stability_figures(result)["stability"].axes

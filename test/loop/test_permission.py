@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.ticker import Tick
 
 MS = 1_000_000
 
@@ -34,3 +35,13 @@ def test_permission_comes_back_once_nobody_refuses():
             allowed.append(k)
     assert 150 < allowed[0] < 300
     assert allowed == list(range(allowed[0], 500))
+
+
+def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
+    """A loop at half its rate may see odd ticks alone, a multiple of four never."""
+    looked = []
+    for number in range(1001, 1101, 2):
+        bench.clock.time_ns += 2 * MS
+        tick = Tick(number, bench.now_ns, 0, 1)
+        bench.axis.end_tick(tick, lambda drives, now_ns: looked.append(now_ns))
+    assert len(looked) == 25

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from screw_module_ros.control.gate import CLOSED, OPENING
+from screw_module_ros.devices import drive_start
 
 
 def test_not_while_enabled_nor_on_the_way_there(bench):
@@ -43,3 +44,22 @@ def test_elsewhere_it_must_be_asked_for_twice(bench):
     assert axes.home(bench.now_ns) == ""
     assert abs(shoulder.angle - angles[0]) > 0.09
     assert axes.home(bench.now_ns) == "", "the same mark again"
+
+
+def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
+    """Between deactivate and activate nobody listens: a drive may have restarted unseen."""
+    axes = bench.axes
+    ends = [bench.rig.devices[name].node for name in ("shoulder", "elbow")]
+    assert axes.homed
+    assert axes.shutdown(bench.ports["planar"]) == ""
+    assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [(0, 0)] * 2
+    axes.restart()
+    drive_start.start(axes.drives.drives)
+    assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [
+        (20, 113 << 16 | 100)
+    ] * 2
+    assert axes.home(bench.now_ns) == "the drives do not answer"
+    bench.ticks(30)
+    assert not axes.homed and "not homed" in bench.enable_plane()
+    assert axes.home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""

@@ -56,7 +56,7 @@ class Stage:
         self._token_file = folder / "state" / "tokens.json"
 
     def __enter__(self) -> Stage:
-        self.graph = GraphRun()
+        self.graph = GraphRun(composed=True)
         self.graph.__enter__()
         common = ["--ros-args", *self.graph.arguments("endpoint_state")]
         folder = ["-p", f"folder:={self.folder}"]

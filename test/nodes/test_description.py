@@ -99,7 +99,7 @@ def arm_and_model(request):
     return request.param, Model(robot_description(request.param))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(shoulder=angles, elbow=angles, height=st.floats(0.0, 0.36))
 def test_the_handle_is_where_the_laws_have_it(arm_and_model, shoulder, elbow, height):
     """For the joint_states that absolute angles become; the handle keeps its directions."""
@@ -125,7 +125,7 @@ def test_frames_joints_and_limits():
         assert (float(limit.get("lower")), float(limit.get("upper"))) == (low, high)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(angles, angles, st.floats(-20, 20), st.floats(-20, 20), st.floats(-5, 5), st.floats(-5, 5))
 def test_effort_times_speed_is_the_motors_power(shoulder, elbow, first, second, fast, slow):
     """In the URDF's joints as in the motors' own."""

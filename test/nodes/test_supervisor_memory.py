@@ -192,7 +192,7 @@ def test_without_a_safe_place_it_begins_stopped_and_says_so(supervisor, monkeypa
     assert "no place" in said[0] and "emergency stop" in said[0] and "XDG_STATE_HOME" in said[0]
     assert reset(node) == ""
     estop(node)
-    assert any("would forget" in sentence for sentence in said)
+    assert any("would lose it" in sentence for sentence in said)
 
 
 def test_where_nothing_can_be_written_nothing_was_kept(supervisor, folder, monkeypatch):

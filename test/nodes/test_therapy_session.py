@@ -103,7 +103,7 @@ def session(tmp_path_factory):
     told = {"refused": []}
     extra = ["-p", f"session_recorder:folder:={folder}"]
     with (
-        GraphRun(extra=extra) as graph,
+        GraphRun(extra=extra, composed=True) as graph,
         Robot("therapist", watch=graph.watch, simulated=True) as robot,
     ):
         node = bringup.Process(

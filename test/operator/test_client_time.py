@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.clock import simulated_clock
 from screw_module_ros.operator.robot import Robot, RobotError
+from screw_module_ros.simulated_clock import simulated_clock
 
 
 def test_the_page_is_left_with_the_last_of_two_users():

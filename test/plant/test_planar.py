@@ -115,7 +115,7 @@ def test_centrifugal_torques_do_no_work(slippery):
     assert abs(after.shoulder_velocity - 1.5) > 0.1  # there was something to exchange
 
 
-@run_settings(max_examples=20, deadline=None)
+@run_settings(max_examples=20)
 @given(st.floats(-0.19, 0.19), st.floats(-0.22, 0.22), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_passive_arm_never_gains_energy(plane, x, y, w1, w2):
     s = resting_plane(plane.robot, x, y)._replace(shoulder_velocity=w1, elbow_velocity=w2)

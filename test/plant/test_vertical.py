@@ -42,7 +42,7 @@ def energy(p, s, upright=1.0):
     )
 
 
-@run_settings(max_examples=25, deadline=None)
+@run_settings(max_examples=25)
 @given(
     height=st.floats(0.0, 0.36),
     nut_velocity=st.floats(-0.5, 0.5),

@@ -248,7 +248,7 @@ def act(world, kind, one, other):
         world.set_arm(ArmSettings(kind=one, target=(other, -other, other), duration=0.1))
 
 
-@run_settings(max_examples=40, deadline=None)
+@run_settings(max_examples=40)
 @given(st.lists(st.tuples(ACTIONS, st.floats(0.0, 0.4)), min_size=1, max_size=12))
 def test_state_stays_finite_and_in_its_room(settings, steps):
     world = World(settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Those who decide whether a sample, a command or the whole robot can be trusted."""
+"""Whether a sample or a command can be trusted."""
 
 from __future__ import annotations
 
@@ -9,14 +9,7 @@ from anything import MS, START_NS, absurd, fixed, near, stamps
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.control import supervision
 from screw_module_ros.control.command_watch import CommandWatch
-from screw_module_ros.control.supervision import (
-    ALL_NODES,
-    NodeReport,
-    SupervisionSettings,
-    SupervisorState,
-)
 from screw_module_ros.control.watch import VerticalWatch, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -114,78 +107,7 @@ class Samples(RuleBasedStateMachine):
         self.watch.reset(self.now_ns)
 
 
-class Supervisor(RuleBasedStateMachine):
-    """Any reports, stops and resets: a latched stop ends by an accepted reset alone."""
-
-    def __init__(self):
-        super().__init__()
-        self.settings = SupervisionSettings()
-        self.state = SupervisorState()
-        self.reports = {name: NodeReport(seen=True) for name in ALL_NODES}
-        self.now_ns = START_NS
-        self.stopped = False
-
-    @rule(node=st.sampled_from(ALL_NODES), seen=st.booleans(), error=st.booleans(),
-          age=st.one_of(st.just(0.01), near(0.0, 0.5)), faulted=st.booleans(),
-          enabled=st.booleans())  # fmt: skip
-    def report(self, node, seen, error, age, faulted, enabled):
-        self.reports[node] = NodeReport(seen, age, error, faulted, enabled, "words")
-        self.decide()
-
-    @rule(node=st.sampled_from(ALL_NODES), enabled=st.booleans())
-    def well(self, node, enabled):
-        self.reports[node] = NodeReport(seen=True, age=0.01, enabled=enabled)
-        self.decide()
-
-    @rule()
-    def all_well(self):
-        self.reports = {name: NodeReport(seen=True, age=0.01) for name in ALL_NODES}
-        self.decide()
-
-    @rule()
-    def estop(self):
-        self.state = supervision.estop(self.state)
-        self.stopped = True
-        self.decide()
-
-    @rule(locked=st.booleans())
-    def lock(self, locked):
-        self.state = supervision.lock(self.state, locked)
-        self.decide()
-
-    @rule()
-    def reset(self):
-        before = self.state
-        state, refused = supervision.reset(self.settings, before, self.reports, self.now_ns)
-        enabled = any(report.enabled for report in self.reports.values())
-        assert refused or not enabled
-        assert (state is before) if refused else state.resets == before.resets + 1
-        self.state, self.stopped = state, self.stopped and bool(refused)
-        self.decide()
-
-    def decide(self):
-        self.now_ns += 20 * MS
-        decision, self.state = supervision.decide(
-            self.settings, self.state, self.reports, self.now_ns
-        )
-        self.stopped = self.stopped or bool(self.state.latched)
-        bad = any(
-            not report.seen or report.faulted or report.error
-            or not report.age <= self.settings.timeout
-            for report in self.reports.values()
-        )  # fmt: skip
-        if self.stopped or bad:
-            assert not decision.motion_permitted
-            assert decision.reasons
-        if not decision.motion_permitted:
-            assert not (decision.vertical_permitted or decision.planar_permitted)
-        if self.state.locked:
-            assert not decision.vertical_permitted
-
-
 TestCommands = Commands.TestCase
 TestCommands.settings = fixed(60, 30)
 TestSamples = Samples.TestCase
 TestSamples.settings = fixed(60, 30)
-TestSupervisor = Supervisor.TestCase
-TestSupervisor.settings = fixed(60, 30)

@@ -48,7 +48,7 @@ def test_complete_bag_is_not_torn(bag):
 
 
 @settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(share=st.floats(0.01, 0.9999))
 def test_cut_anywhere_every_whole_chunk_is_kept(bag, content, share):

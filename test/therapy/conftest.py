@@ -1,13 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tests of this folder share the simulated patients; hypothesis runs without its deadline."""
+"""The tests of this folder share the simulated patients."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from hypothesis import settings
-
 sys.path.insert(0, str(Path(__file__).parent))
-settings.register_profile("no deadline", deadline=None)
-settings.load_profile("no deadline")

@@ -46,6 +46,15 @@ def test_with_a_sourced_ros_its_wheels_are_not_installed() -> None:
     assert with_wheels[-1] == build.REQUIREMENTS / "ros.txt"
 
 
+def test_what_drives_a_browser_is_installed_where_there_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert build.REQUIREMENTS / "browser.txt" not in build.import_lists()
+    (tmp_path / "chromium").touch(mode=0o755)
+    assert build.REQUIREMENTS / "browser.txt" in build.import_lists()
+
+
 @pytest.mark.parametrize("ros", [None, Path("/opt/ros/jazzy")])
 def test_only_the_packages_to_import_are_installed_beside_another_step(ros: Path | None) -> None:
     plan = build.plan(ros)

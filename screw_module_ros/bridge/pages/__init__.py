@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages: plain HTML, CSS and JavaScript modules, served as they are; nothing from elsewhere."""
+"""The pages: plain HTML, CSS and JavaScript modules, served unchanged, without external files."""
 
 from __future__ import annotations
 

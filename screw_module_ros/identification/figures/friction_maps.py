@@ -21,6 +21,7 @@ FORCE = "force of the stage on the robot [N]"
 MAGNITUDE = "force downward [N]"
 SPEED = "speed [mm/s]"
 _DOUBLE_WEIGHT = 20.0  # [N], the shift of the thesis's figures
+RATE = 2000.0  # samples per second of the thesis [1/s]
 _PLACES = ((25.0, 50.0), (250.0, 275.0))
 _TICKS = (0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 150.0)
 _SLOW = 0.05  # fastest of fig 5-13 [m/s]
@@ -30,7 +31,9 @@ _COMPARED = 0.005  # speed of the upside-down figures [m/s]
 def friction_map_figures(result: Result) -> dict[str, Figure]:
     """Return the figures by number; those upside down only where that was measured."""
     data = result.data
-    found = {"5-9": filter_figure(0.025)}
+    found = {"5-9": filter_figure(
+        lowpass_taps(0.025, RATE), "Fig. 5-9: optimal low-pass for 25 mm/s"
+    )}
     for way, sign, numbers in (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17"))):
         for number, place in zip(numbers, _PLACES, strict=True):
             found[number] = _against_speed(data, way, sign, place, number)
@@ -59,15 +62,15 @@ def axes_for(x: str, y: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def filter_figure(speed: float, rate: float = 2000.0) -> Figure:
-    """Draw the low-pass of one speed [m/s] at a sample rate [1/s] (fig 5-9)."""
-    frequency, gain = freqz(lowpass_taps(speed, rate), worN=8192, fs=rate)
+def filter_figure(taps: np.ndarray, title: str) -> Figure:
+    """Draw the gain of a low-pass with these coefficients at `RATE` (figs 5-9, 5-31)."""
+    frequency, gain = freqz(taps, worN=8192, fs=RATE)
     with rc_context(STYLE):
         figure, axes = axes_for("frequency [Hz]", "gain")
         axes.plot(frequency, np.maximum(np.abs(gain), 1e-6), color=COLOURS[0])
         axes.set_xlim(0.0, 150.0)
         axes.set_yscale("log")
-        axes.set_title(f"Fig. 5-9: optimal low-pass for {speed * 1e3:g} mm/s", loc="left")
+        axes.set_title(title, loc="left")
     return figure
 
 

@@ -6,14 +6,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from scipy.signal import freqz
 
 from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
 from ..friction_bins import optimal_lowpass
 from ..mass_estimates import CUTOFF_HZ, STOP_HZ
 from ..results import Result
-from .friction_maps import axes_for
+from .friction_maps import RATE, axes_for, filter_figure
 
 _LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
 _SCALE = 0.2  # of the force in fig 5-33
@@ -27,7 +26,10 @@ def inertia_figures(result: Result, record: int = 2) -> dict[str, Figure]:
     time, acceleration, inertial, ratio = (result.data[f"{name}_{record}"] for name in names)
     time = time - time[0] - _BEGIN
     return {
-        "5-31": _filter(),
+        "5-31": filter_figure(
+            optimal_lowpass(CUTOFF_HZ, STOP_HZ, RATE),
+            "Fig. 5-31: low-pass of velocity and acceleration",
+        ),
         "5-32": _curves(
             time, acceleration, inertial, 1.0, _LONG, "Fig. 5-32: force less friction and weight"
         ),
@@ -36,17 +38,6 @@ def inertia_figures(result: Result, record: int = 2) -> dict[str, Figure]:
         ),
         "5-34": _ratio(result, time, acceleration, ratio),
     }
-
-
-def _filter(rate: float = 2000.0) -> Figure:
-    frequency, gain = freqz(optimal_lowpass(CUTOFF_HZ, STOP_HZ, rate), worN=8192, fs=rate)
-    with rc_context(STYLE):
-        figure, axes = axes_for("frequency [Hz]", "gain")
-        axes.plot(frequency, np.maximum(np.abs(gain), 1e-6), color=COLOURS[0])
-        axes.set_xlim(0.0, 150.0)
-        axes.set_yscale("log")
-        axes.set_title("Fig. 5-31: low-pass of velocity and acceleration", loc="left")
-    return figure
 
 
 def _curves(

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hot loop of `characterize`: takes every sample, notes it, answers it in a torque trial.
+"""The hot loop of `characterize`: takes every sample and notes it.
 
-The node's main thread runs `step`; everything else is called by the experiment's thread, which
-hands over one object at a time and reads what comes back.
+In a torque trial it is the vertical loop, with a `TorqueSource` as its controller. The node's main
+thread runs `step`; everything else is called by the experiment's thread, which hands over one
+object at a time and reads what comes back.
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.nodes.support.due import Due
 from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
 from screw_module_ros.nodes.support.module_node import ModuleNode
 from screw_module_ros.nodes.support.topics import offered
 
 from .samples import Recording
-from .torque_source import TorqueSource
+from .torque_source import Output, TorqueSource
 
 # Unlike a controller a recorder wants the samples that came while it was kept from running, too.
 EVERY_SAMPLE = QoSProfile(
@@ -33,7 +35,6 @@ EVERY_SAMPLE = QoSProfile(
 )
 _STATE_RATE = graph.TOPICS[graph.CONTROLLER_STATE].rate
 _LOOK_NS = 5_000_000  # between looks for samples that nobody waits for
-_SILENT_NS = 2_000_000
 _PASS_S = 2.0
 _IDLE_S = 0.05
 
@@ -57,6 +58,7 @@ class LiveLoop:
         self._awake = threading.Event()
         self._recording: Recording | None = None
         self._source: TorqueSource | None = None
+        self._loop: VerticalLoop | None = None
         self._outlets: tuple[Outlet, Outlet] | None = None
         self._command = ForceCommand(mode=OFF)
         self._state = ImpedanceState(mode=OFF, calibration="characterize")
@@ -72,59 +74,57 @@ class LiveLoop:
             self._clock.idle()
             if not self._awake.wait(_IDLE_S):
                 return
-        if self._source is None:
+        source, loop = self._source, self._loop
+        if source is None:
             self._ticker.sleep()
+            self._next_force(0)
+            self._next_sample(0)
         else:
-            self._inbox.wait(self._clock.now_ns() + _SILENT_NS)
-        recording, source = self._recording, self._source
-        self._take_forces(recording, source)
-        newest = self._take_encoder(recording)
-        if source is not None:
-            self._answer(source, newest, self._clock.now_ns())
-        self._take_commands(recording)
+            loop.step(Parts(controller=source))
+        self._take_commands()
         self._passes += 1
 
-    def _take_forces(self, recording: Recording | None, source: TorqueSource | None) -> None:
+    def _next_force(self, until_ns: int) -> ForceSample | None:
+        """Note the force samples that have come; return the newest, waiting until a time [ns]."""
+        if until_ns:
+            self._inbox.wait(until_ns)
+        newest = None
         while (force := self._takes[1]()) is not None:
-            if recording is not None:
-                recording.note_force(force)
-            if source is not None:
-                source.force(force, self._clock.now_ns())  # one that came just now is not ahead
+            newest = force
+            if self._recording is not None:
+                self._recording.note_force(force)
+        return newest
 
-    def _take_encoder(self, recording: Recording | None) -> EncoderSample | None:
+    def _next_sample(self, until_ns: int) -> EncoderSample | None:
+        """Do the same with the encoder's."""
+        if until_ns:
+            self._inbox.wait(until_ns)
         newest = None
         while (sample := self._takes[0]()) is not None:
             newest = sample
-            if recording is not None:
-                recording.note_encoder(sample)
-        if newest is not None:
-            self.sample = newest
+            if self._recording is not None:
+                self._recording.note_encoder(sample)
+        self.sample = newest or self.sample
         return newest
 
-    def _take_commands(self, recording: Recording | None) -> None:
+    def _take_commands(self) -> None:
         while (command := self._takes[2]()) is not None:
-            if recording is not None and self._source is None:
-                recording.note_command(command)
+            if self._recording is not None and self._source is None:
+                self._recording.note_command(command)
 
-    def _answer(self, source: TorqueSource, sample: EncoderSample | None, now: int) -> None:
-        force = source.answer(sample, now) if sample is not None else None
-        if force is not None:
-            self._send(sample, force)
-            if self._recording is not None:
-                self._recording.note_command(self._command)
-        elif source.idle(now) and self.sample is not None:
-            self._send(self.sample, 0.0)
-        if self._state_due(now):
-            self._publish_state(source)
-
-    def _send(self, sample: EncoderSample, force: float) -> None:
+    def _publish_command(self, sample: EncoderSample, output: Output, mode: int) -> None:
         command = self._command
         command.stamp = sample.stamp
         command.sequence, command.monotonic_ns = sample.sequence, sample.monotonic_ns
-        command.force = force
+        command.force = output.force
         self._outlets[0].publish(command)
+        if self._recording is not None:
+            self._recording.note_command(command)
 
-    def _publish_state(self, source: TorqueSource) -> None:
+    def _publish_state(self, now_ns: int) -> None:
+        source = self._source
+        if source is None or not self._state_due(now_ns):
+            return
         message, sample = self._state, self.sample
         self._node.stamp(message.header)
         message.faulted, message.reason = bool(source.fault), source.fault
@@ -161,6 +161,13 @@ class LiveLoop:
             Outlet(node, clock, *offered(graph.FORCE_COMMAND)),
             Outlet(node, clock, *offered(graph.CONTROLLER_STATE)),
         )
+        wires = Wires(
+            take_sample=self._next_sample,
+            take_force=self._next_force,
+            publish_command=self._publish_command,
+            publish_controller_state=self._publish_state,
+        )
+        self._loop = VerticalLoop(clock, period_ns, wires)
         self._source = source = TorqueSource(watch, period_ns)
         return source
 

@@ -60,12 +60,12 @@ class Motion:
         experiment = self._experiment
         fixture, robot = experiment.fixture, experiment.robot
         fixture.require("human_arm")
-        if (trial.way, trial.side_force, trial.tremor) != (0.0, 0.0, 0.0) or math.isfinite(
-            trial.released_after
-        ):
+        given = (trial.way, trial.side_force, trial.tremor, trial.changed)
+        if any(given) or math.isfinite(trial.released_after):
             raise NotPossible(
-                "a hand that holds off the centre, presses sideways, trembles or lets go is only "
-                "there in process: run this experiment with `make reproduce`"
+                "a hand that holds off the centre, presses sideways, trembles or lets go, and a "
+                "rig that changed, are only there in process: run this experiment with "
+                "`make reproduce`"
             )
         experiment.check_homed()
         check_disabled(robot)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from screw_module_ros.control.linearization import Linearization, torque_command
+from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import EncoderLike, ForceLike, VerticalWatch, WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.samples import sequence_gap
@@ -45,16 +46,26 @@ class Sine(NamedTuple):
         return torque_command(self.linearization, wanted) if self.linearization else wanted
 
 
-class TorqueSource:
-    """Force asked of the amplifier, sample by sample. All times are passed in [ns].
+class Output(NamedTuple):
+    """Force asked of the amplifier [N]."""
 
-    fault: latched reason for zero, empty while all is well. `begin`, `halt` and `clear` are for
-    another thread: each sets one reference, which the loop reads once per sample.
+    force: float
+
+
+class TorqueSource:
+    """The controller of the vertical loop in a torque trial. All times are passed in [ns].
+
+    fault: latched reason for zero, empty while all is well. out: the last force [N]. answered: the
+    newest sample acted upon, None before the first. `begin`, `halt` and `clear` are for another
+    thread: each sets one reference, which the loop reads once per sample.
     """
+
+    mode = OFF
 
     def __init__(self, watch: WatchSettings, period_ns: int):
         self.fault = ""
         self.out = 0.0
+        self.answered: EncoderLike | None = None
         self._watch_settings, self._period_ns = watch, period_ns
         self._watch = VerticalWatch(watch, period_ns)
         self._sine: Sine | None = None
@@ -81,26 +92,33 @@ class TorqueSource:
         self._watch = VerticalWatch(self._watch_settings, self._period_ns)
         self.fault = ""
 
-    def force(self, sample: ForceLike, now_ns: int) -> None:
+    def on_force(self, sample: ForceLike, now_ns: int) -> None:
         """Take a force sample."""
         self._watch.force(sample, now_ns)
 
-    def answer(self, sample: EncoderLike, now_ns: int) -> float | None:
-        """Return the force [N] in answer to a sample, None when it is not to be acted upon."""
+    def on_encoder(self, sample: EncoderLike, now_ns: int) -> Output | None:
+        """Return the force in answer to a sample, None when it is not to be acted upon."""
         if not self._watch.encoder(sample, now_ns):
             return None
+        self.answered = sample
         self.out = self._force_at(sample, now_ns)
-        return self.out
+        return Output(self.out)
 
-    def idle(self, now_ns: int) -> bool:
-        """Return whether a zero must go out now, because samples fail to come."""
+    def idle(self, now_ns: int) -> Output | None:
+        """Return the zero to send when samples fail to come while a force is out, else None."""
         if self.out == 0.0:
-            return False
+            return None
         self._doubt(self._watch.check(now_ns))
         if not self.fault and self._sine is not None:
-            return False
+            return None
         self.out = 0.0
-        return True
+        return Output(0.0)
+
+    def count(self, now_ns: int) -> None:
+        """Count nothing: `recording` has every sample and every command."""
+
+    def end_tick(self, now_ns: int) -> None:
+        """Expect nothing of the drive: the experiment asks it."""
 
     def _force_at(self, sample: EncoderLike, now_ns: int) -> float:
         sine = self._sine

@@ -12,6 +12,7 @@ from screw_module_ros.figure_style import save
 
 from ..figures import (
     analysis,
+    certificate,
     friction_maps,
     friction_model,
     friction_spectrum,
@@ -33,6 +34,7 @@ _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
     "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
     "force_error": stability.force_error_figures,
     "stability": stability.stability_figures,
+    "delivered_impedance": certificate.certificate_figures,
     "friction_spectrum": friction_spectrum.spectrum_figures,
     "friction_map": friction_maps.friction_map_figures,
     "gravity": friction_model.gravity_figures,

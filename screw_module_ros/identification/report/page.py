@@ -26,6 +26,8 @@ from .tables import (
     compared_rows,
     markdown_table,
     module_name,
+    robustness_head,
+    robustness_rows,
     terminal_table,
 )
 from .words import value_text
@@ -40,6 +42,7 @@ class Report(NamedTuple):
     compared: list[Compared]
     checked: list[tuple[Module, Checked]]
     closing: list[tuple[str, ...]]
+    changed: list[tuple[str, ...]]
     misses: list[Miss]
 
     def tables(self) -> list[Table | str]:
@@ -54,6 +57,9 @@ class Report(NamedTuple):
         found: list[Table | str] = [thesis, truth]
         if self.closing:
             found.append(terminal_table("The loop closed", CLOSING_HEAD, self.closing))
+        if self.changed:
+            title = "rms [N]: not calibrated / calibrated / changed since"
+            found.append(terminal_table(title, self.changed[0], self.changed[1:]))
         found.append("\n".join(f"missed: {miss.text}" for miss in self.misses) or "Nothing missed.")
         return found
 
@@ -78,7 +84,9 @@ def write_page(folder: Path, modules: Sequence[Module], seconds: float) -> Repor
     (folder / TEXT).write_text(text, encoding="utf-8")
     page = folder / PAGE
     page.write_text(html_page(text), encoding="utf-8")
-    return Report(page, rows, checks, closing, misses)
+    changed = robustness_rows(modules)
+    changed = [robustness_head(modules), *changed] if changed else []
+    return Report(page, rows, checks, closing, changed, misses)
 
 
 def _text(
@@ -150,6 +158,15 @@ def _text(
             for title, file in drawn.get(f"seed_{module.seed}", {}).items():
                 yield f"![Seed {module.seed}: {title}]({file})"
                 yield ""
+    changed = robustness_rows(modules)
+    if changed:
+        title = "Calibrated, and changed since"
+        yield from markdown_table(title, robustness_head(modules), changed)
+        yield (
+            "Force error over all samples, rms [N]: not calibrated / calibrated / on the same rig "
+            "when friction, rollers, handle and play are others than at its calibration."
+        )
+        yield ""
     yield "## Misses"
     yield ""
     yield from [f"- {miss.text}" for miss in misses] or ["None."]

@@ -26,6 +26,7 @@ ON_EVERY_MODULE = (
     "friction_model",
     "inertia",
     "compensation",
+    "robustness",
     "calibration",
 )
 """What closes the loop: run on each perturbed module; all experiments run on the thesis's."""

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 
 from rich.table import Table
 
+from ...control import modes
+from .. import robustness
 from ..results import Quantity
 from .rows import Checked, Compared
 from .study import Module
@@ -75,6 +77,29 @@ def closing_row(module: Module) -> tuple[str, ...] | None:
         "offset_combined_identified",
     )
     return (module_name(module), *(value_text(result.quantity(name)) for name in names))
+
+
+def robustness_rows(modules: Iterable[Module]) -> list[tuple[str, ...]]:
+    """Return the force error on every module without calibration, with it and on changed rigs."""
+    rows = []
+    for module in modules:
+        result = module.result("robustness")
+        if result is None:
+            continue
+        for mode in result.settings["modes"]:
+            cells = [
+                " / ".join(f"{rms:.2f}" for rms in robustness.rms_of(result, mode, case))
+                for case in result.settings["cases"]
+            ]
+            rows.append((module_name(module), modes.MODE_NAMES[mode], *cells))
+    return rows
+
+
+def robustness_head(modules: Iterable[Module]) -> tuple[str, ...]:
+    """Return the head of that table, with the cases that were measured."""
+    found = (module.result("robustness") for module in modules)
+    cases = next((result.settings["cases"] for result in found if result), ())
+    return ("module", "mode", *cases)
 
 
 def module_name(module: Module) -> str:

@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node shares: parameters, lifecycle, diagnostics, the hot loop, QoS, one-copy locks."""
+"""Base of every node: parameters, lifecycle, diagnostics, the hot loop, QoS, locks.
+
+A hot loop is the loop in the main thread of a node's process (see `runtime`); a hot topic is one
+whose subscription that loop serves instead of rclpy's executor (see `hot_topics`).
+"""

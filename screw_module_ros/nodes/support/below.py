@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders that names from the network may lead to: below one that was given at start, never out.
+"""Restricts file names from the network to a folder that was set at start.
 
-Any sender of a message can choose such a name; the process that writes may be allowed anything.
+Any sender of a message can choose such a name, and the writing process may have many rights.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ def root_folder(text: str, parameter: str = "folder") -> Path:
 
 
 def below(root: Path, name: str, what: str) -> Path:
-    """Return what `name` leads to below `root`, both as they really are.
+    """Return the real path of `name` below `root`.
 
-    name: relative to `root`, or absolute and within it; links count by where they lead. what: names
-    it in the refusal. Raises ValueError for a name that leads out of `root`, or is no path.
+    name: relative to `root`, or absolute and within it; links are resolved. what: description of
+    the name in the error. Raises ValueError for a name outside of `root`, or one that is no path.
     """
     try:
         path = (root / name).resolve()

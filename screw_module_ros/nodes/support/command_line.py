@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS arguments of this process, as far as ROS 2 leaves them unchecked.
+"""Checks the ROS arguments of this process that ROS 2 does not check.
 
-`-p NODE:NAME:=VALUE` sets a parameter of the node NODE in whatever namespace, and what stands on
-the command line wins over every file: rcl matches NODE in the root namespace only and lets a file's
-own section win over `-p NAME:=VALUE`, without a word in either case.
+Here `-p NODE:NAME:=VALUE` sets a parameter of the node NODE in any namespace, and the command line
+overrides every file. rcl matches NODE in the root namespace only and lets a file's own section
+override `-p NAME:=VALUE`, without a message in either case.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
 class Rule(NamedTuple):
-    """One `-p`: the node it is for (empty for any), the parameter's name, its value as text."""
+    """One `-p`: name of its node (empty for any), name of the parameter, value as text."""
 
     node: str
     name: str
@@ -42,10 +42,10 @@ class Rule(NamedTuple):
 
 
 class Arguments(NamedTuple):
-    """What a command line says.
+    """Content of a command line.
 
-    files: parameter files, in order. rules: of -p, in order. names: node name to the name that
-    `__node` gives it, "" for any. others: arguments that are not for ROS.
+    files: parameter files, in order. rules: those of -p, in order. names: node name -> new name by
+    `__node`, key "" for any node. others: arguments that are not for ROS.
     """
 
     files: tuple[str, ...] = ()
@@ -55,7 +55,7 @@ class Arguments(NamedTuple):
 
 
 def arguments(words: Sequence[str] | None = None) -> Arguments:
-    """Return what the command line says; words: without the program, None for this process's."""
+    """Return the parsed command line; words: without the program, None for this process's."""
     left = list(sys.argv[1:] if words is None else words)
     files, rules, names, others = [], [], [], []
     ours = False
@@ -79,7 +79,7 @@ def arguments(words: Sequence[str] | None = None) -> Arguments:
 
 
 def overrides(name: str, given: Arguments) -> list[Parameter]:
-    """Return what the command line sets for the node that calls itself `name`."""
+    """Return the values that the command line sets for the node `name`."""
     for node, new in given.names:
         if node in ("", name):
             name = new
@@ -103,10 +103,10 @@ def _parameter(name: str, text: str) -> Parameter:
     try:
         return Parameter(name, value=value)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"{_told(name, text)}: {error}") from None
+        raise ParameterError(f"{_described(name, text)}: {error}") from None
 
 
-def _told(name: str, text: str) -> str:
+def _described(name: str, text: str) -> str:
     return f"parameter {name[:LONGEST]} = {text[:LONGEST]}"
 
 
@@ -114,7 +114,7 @@ def _value(name: str, text: str) -> Any:
     try:
         value = load_plain_yaml(text)
     except PlainYamlError as error:
-        raise ParameterError(f"{_told(name, text)}: not a YAML value: {error}") from None
+        raise ParameterError(f"{_described(name, text)}: not a YAML value: {error}") from None
     if isinstance(value, list):
         return [_number(part) for part in value]
     return "" if value is None else _number(value)

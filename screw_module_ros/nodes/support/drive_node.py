@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `amplifier` and `manus` share: drives under one gate, opened by services and supervisor."""
+"""Base of `amplifier` and `manus`: drives behind one gate, opened by services and supervisor."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import Any
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.devices import drive_start
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.loop.gated_drives import GatedDrives
 
 from .driver import DriverNode
+from .health import ERROR, OK, WARN, Health
 from .hot_topics import Inbox
-from .module_node import ERROR, OK, WARN, Health
 from .permission import Permission
 from .senders import Senders, too_many_senders
 from .serving_node import Done
@@ -24,7 +25,7 @@ _CLEARED = "cleared; call ~/enable to enable"
 
 
 class DriveNode(DriverNode):
-    """A node with drives. Subclasses give `gated`, and what is theirs of the other methods."""
+    """A node with drives. Subclasses define `gated` and override further methods."""
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name, rate)
@@ -41,11 +42,11 @@ class DriveNode(DriverNode):
         raise NotImplementedError
 
     def enable(self) -> str:
-        """Enable; return why not, empty when done."""
+        """Enable; return why it failed, empty when done."""
         return self.two_senders() or self.gated.enable(self.clock)
 
     def two_senders(self) -> str:
-        """Return that a topic with one sender wanted has more, looked at now; else empty."""
+        """Return a message if a topic of `want_one_sender` has several now, else empty."""
         found = (too_many_senders(self, topic) for topic in self._alone)
         return next(filter(None, found), "")
 
@@ -55,11 +56,11 @@ class DriveNode(DriverNode):
         self._senders = Senders(self, self._alone)
 
     def clear_fault(self) -> str:
-        """Recover; return what is left, empty when well."""
+        """Recover; return the remaining fault, empty if none."""
         return self.gated.clear_fault(self.clock)
 
     def leave(self) -> str:
-        """Leave the drives cleanly, after the loop's end; return what did not work."""
+        """Shut the drives down cleanly, after the loop has ended; return the errors."""
         raise NotImplementedError
 
     def configure_drives(self, *drives: Drive) -> None:
@@ -67,26 +68,35 @@ class DriveNode(DriverNode):
         self.drives = drives
         for drive in drives:
             drive.configure()
-            for warning in drive.warnings:
-                self.get_logger().warning(warning)
+            self._tell_warnings(drive)
         self.hardware_id = ", ".join(drive.identity for drive in drives)
+
+    def start_drives(self) -> None:
+        """Start the drives, disabled and with their guards. Raises DeviceError."""
+        for drive in drive_start.start(self.drives):
+            self._tell_warnings(drive)
+        self._permission.begin()
+
+    def _tell_warnings(self, drive: Drive) -> None:
+        for warning in drive.warnings:
+            self.get_logger().warning(warning)
 
     def follow_permission(self, inbox: Inbox, name: str) -> None:
         """Follow this field of safety_state."""
         self._permission = Permission(self, inbox, attrgetter(name))
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
-        """Pass to the gate what the supervisor permits; two senders stop it while it is open."""
+        """Pass the supervisor's permission to the gate; two senders close an open gate."""
         self._permission.pass_on(drives, now_ns)
         if self._senders is not None and self._senders.warning and drives.enabled:
             drives.fault = drives.fault or self._senders.warning
 
     def end(self) -> None:
-        """Torque off and a clean exit, so that the next start does not begin in fault."""
+        """Switch the torque off and exit cleanly, so that the next start finds no fault."""
         self.stop_polls()
         problem = self.leave()
         if problem:
-            self.get_logger().warning(f"not left cleanly: {problem}")
+            self.get_logger().warning(f"not shut down cleanly: {problem}")
 
     def disconnect(self) -> None:
         """Close the bus."""

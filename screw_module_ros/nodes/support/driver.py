@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes that own CAN devices share: their bus, their device locks, their slow polls."""
+"""Base of the nodes with CAN devices: bus, device locks, slow polls."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RateSettings(NamedTuple):
 
 
 class DriverNode(ModuleNode):
-    """A node with one CAN bus, ticking at its own rate."""
+    """A node with one CAN bus and its own tick rate."""
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name)
@@ -42,7 +42,7 @@ class DriverNode(ModuleNode):
     # For subclasses ------------------------------------------------------------------------
 
     def open_port(self, *devices: str) -> Port:
-        """Open the bus and hold `devices` for this process; raises BusError, AlreadyRunning."""
+        """Open the bus and lock `devices` for this process; raises BusError, AlreadyRunning."""
         bus = self.parameters.read(BusSettings, "can")
         self.period_ns = period_of(self.parameters.read(RateSettings).rate)
         for device in devices:
@@ -71,10 +71,10 @@ class DriverNode(ModuleNode):
             self._slow_timer = None
 
     def poll_slow(self) -> None:
-        """Ask the device what changes slowly; in the executor's thread."""
+        """Read the device's slow values; in the executor's thread."""
 
     def close_port(self) -> None:
-        """Close the bus and let the devices go."""
+        """Close the bus and release the device locks."""
         self.stop_polls()
         if self.port is not None:
             self.port.close()
@@ -84,7 +84,7 @@ class DriverNode(ModuleNode):
         self._device_locks = []
 
     def port_values(self, skipped: int) -> dict:
-        """Return the bus's part of the diagnostics; skipped: ticks that an overrun left out."""
+        """Return the bus's part of the diagnostics; skipped: ticks that an overrun skipped."""
         counters = dataclasses.asdict(self.port.snapshot()) if self.port else {}
         values = {f"bus {name}": count for name, count in counters.items() if count}
         return {

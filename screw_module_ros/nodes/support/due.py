@@ -12,7 +12,7 @@ class Due:
         self._due_ns = 0
 
     def __call__(self, now_ns: int) -> bool:
-        """Return whether one is due at now_ns [ns]; it then counts as sent."""
+        """Return whether a message is due at now_ns [ns]; True counts it as sent."""
         if now_ns < self._due_ns:
             return False
         self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns

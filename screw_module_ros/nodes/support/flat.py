@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hot messages of the chain as records: packed and unpacked in one step each.
+"""Packs and unpacks the messages between encoder and amplifier in one step each.
 
-rclpy converts a message field by field, 10 to 40 us a time and several times a tick. These types
+rclpy converts a message field by field, 10 to 40 us each and several times per tick. These types
 are flat, so their serialized form (CDR, little-endian, OMG formal/02-06-51 15.3) is a fixed struct.
-What comes in any other form is left to rclpy.
+rclpy converts messages of any other form.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _COMMAND = struct.Struct("<4siII4xqdB7xdddd?3x")
 
 
 class Command(NamedTuple):
-    """What the amplifier needs of a ForceCommand: tick, acquisition [ns] and force [N]."""
+    """The fields of a ForceCommand for the amplifier: tick, acquisition time [ns], force [N]."""
 
     sequence: int
     monotonic_ns: int
@@ -35,7 +35,7 @@ class Command(NamedTuple):
 
 
 class Flat(NamedTuple):
-    """A message type and how its serialized form becomes a record."""
+    """A message type and the function that unpacks its serialized form."""
 
     kind: type
     unpack: Callable[[bytes], Any]
@@ -58,7 +58,7 @@ def pack_force(reading: ForceReading) -> bytes:
 
 
 def pack_command(sample: EncoderReading, output: VerticalOutput, mode: int) -> bytes:
-    """Return a serialized ForceCommand that answers an encoder sample."""
+    """Return the serialized ForceCommand for an encoder sample."""
     seconds, nanoseconds = divmod(sample.stamp_ns, _S)
     return _COMMAND.pack(
         _HEAD, seconds, nanoseconds, sample.sequence, sample.monotonic_ns, output.force, mode,

@@ -10,8 +10,9 @@ from typing import Any
 class Newest:
     """The newest message of one hot subscription.
 
-    `take` returns a message or None; `max_age_ns` is how long one counts as fresh [ns]. Arrival is
-    when it was taken, so that a sender whose clock is wrong cannot look fresh.
+    `take` returns a message or None; `max_age_ns` is the age up to which it counts as fresh [ns].
+    The age counts from the time it was taken, so that a sender with a wrong clock cannot look
+    fresh.
     """
 
     def __init__(self, take: Callable[[], Any], max_age_ns: int):
@@ -21,7 +22,7 @@ class Newest:
         self.arrival_ns = 0
 
     def update(self, now_ns: int) -> Any:
-        """Take what has come; return it when there was something new, else None."""
+        """Take the waiting message; return it if it is new, else None."""
         message = self._take()
         if message is not None:
             self.message = message
@@ -29,12 +30,12 @@ class Newest:
         return message
 
     def fresh(self, now_ns: int) -> Any:
-        """Take what has come; return the newest message while it is fresh, else None."""
+        """Take the waiting message; return the newest one while it is fresh, else None."""
         self.update(now_ns)
         return None if self.stale(now_ns) else self.message
 
     def stale(self, now_ns: int) -> bool:
-        """Return whether there is no message young enough."""
+        """Return whether the newest message is too old or missing."""
         return self.message is None or now_ns - self.arrival_ns > self._max_age_ns
 
     def age_text(self, now_ns: int) -> str:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Subscriptions and publishers of the hot loop, outside rclpy's executor.
 
-rclpy's executor spends about 60 us per callback. The hot subscriptions of a node are therefore
-kept out of its executor (`HotGroup`) and taken by hand from a wait set.
+rclpy's executor spends about 60 us per callback. So the hot loop takes the messages of its
+subscriptions directly from a wait set, and the executor ignores them (`HotGroup`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from screw_module_ros.lockstep.wires import Hop, Source
 
 from .flat import Flat
 
-_LOST_NS = 900_000_000  # wall clock: a message that was published and has not come by then is lost
+_LOST_NS = 900_000_000  # wall clock after which a published message counts as lost
 
 
 class HotGroup(CallbackGroup):
-    """A group no executor ever serves: its subscriptions are taken by the hot loop."""
+    """A callback group that no executor serves: the hot loop takes its messages."""
 
     def can_execute(self, entity) -> bool:
-        """Return False: the executor leaves the entity alone."""
+        """Return False: the executor ignores the entity."""
         return False
 
     def beginning_execution(self, entity) -> bool:
@@ -40,10 +40,10 @@ class HotGroup(CallbackGroup):
 
 
 class Inbox:
-    """Subscriptions of the hot loop, waited for together and taken one by one.
+    """Subscriptions of the hot loop with one common wait.
 
-    clock: what is waited by. direct: topics whose content another part of this process hands over
-    by calls; they are not subscribed to, and taking from them gives None.
+    clock: clock of the wait. direct: topics whose content another part of this process passes by
+    calls; they have no subscription, and taking from them returns None.
     """
 
     def __init__(self, node: Node, clock: Clock, direct: Collection[str] = ()):
@@ -64,9 +64,9 @@ class Inbox:
 
         It returns None when there is none.
 
-        `wakes`: `wait` returns when a message of this subscription is there. Of the others, in
-        simulated time only messages published before the current time count: what two loops publish
-        on the same tick arrives on the next, independent of the speed of their processes.
+        `wakes`: `wait` returns when this subscription has a message. In simulated time the other
+        subscriptions return only messages published before the present time: a message published on
+        a tick arrives on the next tick, independent of the speed of the processes.
         """
         if topic in self._direct:
             return _nothing
@@ -94,7 +94,7 @@ class Inbox:
         return take
 
     def _take_counted(self, take: Callable, handle: Any, hop: Hop, only_newest: bool) -> Any:
-        """Take a message; one that was published and is still on its way is waited for."""
+        """Take a message; wait for one that is published and still in transit."""
         newest = None
         while True:
             taken = self.take_one(take, handle, hop, hop.pending)
@@ -107,28 +107,28 @@ class Inbox:
     def take_one(
         self, take: Callable, handle: Any, hop: Hop, is_due: Callable[[], bool]
     ) -> Any:
-        """Take one message, None without one; is_due: it must be there, or in a moment."""
+        """Take one message, None without one; is_due: it is published and must arrive."""
         taken = take()
         if taken is None and is_due():
             await_message(self._node, handle)
             taken = take()
             if taken is None:
-                hop.let_go()  # lost: not waited for until the next one has come
+                hop.let_go()  # lost: time does not wait until the next message has come
         if taken is None:
             return None
         hop.taken(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
 
     def now_ns(self) -> int:
-        """Return the time that is waited by [ns]."""
+        """Return the time of the inbox's clock [ns]."""
         return self._clock.now_ns()
 
     def wait(self, until_ns: int) -> bool:
         """Wait for a message of a waking subscription, until `until_ns` at most.
 
-        Return False in simulated time when `until_ns` came first. Of the messages that come just
-        then only those count that hold no time: of publishers that are not counted, or of a topic
-        that is not followed yet.
+        In simulated time return False when `until_ns` came first, unless a message may have arrived
+        that does not hold time: from a publisher that is not counted, or of a topic that this end
+        does not follow yet.
         """
         if self._clock.simulated:
             self._clock.member.wait(until_ns, hops=self._wakers)
@@ -141,7 +141,7 @@ class Inbox:
         for handle in self._waking:
             wait_set.add_subscription(handle)
         wait_set.wait(max(0, until_ns - self._clock.now_ns()))
-        return True  # there may be one: who wakes late is not to leave it for the next tick
+        return True  # a message may have come: a late wake-up must not leave it for the next tick
 
     def close(self) -> None:
         """Destroy the subscriptions."""
@@ -154,7 +154,7 @@ class Inbox:
 
 
 def await_message(node: Node, handle: Any) -> None:
-    """Wait for a message that was published: the middleware has it in a moment, or it is lost.
+    """Wait for a published message: it arrives within a moment, or it is lost.
 
     handle: of a subscription of `node`.
     """
@@ -171,7 +171,7 @@ def _new_wait_set(node: Node, subscriptions: int) -> Any:
 
 
 class _Settled:
-    """A subscription whose messages of the tick that runs are kept for the next one."""
+    """A subscription that holds messages of the present tick back until the next one."""
 
     def __init__(
         self, inbox: Inbox, take: Callable, handle: Any, hop: Hop, only_newest: bool
@@ -181,7 +181,7 @@ class _Settled:
         self._early: tuple[int, Any] | None = None
 
     def take(self) -> Any:
-        """Return the next message, or the newest where only that counts; None without one."""
+        """Return the next message, or the newest with `only_newest`; None without one."""
         found = self._kept()
         while found is None or self._only_newest:
             if self._early is not None:
@@ -205,7 +205,7 @@ class _Settled:
 class Outlet:
     """A publisher of the hot loop; in simulated time its messages are counted.
 
-    publish: takes a message; serialized bytes where the outlet is raw.
+    publish: takes a message; a raw outlet takes serialized bytes.
     """
 
     def __init__(
@@ -234,7 +234,7 @@ class Outlet:
 
 
 def _taker(handle: Any, kind: type | Flat) -> Callable[[], Any]:
-    """Return what takes a message, or a record, and what the middleware knows of it."""
+    """Return a function that takes a message, or a record, with the middleware's info on it."""
     take_message = handle.take_message
     if not isinstance(kind, Flat):
         return lambda: take_message(kind, False)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps two runs on one machine apart: each has a ROS domain and CAN ports of its own.
+"""Separates runs on one machine: each has its own ROS domain and CAN ports.
 
-What is taken is held by locks that die with this process. What nodes keep for their next start they
-keep in a folder of the run, so that none begins where another was stopped. A ROS_DOMAIN_ID that is
-already set stays: it lets the run meet others on purpose.
+Locks that end with this process reserve them. Nodes save the state for their next start in a folder
+of the run, so that no node starts with the state of another run. A ROS_DOMAIN_ID that is already
+set stays, so that a run can join others on purpose.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _SHIFTS = range(0, 1000, 10)
 
 
 class Place(NamedTuple):
-    """Where a run lives: its ROS domain, the first of its four CAN ports, and what holds them.
+    """Resources of a run: its ROS domain, the first of its four CAN ports, and their locks.
 
-    own_domain: the domain was chosen for this run, not by the user. state: what its nodes keep;
-    state_before: the folder for that in the environment, None for none.
+    own_domain: the domain was chosen for this run, not by the user. state: folder for the state of
+    its nodes; state_before: that folder in the environment before, None for none.
     """
 
     domain: int
@@ -42,7 +42,7 @@ class Place(NamedTuple):
     state_before: str | None
 
     def release(self) -> None:
-        """Let others have the domain and the ports."""
+        """Release the domain and the ports."""
         if self.own_domain:
             os.environ.pop(DOMAIN_VARIABLE, None)
         os.environ.pop(STATE_VARIABLE, None)
@@ -68,7 +68,7 @@ def port_arguments(first_port: int) -> list[str]:
 
 
 def own_place() -> Place:
-    """Take a domain and ports, and set the environment of this process and its children.
+    """Reserve a domain and ports, and set the environment of this process and its children.
 
     Raises AlreadyRunning when all of them are in use, DomainError.
     """
@@ -111,7 +111,7 @@ def _first_dds_port(domain: int) -> int:
 
 
 def _is_quiet(port: int) -> bool:
-    # Without SO_REUSEADDR this fails as soon as anybody listens there, multicast included.
+    # Without SO_REUSEADDR this fails if any process listens there, multicast included.
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind(("", port))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node must know again after its process has ended, however it ended: a small file.
+"""Small file with the state that a node needs again after its process has ended in any way.
 
-It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own, under
-the name by which `single.lock_node` locks the node: ROS domain and full node name. However the
-environment spells these, there is one file: a node that is started from another shell, by a service
-manager without HOME or with the domain as 07 must find what it left as domain 7.
+It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own. Its
+name is the one with which `single.lock_node` locks the node: ROS domain and full node name. The
+spelling in the environment does not matter: a node that starts from another shell, from a service
+manager without HOME or with domain 07 finds the file of domain 7.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ _LARGEST = 64 * 1024  # bytes
 class Kept:
     """The file of one node; written by the one process that holds the node's lock.
 
-    path: of the file, None where there is no place for one. place: the same for people.
+    path: of the file, None without a folder for it. place: the same as text for messages.
     """
 
     def __init__(self, full_name: str):
-        """Name the file of the node `full_name` in the ROS domain of this process."""
+        """Use the file of the node `full_name` in the ROS domain of this process."""
         folder = state_folder()
         self.path: Path | None = None
         self.place = f"no place for it: {STATE_VARIABLE} and HOME are unset or no absolute paths"
@@ -40,10 +40,10 @@ class Kept:
         self._values: Any = None
 
     def read(self) -> Any:
-        """Return what was written last, {} when there is no file.
+        """Return the values written last, {} when there is no file.
 
-        Raises OSError when it cannot be read, or could not have been written, ValueError when it is
-        no JSON.
+        Raises OSError when the file cannot be read, or its folder cannot be written; ValueError
+        when the content is not valid.
         """
         path = self._known_path()
         try:
@@ -64,9 +64,9 @@ class Kept:
         return self._values
 
     def write(self, values: dict[str, Any]) -> None:
-        """Write values in place of the last ones, at once or not at all; without any, no file.
+        """Replace the last values atomically; empty values remove the file.
 
-        The same values again cost nothing, also after a failure. Raises OSError.
+        Writing the same values again costs nothing, also after a failure. Raises OSError.
         """
         if values == self._values:
             return
@@ -78,8 +78,8 @@ class Kept:
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_suffix(f".{os.getpid()}.tmp")
         try:
-            # Not synced: that may take longer than safety_state may be silent. A power failure
-            # that cuts the file short leaves one that cannot be read.
+            # No fsync: it may take longer than the timeout of safety_state. After a power failure
+            # a truncated file is unreadable, and `read` reports that.
             beside.write_text(json.dumps(values), "utf-8")
             beside.replace(path)
         finally:
@@ -93,10 +93,10 @@ class Kept:
 
 
 def state_folder() -> Path | None:
-    """Return where programs keep their state, None without an absolute path for it.
+    """Return the folder for programs' state, None without an absolute path for it.
 
-    A relative XDG_STATE_HOME counts as unset, as its specification wants (XDG Base Directory 0.8):
-    it would be another folder from each folder a node is started in. So would a relative HOME.
+    A relative XDG_STATE_HOME counts as unset, as its specification requires (XDG Base Directory
+    0.8): it would depend on the folder in which a node starts. The same holds for a relative HOME.
     """
     given = os.environ.get(STATE_VARIABLE, "")
     if os.path.isabs(given):
@@ -111,7 +111,7 @@ def state_folder() -> Path | None:
 
 
 def _check_writable(folder: Path) -> None:
-    """Raise OSError when no file could be written into a folder that may have to be made."""
+    """Raise OSError when no file can be written into a folder, which need not exist yet."""
     there = next(each for each in (folder, *folder.parents) if each.exists())
     if not there.is_dir():
         raise NotADirectoryError(f"{there} is no folder")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node with parameters, diagnostics and a hot loop: what every node here is.
+"""Base class of every node: a lifecycle node with parameters, diagnostics and a hot loop.
 
-`runtime` gives it a process.
+`runtime` runs it in a process.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Collection
 from typing import Annotated, Any, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
@@ -19,6 +19,7 @@ from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.settings import Setting
 
 from .answering import answer_always
+from .health import ERROR, OK, WARN, Health, status_message
 from .hot_topics import Inbox, Outlet
 from .parameters import Parameters
 from .scheduling import RealtimeSettings
@@ -31,34 +32,24 @@ _RETRY_S = 1.0
 _IDLE_S = 0.05
 _NO_TIME = "waiting for sim_rig: nobody moves simulated time yet (or set use_sim_time to false)"
 
-OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
 
 class StartSettings(NamedTuple):
-    """How the node starts."""
+    """Start of the node."""
 
     autostart: Annotated[
-        bool, Setting("configure and activate by itself, trying again until it works")
+        bool, Setting("configure and activate at start, and try again until it works")
     ] = True
-
-
-class Health(NamedTuple):
-    """One diagnostics entry: level, a sentence, and named values."""
-
-    level: bytes
-    message: str
-    values: dict
 
 
 class ModuleNode(ServingNode):
     """A lifecycle node with parameters, diagnostics and a hot loop.
 
-    Two threads share a node. The loop's thread runs `step` and owns all that it uses; the service
-    thread runs services, timers and the lifecycle, and reaches into the loop only by replacing
-    whole values or by what the loop takes up itself (see `loop/gated_drives`).
+    Two threads share a node. The loop's thread runs `step` and owns the data of the loop. The
+    service thread runs services, timers and the lifecycle. It affects the loop only by replacing
+    whole values or by requests that the loop carries out (see `loop/gated_drives`).
 
-    Subclasses override what they need of `connect`, `begin`, `step`, `end`, `disconnect` (each in
-    lifecycle order), `health` and `changed`.
+    Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
+    the lifecycle), `health` and `changed`.
     """
 
     def __init__(self, name: str):
@@ -78,23 +69,23 @@ class ModuleNode(ServingNode):
         self._inbox: Inbox | None = None
         self.start_serving()
 
-    # What subclasses use -------------------------------------------------------------------
+    # For subclasses to use -----------------------------------------------------------------
 
     def outlet(
         self, kind: type, topic: str, qos: QoSProfile, raw: bool = False
     ) -> Callable[[Any], None]:
-        """Return what publishes on a topic until `disconnect`; raw: serialized bytes."""
+        """Return the publish function of a topic, valid until `disconnect`; raw: takes bytes."""
         outlet = Outlet(self, self.clock, kind, topic, qos, raw)
         self._outlets.append(outlet)
         return outlet.publish
 
     def new_inbox(self) -> Inbox:
-        """Return the subscriptions of the hot loop, which end with `disconnect`."""
+        """Return a new inbox for subscriptions of the hot loop; `disconnect` closes it."""
         self._inbox = Inbox(self, self.clock, self.direct)
         return self._inbox
 
     def close_topics(self) -> None:
-        """Remove what `outlet` and `new_inbox` made."""
+        """Close all outlets and inboxes."""
         if self._inbox is not None:
             self._inbox.close()
             self._inbox = None
@@ -103,10 +94,10 @@ class ModuleNode(ServingNode):
         self._outlets = []
 
     def stamp(self, header: Any) -> None:
-        """Write the time of now into a message's header."""
+        """Write the present time into a message's header."""
         header.stamp.sec, header.stamp.nanosec = divmod(self.clock.stamp_ns(), 1_000_000_000)
 
-    # What subclasses fill in ---------------------------------------------------------------
+    # For subclasses to override ------------------------------------------------------------
 
     hardware_id = ""
 
@@ -114,30 +105,30 @@ class ModuleNode(ServingNode):
     """Whether simulated time begins with this node."""
 
     direct: Collection[str] = ()
-    """Topics that other parts of this process hand over by calls (see `Inbox`)."""
+    """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
 
     def connect(self) -> None:
-        """Open what is needed (lifecycle configure). Raise with a clear sentence on failure."""
+        """Open devices and topics (lifecycle configure). Raise with a clear message on failure."""
 
     def begin(self) -> None:
-        """Start streaming (lifecycle activate). Raise with a clear sentence on failure."""
+        """Start streaming (lifecycle activate). Raise with a clear message on failure."""
 
     def step(self) -> None:
-        """One pass of the hot loop; must return within some periods; it does its own waiting."""
+        """Do one pass of the hot loop, with its waits; must return within a few periods."""
         self.clock.sleep(_IDLE_S)
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
 
     def disconnect(self) -> None:
-        """Close what `connect` opened (lifecycle cleanup), also after a `connect` that failed."""
+        """Close what `connect` opened (lifecycle cleanup), also after a failed `connect`."""
 
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
         return Health(OK, "running", {})
 
     def changed(self, kind: type) -> None:
-        """Take over parameters of the settings tuple `kind`, changed at run time."""
+        """Apply parameters of the settings tuple `kind` that changed at run time."""
 
     # Lifecycle -----------------------------------------------------------------------------
 
@@ -192,9 +183,9 @@ class ModuleNode(ServingNode):
         return TransitionCallbackReturn.SUCCESS
 
     def close(self, ended: Callable[[], None] = lambda: None) -> None:
-        """Stop and disconnect from wherever the node is; safe to call twice.
+        """Stop and disconnect from any lifecycle state; safe to call twice.
 
-        ended: called when the node's work is done and only topics and buses are left to close.
+        ended: called when only topics and buses remain to be closed.
         """
         if self._active.is_set():
             try:
@@ -222,7 +213,7 @@ class ModuleNode(ServingNode):
         self._failure = text
 
     def start_by_itself(self) -> None:
-        """Configure and activate when `autostart` says so, again each second until it works."""
+        """Configure and activate if `autostart` is set; try again each second until it works."""
         if self.parameters.read(StartSettings).autostart:
             self._start_timer = self.periodic.every(WallClock(), _RETRY_S, self._try_start)
             self._try_start()
@@ -238,7 +229,7 @@ class ModuleNode(ServingNode):
             self.periodic.cancel(self._start_timer)
 
     def _time_moves(self) -> bool:
-        """Return whether there is a clock to start by; say so where there is none."""
+        """Return whether the clock runs; report it if not."""
         if self.moves_time or not self.clock.simulated or self.clock.page.conductor:
             return True
         if self._failure != _NO_TIME:
@@ -265,41 +256,35 @@ class ModuleNode(ServingNode):
     def takes_part(self) -> bool:
         """Return whether the loop may run this node's part now.
 
-        The loop's thread asks before each step; until it asks again, or calls `leaves`, nothing
-        the step uses is taken away.
+        The loop's thread calls this before each step. Until its next call, or its call of `leaves`,
+        the node closes nothing that the step uses.
         """
         if self.clock.simulated and self.periodic.is_due():
-            self.wake()  # who sleeps in the executor does not hear of simulated time
+            self.wake()  # a thread that sleeps in the executor does not see simulated time
         if self._active.is_set():
             if not self._outside_step.is_set():
                 return True
             self._outside_step.clear()
-            if self._active.is_set():  # whoever clears it waits for us from now on
+            if self._active.is_set():  # a thread that clears it then waits for this step
                 return True
         self._outside_step.set()
         return False
 
     def leaves(self) -> None:
-        """Note that the loop has ended its last step."""
+        """Record that the loop has ended its last step."""
         self._outside_step.set()
 
     # Diagnostics and parameters ------------------------------------------------------------
 
     def publish_health(self) -> None:
-        """Publish the diagnostics entry of now on /diagnostics."""
+        """Publish the present diagnostics entry on /diagnostics."""
         if self._active.is_set():
             health = self.health()
         elif self._failure:
             health = Health(ERROR, self._failure, {})
         else:
             health = Health(WARN, f"lifecycle state {self._phase}", {})
-        status = DiagnosticStatus(
-            level=health.level,
-            name=self.get_fully_qualified_name().lstrip("/"),
-            message=health.message,
-            hardware_id=self.hardware_id,
-            values=[KeyValue(key=key, value=str(value)) for key, value in health.values.items()],
-        )
+        status = status_message(health, self.get_fully_qualified_name(), self.hardware_id)
         array = DiagnosticArray(status=[status])
         self.stamp(array.header)
         self._diagnostics.publish(array)

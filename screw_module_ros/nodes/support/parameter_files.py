@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which values of a parameter file are for which node, and which no node reads.
+"""Assigns the sections of a parameter file to nodes, and finds those that no node reads.
 
-ROS 2 ignores a section that fits no node and a file that has nothing for a node, without a word. A
-section `encoder:` is for the node /encoder alone; `/**/encoder:` is for it in every namespace.
+ROS 2 ignores a section that matches no node and a file without values for a node, without a
+message. A section `encoder:` matches only the node /encoder; `/**/encoder:` matches it in every
+namespace.
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ _WILD = ("*", "**")
 class ParameterFile(NamedTuple):
     """A parameter file.
 
-    path: as it was given. sections: full node name or pattern, like /left/encoder or /**/encoder,
-    to its parameters, in the order of the file.
+    path: as given. sections: full node name or pattern, like /left/encoder or /**/encoder -> its
+    parameters, in the order of the file.
     """
 
     path: str
     sections: dict[str, Mapping[str, Any]]
 
     def own(self, node: str) -> list[str]:
-        """Return the sections that are for the node of this full name and not for all nodes."""
+        """Return the sections that match the node of this full name but not all nodes."""
         return [key for key in self.sections if not _is_for_all(key) and matches(key, node)]
 
     def shared(self, node: str) -> set[str]:
-        """Return names of parameters that only sections for all nodes, like /**, give to `node`."""
+        """Return the parameters of `node` that only sections for all nodes, like /**, set."""
         fits = [key for key in self.sections if matches(key, node)]
         both = {
             for_all: {name for key in fits if _is_for_all(key) == for_all
@@ -48,7 +49,7 @@ class ParameterFile(NamedTuple):
 
 
 def read_file(path: str) -> ParameterFile:
-    """Return what a file says. Raises ParameterError naming the file and what is wrong with it."""
+    """Return the content of a file. Raises ParameterError naming the file and its problem."""
     try:
         content = load_plain_yaml(read_regular(path, _LARGEST).decode())
     except PlainYamlError as error:
@@ -80,7 +81,7 @@ def _collect(path: str, content: Any, name: str, found: dict[str, Mapping[str, A
 
 
 def matches(pattern: str, node: str) -> bool:
-    """Whether a section's name fits a full node name: * is one part of it, ** any number."""
+    """Return whether a section's name matches a full node name: * is one part, ** any number."""
     expression = ""
     for part in pattern.strip("/").split("/"):
         expression += {"*": "/[^/]+", "**": "(?:/[^/]+)*"}.get(part, "/" + re.escape(part))
@@ -88,7 +89,7 @@ def matches(pattern: str, node: str) -> bool:
 
 
 def notices(files: Iterable[ParameterFile], node: str) -> list[str]:
-    """Return a sentence for each file that has nothing for the node of this full name."""
+    """Return a message for each file without values for the node of this full name."""
     warnings = []
     for file in files:
         if file.own(node):
@@ -101,7 +102,7 @@ def notices(files: Iterable[ParameterFile], node: str) -> list[str]:
 
 
 def strangers(file: ParameterFile, nodes: Iterable[str], namespace: str = "") -> list[str]:
-    """Return a sentence for each section that fits none of the nodes in a namespace.
+    """Return a message for each section that matches none of the nodes in a namespace.
 
     nodes: their names, without namespace.
     """

@@ -49,7 +49,7 @@ class Parameters:
     ) -> None:
         """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
 
-        Fields in `without` keep their default and are no parameters here; `defaults` replace the
+        Fields in `without` keep their default and do not become parameters; `defaults` replace the
         tuple's own. Raises ParameterError for a bad value at start.
         """
         group = self._defaults[kind, prefix] = kind(**defaults)
@@ -70,10 +70,10 @@ class Parameters:
         self._node.declare_parameter(name, value, _descriptor(field, value))
 
     def finish(self, shared: Collection[str] = ()) -> list[str]:
-        """End the declarations; raise ParameterError when a given name was never declared.
+        """End the declarations; raise ParameterError for a given name that was never declared.
 
-        shared: names that were given to all nodes at once. Such a one may be meant for others; a
-        sentence that says so is returned for each.
+        shared: names that were given to all nodes at once. These may be meant for other nodes, so
+        they are no error; a message is returned for each.
         """
         self._declared = True
         warnings = []
@@ -90,7 +90,7 @@ class Parameters:
         return warnings
 
     def read(self, kind: type, prefix: str = "") -> Any:
-        """Return the NamedTuple `kind` declared under `prefix`, with the values of now."""
+        """Return the NamedTuple `kind` declared under `prefix`, with the present values."""
         values = {
             name: _from_ros(self._node.get_parameter(_join(prefix, name)).value)
             for name in declared(kind)
@@ -99,7 +99,7 @@ class Parameters:
         return self._defaults[kind, prefix]._replace(**values)
 
     def write(self, prefix: str = "", **values: Any) -> str:
-        """Set fields as a client would; return why not, empty when done."""
+        """Set fields as a client would; return why it was refused, empty when done."""
         given = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
         return self._node.set_parameters_atomically(given).reason
 
@@ -133,7 +133,7 @@ class Parameters:
         return ""
 
     def _apply(self, parameters: list[Parameter]) -> None:
-        if not self._declared:  # rclpy reports each declaration too
+        if not self._declared:  # rclpy also reports each declaration
             return
         names = {parameter.name for parameter in parameters}
         for kind in {self._fields[name][0] for name in names if name in self._fields}:
@@ -145,7 +145,7 @@ def _join(prefix: str, name: str) -> str:
 
 
 def _flat(value: Any):
-    # What comes by a service may be an array.array, what was declared a list.
+    # A value from a service may be an array.array, a declared one is a list.
     return value if hasattr(value, "__len__") and not isinstance(value, (str, bytes)) else (value,)
 
 

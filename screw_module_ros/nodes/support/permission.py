@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the supervisor permits, passed on to the gate of one axis group."""
+"""Passes the supervisor's permission to the gate of one axis group."""
 
 from __future__ import annotations
 
@@ -29,14 +29,18 @@ class Permission:
         self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, qos.PERMISSION))
         self._senders = Senders(node, [graph.SAFETY_STATE])
 
+    def begin(self) -> None:
+        """Forget what came while the node was not active: it says nothing of now."""
+        for _ in islice(iter(self._take, None), qos.PERMISSION.depth):
+            pass
+
     @property
     def warning(self) -> str:
-        """That more than one node publishes it, else empty."""
+        """Message when more than one node publishes safety_state, else empty."""
         return self._senders.warning
 
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
-        """Pass to the gate what came since the last call; two senders are a refusal. now_ns [ns].
-        """
+        """Pass new messages to the gate; two senders count as a refusal. now_ns [ns]."""
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
             reason = safety.reasons[0] if safety.reasons else ""
             drives.permit(self._permitted(safety), reason, now_ns)
@@ -44,5 +48,5 @@ class Permission:
             drives.permit(False, self.warning, now_ns)
 
     def close(self) -> None:
-        """Count no more; the subscription goes with the inbox."""
+        """Stop counting; the inbox closes the subscription."""
         self._senders.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to start and with which arguments: one plan for `bringup` and for the launch file."""
+"""The executables to start and their arguments, for `bringup` and the launch file."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from .isolation import port_arguments
 from .parameter_files import read_file, strangers
 
 ENCLAVES = "/therapy_robot"
-"""Above the enclaves of security/policy.xml."""
+"""Prefix of the enclaves of security/policy.xml."""
 _SECURITY_VARIABLE = "ROS_SECURITY_ENABLE"
 SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
-"""From SYNC to when the answer acts [s]: what `make bench` measures, for simulated time."""
+"""Delay from SYNC to the effect of its command [s], measured by `make bench`; in simulated time."""
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
 BENCH_PARAMETERS = "params/bench.yaml"
 
 
 class Plan(NamedTuple):
-    """What to start.
+    """Executables to start.
 
-    entries: the executables, in order. common: arguments of each, for behind --ros-args. namespace:
-    of all nodes, from / on, empty for none. warnings: entries of the parameter file that no node
+    entries: the executables, in order. common: arguments for each, after --ros-args. namespace: of
+    all nodes, with leading /, empty for none. warnings: entries of the parameter file that no node
     reads.
     """
 
@@ -38,7 +38,7 @@ class Plan(NamedTuple):
     warnings: list[str]
 
     def arguments(self, entry: Entry) -> list[str]:
-        """Return the arguments of one executable, with its enclave where SROS2 is in force."""
+        """Return the arguments of one executable, with its enclave if SROS2 is in use."""
         if os.environ.get(_SECURITY_VARIABLE, "").lower() != "true":
             return self.common
         return [*self.common, "--enclave", f"{ENCLAVES}/{entry.executable}"]
@@ -55,12 +55,12 @@ def plan(
     wall_clock: bool = False,
     first_port: int | None = None,
 ) -> Plan:
-    """Return what starts the robot.
+    """Return the plan that starts the robot.
 
-    simulation: against the simulated rig. params: a file in place of the packaged one. only,
-    without: names of the table. extra: goes to every node. composed: `module` in place of its four
-    parts. wall_clock: the simulated rig runs in real time. first_port: of the rig's four CAN ports,
-    None for those of the file.
+    simulation: with the simulated rig. params: a file that replaces the packaged one. only,
+    without: names of the table. extra: arguments for every node. composed: `module` replaces its
+    four parts. wall_clock: the simulated rig runs in real time. first_port: of the rig's four CAN
+    ports, None for those of the file.
 
     Raises ParameterError for a file that cannot be read, ValueError for a name that is not in the
     table and for ports without a simulated rig.
@@ -85,9 +85,9 @@ def plan(
 
 
 def checked_values(values: Sequence[str]) -> list[str]:
-    """Return the rules of -p as they are.
+    """Return the rules of -p unchanged.
 
-    Raises ValueError for one that is none, or that names a node that there is not.
+    Raises ValueError for a rule of another form, or with an unknown node.
     """
     known = {node for composed in (False, True) for e in table(composed) for node in e.nodes}
     for value in values:
@@ -111,11 +111,11 @@ def simulated_arguments(composed: bool = False, wall_clock: bool = False) -> lis
 
 
 def placement(cores: int, composed: bool = False) -> list[str]:
-    """Return the --ros-args that fit a real-time simulation to a machine with `cores` cores.
+    """Return the --ros-args that adapt a real-time simulation to a machine with `cores` cores.
 
-    With two, rig and robot together are more than they can do in time: the plane then runs at
-    250 Hz (500 Hz otherwise, the original robot's 200 Hz) and the chain keeps a core of its own.
-    With more the scheduler finds a free one.
+    Two cores are too slow for rig and robot in real time. Then the plane runs at 250 Hz (otherwise
+    500 Hz; the original robot had 200 Hz), and the nodes from encoder to amplifier have their own
+    core. With more cores the scheduler finds a free one.
     """
     if cores > 2:
         return []

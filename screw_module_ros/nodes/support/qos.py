@@ -14,16 +14,16 @@ def _keep_last(depth: int, reliability: ReliabilityPolicy) -> QoSProfile:
 
 
 SAMPLE = _keep_last(1, ReliabilityPolicy.BEST_EFFORT)
-"""Samples at the tick rate: only the newest is of use, a lost one is counted by its sequence."""
+"""Samples at the tick rate: only the newest is useful; the sequence shows a lost one."""
 
 COMMAND = _keep_last(1, ReliabilityPolicy.RELIABLE)
-"""Commands and permissions: delivered, and only the newest counts."""
+"""Commands and permissions: reliable, and only the newest counts."""
 
 NEWEST = COMMAND
-"""What the hot loop subscribes states with: a deeper queue would hand out old ones first."""
+"""For the hot loop's subscriptions of states: a deeper queue would return old ones first."""
 
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE)
 """States at 50 to 200 Hz: reliable, so that clients with default settings receive them."""
 
 PERMISSION = _keep_last(10, ReliabilityPolicy.RELIABLE)
-"""What the drives take safety_state with: each refusal counts, also one that others talk over."""
+"""For the drives' subscriptions of safety_state: each refusal counts, also an overwritten one."""

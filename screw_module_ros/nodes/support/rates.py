@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rate of a stream over the time between two looks at its counter."""
+"""Rate of a stream between two readings of its counter."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The life of a node's process: start, lifecycle, hot loop, orderly end.
 
-Two threads share the work. The executor's thread serves services, parameters, lifecycle
-transitions and diagnostics. The main thread runs `ModuleNode.step` over and over while the node is
-active, and nothing else, so that no callback stands between a sample and its command.
+Two threads share the work. The executor's thread serves services, parameters, lifecycle transitions
+and diagnostics. The main thread only repeats `ModuleNode.step` while the node is active (the hot
+loop), so that no callback delays a command.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from .transport import choose_transport
 RCLError = rclpy_implementation.RCLError  # exported nowhere else
 UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 _END_S = 2.0
-_TEARDOWN_S = 6  # bringup becomes impatient after 8
+_TEARDOWN_S = 6  # bringup sends the next signal after 8
 _ACTIVE_POLL_S = 0.005
 TELL_WHERE = signal.SIGUSR2
-"""A node that gets this signal writes to stderr where its threads are."""
+"""A node that receives this signal writes the stacks of its threads to stderr."""
 
 
 def main(factory: Callable[[], ModuleNode]) -> int:
     """Run the node `factory` makes until SIGINT or SIGTERM; return the exit code.
 
-    0 after a signal, 1 after an error of the loop or of what serves requests, 2 when a parameter or
+    0 after a signal, 1 after an error of the loop or the executor's thread, 2 when a parameter or
     the start was refused.
     """
     return run_together(factory.__name__, lambda: [factory()], lambda nodes: nodes[0].run())
@@ -58,15 +58,15 @@ def run_together(
 ) -> int:
     """Run the nodes that `make` returns in this process, with one hot loop; like `main`.
 
-    loop: runs until `stopping` of the nodes, which is one event, is set. Each node has services,
-    parameters, lifecycle and diagnostics of its own, served by a thread of its own; scheduling is
-    that of the highest priority among them, on the cores of the first. name: begins the message of
+    loop: runs until the common event `stopping` of the nodes is set. Each node has its own
+    services, parameters, lifecycle and diagnostics, and its own thread for them. The process gets
+    the highest priority among the nodes and the cores of the first. name: prefix of the message of
     a refused start.
     """
     stopping = threading.Event()
     stop_on_signals(stopping)
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
-    # What canopen logs, our errors say with the node id and the way out.
+    # Our errors replace canopen's log messages, with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
     choose_transport()
     nodes: list[ModuleNode] = []
@@ -108,7 +108,7 @@ def _begin(given: Arguments) -> list[ParameterFile]:
 
 
 def _finish(node: ModuleNode, files: list[ParameterFile]) -> None:
-    """Refuse parameters that the node does not have, say what in the files it will not read."""
+    """Refuse parameters that the node does not have; report entries that it does not read."""
     name = node.get_fully_qualified_name()
     shared = set().union(*(file.shared(name) for file in files))
     for sentence in (*node.parameters.finish(shared), *notices(files, name)):
@@ -137,7 +137,7 @@ def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> 
         ended.set()
         for one in served:
             one.join()
-        for node in reversed(nodes):  # the drive goes off while its controller is still there
+        for node in reversed(nodes):  # the drive goes off while its controller still runs
             signal.alarm(0)
             node.close(_end_if_locked_up)
         for one in served:
@@ -146,16 +146,16 @@ def _live(nodes: list[ModuleNode], loop: Callable[[list[ModuleNode]], None]) -> 
 
 
 def _end_if_locked_up() -> None:
-    """See to it that the process ends: Fast DDS can lock up while it removes a topic.
+    """Make sure that the process ends: Fast DDS can lock up while it removes a topic.
 
-    The torque is off by then. The signal's own action works where no Python can.
+    The torque is off by then. The signal's default action works even when Python cannot run.
     """
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(_TEARDOWN_S)
 
 
 def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
-    if nodes[0].clock.simulated:  # time waits: nobody has to come first
+    if nodes[0].clock.simulated:  # time waits for every process: none needs priority
         return RealtimeSettings()
     asked = [node.parameters.read(RealtimeSettings, "realtime") for node in nodes]
     return asked[0]._replace(priority=max(settings.priority for settings in asked))
@@ -164,7 +164,7 @@ def _scheduling(nodes: list[ModuleNode]) -> RealtimeSettings:
 class _Served:
     """A node with the thread that serves its services, timers and parameters.
 
-    failed: whether that ended by an error, which ends the node.
+    failed: whether that thread ended with an error, which ends the node.
     """
 
     def __init__(self, node: ModuleNode, ended: threading.Event):
@@ -186,13 +186,13 @@ class _Served:
             )
 
     def join(self) -> None:
-        """Wait until the thread has seen the end."""
+        """Wait until the thread has ended."""
         self.executor.wake()
         self._thread.join(timeout=_END_S)
 
 
 def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.Event) -> None:
-    # Not `spin`: an executor that is shut down while it spins trips over its own guard condition.
+    # Not `spin`: an executor that is shut down while it spins fails on its own guard condition.
     try:
         while not ended.is_set():
             try:
@@ -201,4 +201,4 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
             except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
                 ended.wait(BACK_OFF_S)
     finally:
-        node.stopping.set()  # without services and diagnostics the node is no use
+        node.stopping.set()  # without services and diagnostics the node is useless

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the process of a hot loop is scheduled: priority, cores, timers, garbage collection."""
+"""Scheduling of a process with a hot loop: priority, cores, timers, garbage collection."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from screw_module_ros.settings import Setting
 
 _PR_SET_TIMERSLACK = 29
 _LOWEST = 1  # of SCHED_FIFO
-_SWITCH_INTERVAL = 50e-6  # s; a service callback keeps the loop waiting at most this long
+_SWITCH_INTERVAL = 50e-6  # s; longest delay of the loop by a service callback
 
 
 class RealtimeSettings(NamedTuple):
-    """How the process is scheduled."""
+    """Scheduling of the process."""
 
     priority: Annotated[
         int, Setting("SCHED_FIFO priority of the loop, 0 for the normal scheduler", "", 0, 90)
@@ -30,9 +30,10 @@ class RealtimeSettings(NamedTuple):
 
 
 def prepare(settings: RealtimeSettings) -> list[str]:
-    """Make the process fit for a loop: cores, timers, no garbage to collect later.
+    """Prepare the process for a loop: cores, timers, no garbage collection.
 
-    Call from the loop's thread when the node is made. Returns what could not be had, as sentences.
+    Call it from the loop's thread after creating the node. Returns a message for each setting that
+    the system refused.
     """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     sys.setswitchinterval(_SWITCH_INTERVAL)
@@ -54,15 +55,17 @@ def prepare(settings: RealtimeSettings) -> list[str]:
 
 
 def take_priority(settings: RealtimeSettings) -> list[str]:
-    """Give the threads of the process SCHED_FIFO, where that is asked for.
+    """Give the threads of the process SCHED_FIFO, if the settings request it.
 
-    Call when the node is active, not before: to configure is half a second of work that must not
-    keep the loops of other nodes waiting. The executor's thread gets the loop's priority: while it
-    holds the interpreter's lock the loop waits for it in short naps, and with less it would never
-    be let finish. Of Fast DDS's threads only those that bring samples get it: discovery is a burst
-    of work and must not come first. It gets the lowest, because it holds locks that the loop needs
-    when it publishes: left among the ordinary threads of a busy machine, it keeps the loop waiting
-    for 0.5 s. Returns what could not be had, as sentences.
+    Call it when the node is active, not before: configuring is half a second of work that must not
+    delay the loops of other nodes. Returns a message for each setting that the system refused.
+
+    The executor's thread gets the loop's priority: while it holds the interpreter's lock the loop
+    polls for the lock, and with a lower priority that thread would never finish. Of Fast DDS's
+    threads only those that receive samples get it, because discovery works in bursts that must not
+    delay the loop. The discovery threads get the lowest real-time priority, because they hold locks
+    that the loop needs to publish: as normal threads of a busy machine they delayed the loop by
+    0.5 s.
     """
     if not settings.priority:
         return []
@@ -86,9 +89,9 @@ def _threads() -> list[int]:
 
 
 def _keep_processor_awake() -> None:
-    """Ask for no sleep states while this process lives, where that is permitted (Linux PM QoS).
+    """Request no sleep states while this process lives, if permitted (Linux PM QoS).
 
-    A processor that slept through the rest of a period wakes late and with cold caches.
+    A processor that sleeps for the rest of a period wakes late and with cold caches.
     """
     with contextlib.suppress(OSError):
         request = os.open("/dev/cpu_dma_latency", os.O_WRONLY)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes the topics that one node alone may publish: two would contradict each other.
+"""Detects a second publisher of a topic that only one node may publish.
 
-A second sender may be so fast, so slow or so well numbered that its messages look like the true
-ones; the middleware knows it all the same. It does not tell who sent a message (rclpy's message
-info has no publisher's gid), so neither can be trusted.
+Rate and numbers of a second sender's messages may look right, but the middleware knows its
+publishers. It does not report the sender of a message (rclpy's message info has no publisher gid),
+so with two senders neither can be trusted.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ _LOOK_S = 0.1
 class Senders:
     """Counts the publishers of some topics each 0.1 s, in the executor's thread.
 
-    warning: that more than one node publishes one of them, and which, else empty. A node that was
-    killed counts until the middleware forgets it, 20 s later.
+    warning: message when more than one node publishes a topic, else empty. A killed node counts
+    until the middleware drops it, 20 s later.
     """
 
     def __init__(self, node: ModuleNode, topics: Iterable[str]):
@@ -34,12 +34,12 @@ class Senders:
         self.warning = next(filter(None, warnings), "")
 
     def close(self) -> None:
-        """Count no more."""
+        """Stop counting."""
         self._node.periodic.cancel(self._timer)
 
 
 def too_many_senders(node: Node, topic: str) -> str:
-    """Return that more than one node publishes a topic of `node`'s, and which; else empty."""
+    """Return a message when more than one node publishes a topic of `node`, else empty."""
     count = node.count_publishers(topic)
     if count < 2:
         return ""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node with the clock of its process, whose services name what is wrong.
+"""A lifecycle node with the clock of its process, whose services report errors as text.
 
-In simulated time a request holds time until the service works on it, and the answer until the
-client has it.
+In simulated time a request holds time until the service processes it, and the answer holds time
+until the client has it.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from typing import Any
 
 from rclpy.lifecycle import LifecycleNode
 
-from screw_module_ros.clock import Clock, TimeStandsStill, WallClock, simulated_clock
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
 from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.simulated_clock import simulated_clock
 
 from .command_line import arguments, overrides
 
 
 class Done(str):
-    """What a service did, for its response; a plain string says what was wrong."""
+    """Message of a service that succeeded; a plain string is the message of a failure."""
 
     __slots__ = ()
 
@@ -44,7 +45,7 @@ class ServingNode(LifecycleNode):
     def _chosen_clock(self) -> Clock:
         if not self.get_parameter("use_sim_time").value:
             return WallClock()
-        # Our own time comes from the page: a topic at 100 Hz would only cost a callback each.
+        # Our time comes from the page: the topic /clock would only cost 100 callbacks a second.
         for subscription in list(self.subscriptions):
             if subscription.topic_name == "/clock":
                 self.destroy_subscription(subscription)
@@ -52,7 +53,7 @@ class ServingNode(LifecycleNode):
         return simulated_clock(name, namespace, lambda: self.stopping.is_set())
 
     def start_serving(self) -> None:
-        """Let each request hold simulated time until a service works on it; ends __init__."""
+        """Make each request hold simulated time until a service processes it; ends __init__."""
         if not self.clock.simulated:
             return
         self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
@@ -75,13 +76,13 @@ class ServingNode(LifecycleNode):
     ) -> None:
         """Offer a service whose response has `success` and `message`.
 
-        action: takes the request and returns what is wrong, empty when nothing is, or `Done` with
-        what it did; what it raises is the answer too, and the node lives on. done: the message
-        where it returns nothing. always: also while the node is not active.
+        action: takes the request and returns the reason of a failure, an empty string for success,
+        or `Done` with a message. An exception becomes the answer, and the node continues. done: the
+        message for an empty string. always: serve also while the node is not active.
         """
 
         def answer(request: Any, response: Any) -> Any:
-            with self._asked():
+            with self._holding_time():
                 said = self._carried_out(action, request, name, always)
             response.success = not said or isinstance(said, Done)
             response.message = str(said) or done
@@ -101,8 +102,8 @@ class ServingNode(LifecycleNode):
             return str(error) or type(error).__name__
 
     @contextmanager
-    def _asked(self):
-        """Hold simulated time while a service works, and until the client has the answer."""
+    def _holding_time(self):
+        """Hold simulated time while a service runs, and until the client has the answer."""
         if not self.clock.simulated:
             yield
             return
@@ -114,16 +115,16 @@ class ServingNode(LifecycleNode):
         self._answers.published()
 
     def stop_serving(self) -> None:
-        """Hold simulated time for requests no more: no service answers from here on."""
+        """Stop holding simulated time for requests: no service answers from now on."""
         if self._requests is not None:
             self._requests.let_go()
 
 
 def request_topic(node: str) -> str:
-    """Return what simulated time calls the requests to a node of this full name."""
+    """Return the name under which simulated time counts requests to a node (full name)."""
     return f"request {node}"
 
 
 def answer_topic(node: str) -> str:
-    """Return what simulated time calls the answers of a node of this full name."""
+    """Return the name under which simulated time counts answers of a node (full name)."""
     return f"answer {node}"

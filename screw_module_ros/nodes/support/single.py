@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One copy of each node, one client per device: locks that die with their process.
+"""One copy of each node, one client per device: locks that end with their process.
 
-An abstract Unix socket is bound as the lock: the kernel frees it however the process ends, so a
-killed node never blocks its successor and nothing is left on the disk.
+The lock is a bound abstract Unix socket. The kernel frees it at any end of the process, so a killed
+node never blocks its successor, and no file remains on the disk.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ class Lock:
     """A machine-wide name held by this process until `release` or its end."""
 
     def __init__(self, name: str, taken: str):
-        """Take `name`; raise AlreadyRunning with the sentence `taken` when another process has it.
-        """
+        """Lock `name`; raise AlreadyRunning with the message `taken` if another process has it."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             self._socket.bind(b"\0screw_module_ros/" + name.encode())
@@ -30,12 +29,12 @@ class Lock:
             raise AlreadyRunning(taken) from None
 
     def release(self) -> None:
-        """Give the name back."""
+        """Release the name."""
         self._socket.close()
 
 
 def lock_node(full_name: str) -> Lock:
-    """Hold the node name `full_name` within the ROS domain of this process."""
+    """Lock the node name `full_name` within the ROS domain of this process."""
     domain = domain_id()
     return Lock(
         f"node/{domain}{full_name}",
@@ -45,7 +44,7 @@ def lock_node(full_name: str) -> Lock:
 
 
 def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
-    """Hold one device of one bus: two SDO clients on a device would corrupt each other."""
+    """Lock one device of one bus: two SDO clients on a device would disturb each other."""
     return Lock(
         f"device/{interface}/{channel}/{port}/{device}",
         f"{device} on {interface} {channel} port {port} is already driven by another process of "

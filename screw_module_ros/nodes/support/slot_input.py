@@ -16,7 +16,7 @@ from .topics import requested
 class SlotInbox:
     """Subscribes `therapy/slot` for a hot loop. vertical: the axis is z, else x and y.
 
-    refused: what was wrong with the newest slot, empty when nothing was.
+    refused: problem of the newest slot, empty without one.
     """
 
     def __init__(self, inbox: Inbox, vertical: bool):
@@ -25,7 +25,7 @@ class SlotInbox:
         self._take = inbox.subscribe(*requested(graph.THERAPY_SLOT))
 
     def read(self, guide: Guide, now_ns: int) -> None:
-        """Pass on what has come; a slot that cannot be is no slot. now_ns [ns]."""
+        """Pass a new slot to the guide; an invalid slot counts as none. now_ns [ns]."""
         message = self._take()
         if message is None:
             return

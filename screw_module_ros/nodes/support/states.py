@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages filled from the parts of the loops; for the loop's thread, times in [ns]."""
+"""Fills state messages from the parts of the loops; for the loop's thread, times in [ns]."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""SIGINT and SIGTERM as an event to wait for, or as a flag to look at."""
+"""SIGINT and SIGTERM as an event to wait for, or as a flag to poll."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def stop_on_signals(stopping: threading.Event) -> None:
     """Set `stopping` when SIGINT or SIGTERM comes; call from the main thread.
 
-    A thread of its own sets it. The handler must not: it runs in the main thread in the midst of
-    what that is doing, and where that is `stopping.wait`, the event's lock is held for moments;
-    `set` would wait for it for ever, and the process could only be killed.
+    A separate thread sets the event. The signal handler must not: it interrupts the main thread,
+    which may be in `stopping.wait` and hold the event's lock. Then `set` would wait for ever.
     """
     caught: queue.SimpleQueue[int] = queue.SimpleQueue()  # made to be put into by handlers
 
@@ -32,7 +31,7 @@ def stop_on_signals(stopping: threading.Event) -> None:
 def stopped() -> None:
     """Ignore further signals: the process ends, and the interpreter removes the handlers first.
 
-    A second Ctrl-C would else end with a signal a process that has done all its work.
+    Otherwise a second Ctrl-C would kill a process that has finished its work.
     """
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
@@ -41,7 +40,7 @@ def stopped() -> None:
 class StopFlag:
     """True once SIGINT or SIGTERM came between `catch` and `release`; both from the main thread.
 
-    No Event: a handler that interrupts another one in `set` would wait for it for ever.
+    Not an Event: a handler that interrupts another one in `set` would wait for ever.
     """
 
     def __init__(self) -> None:
@@ -52,12 +51,12 @@ class StopFlag:
         return self._came
 
     def catch(self) -> None:
-        """Take the signals from here on."""
+        """Handle the signals from now on."""
         for number in _SIGNALS:
             self._before[number] = signal.signal(number, self._note)
 
     def release(self) -> None:
-        """Give the signals back to who had them."""
+        """Restore the previous handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
         self._before = {}

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Timers of a node's service thread, on our own clocks.
 
-rclpy's timers follow ROS time, which a parameter can stop; guards and diagnostics must not hang on
-it.
+rclpy's timers follow ROS time, which a parameter can stop; guards and diagnostics must not depend
+on it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from screw_module_ros.clock import Clock, TimeStandsStill
 
 _LONGEST_S = 0.2
-"""Simulated time moves at its own pace: it is looked at so often if nobody wakes us."""
+"""Longest wall-clock sleep before simulated time is read again, as it has its own speed."""
 
 
 @dataclass(eq=False)
@@ -27,7 +27,7 @@ class Timer:
 
 
 class Timers:
-    """The timers of one node. `run` belongs to the service thread, the rest to any."""
+    """The timers of one node. The service thread calls `run`; any thread may call the rest."""
 
     def __init__(self) -> None:
         self._timers: list[Timer] = []
@@ -48,7 +48,7 @@ class Timers:
         return any(each.clock.now_ns() >= each.due_ns for each in self._timers)
 
     def left_s(self) -> float:
-        """Return how long the service thread may sleep before it looks at the timers again [s]."""
+        """Return how long the service thread may sleep before it checks the timers again [s]."""
         left_ns = [each.due_ns - each.clock.now_ns() for each in self._timers]
         return min(_LONGEST_S, max(1e-4, min(left_ns, default=0) * 1e-9))
 
@@ -63,4 +63,4 @@ class Timers:
                 with timer.clock.working():
                     timer.call()
             except TimeStandsStill:
-                continue  # nothing to be asked of a rig that has stopped
+                continue  # the rig has stopped, so the time is unknown

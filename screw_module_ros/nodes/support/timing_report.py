@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The timing contract (design section 5) in a node's diagnostics.
 
-Rates and latencies are read from the newest state message: the meter belongs to the hot loop, the
-diagnostics are made in another thread.
+Rates and latencies come from the newest state message: the hot loop owns the meter, and another
+thread creates the diagnostics.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def histogram_key(name: str) -> str:
 
 
 def latency_values(name: str, histogram: list[int]) -> dict[str, object]:
-    """Return the diagnostics of latencies since the activation, and their whole histogram."""
+    """Return the diagnostics of the latencies since the activation: quantiles and histogram."""
     histogram = histogram.copy()
     text = "/".join(f"{quantile(histogram, share) * 1e6:.0f}" for share in _SHARES)
     return {
@@ -53,7 +53,7 @@ def timing_values(state: Any, meter: DeadlineMeter) -> dict[str, object]:
 
 
 def broken_contract(state: Any) -> str:
-    """Return the warning about deadlines missed, empty while the contract holds.
+    """Return the warning about missed deadlines, empty while the contract holds.
 
     state: the newest AmplifierState, ImpedanceState or PlanarState.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Type and quality of service of the graph's topics: the names in `graph.py` made ROS objects.
+"""Type and quality of service of the graph's topics: ROS objects for the names in `graph.py`.
 
 For `ModuleNode.outlet` and `Inbox.subscribe`::
 
@@ -42,9 +42,9 @@ def offered(topic: str) -> tuple[Any, str, QoSProfile]:
 
 
 def requested(topic: str, profile: QoSProfile | None = None) -> tuple[Any | Flat, str, QoSProfile]:
-    """Return what a hot loop subscribes a topic with: class or record, name, quality of service.
+    """Return class or record, name and quality of service for a hot loop's subscription.
 
-    profile: in place of the one that takes the newest message alone.
+    profile: replaces the default one, which keeps only the newest message.
     """
     _, type_name, quality, *_ = TOPICS[topic]
     kind = message_class(type_name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the vertical drive gives torque, asked from a service of another node."""
+"""Checks that the vertical drive gives no torque, for a service of another node."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class TorqueOff:
         self._take_state = inbox.subscribe(*requested(graph.AMPLIFIER_STATE))
 
     def check(self, why: str) -> None:
-        """Raise NotPermitted when the amplifier's next state says that torque passes or may.
+        """Raise NotPermitted when the amplifier's next state shows that torque passes or may pass.
 
-        why: what would come of it. One that is silent lets none pass.
+        why: the consequence, for the message. A silent amplifier passes no torque.
         """
-        self._take_state()  # what lies there may be old
+        self._take_state()  # a waiting message may be old
         states: list[AmplifierState] = []
 
         def heard() -> bool:

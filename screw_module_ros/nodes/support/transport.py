@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How messages travel between our processes: on this machine alone, over UDP.
+"""Transport of messages between our processes: on this machine only, over UDP.
 
-Every process that can send to the nodes can enable the drives, home them and record: ROS 2 does not
-authenticate senders, and by default it talks to the whole subnet. So the default here is this
-machine, for every node; `ROS_AUTOMATIC_DISCOVERY_RANGE` and `bringup --network` open it.
+ROS 2 does not authenticate senders, and by default it communicates with the whole subnet. Every
+process that can send to the nodes can enable the drives, home them and record. So the default here
+is this machine only, for every node; `ROS_AUTOMATIC_DISCOVERY_RANGE` and `bringup --network` open
+it.
 
-Not through shared memory: A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or just
-slow while it holds the lock of its port in Fast DDS's shared memory keeps every process waiting
-that sends to it: a spectator could stop the robot. Measured on two busy cores while the recorder
-ended and started: gaps of up to 0.56 s between encoder samples, over UDP 0.1 s. A socket's buffer
-only fills; the latency is the same, and a killed process leaves nothing in /dev/shm. Subscribers
-may use any transport.
+Shared memory is not used. A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or slow
+while it holds the lock of its port in Fast DDS's shared memory blocks every process that sends to
+it: an observer could stop the robot. Measured on two busy cores while the recorder ended and
+started: gaps of up to 0.56 s between encoder samples, with UDP 0.1 s. With UDP only a socket buffer
+fills; the latency is the same, and a killed process leaves nothing in /dev/shm. Subscribers may use
+any transport.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from .isolation import RANGE_VARIABLE
 BUILTIN_VARIABLE = "FASTDDS_BUILTIN_TRANSPORTS"
 PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _LOCALHOST_PROFILE = "params/fastdds_localhost.xml"
-# As large as the usual limit for sockets: the recorder may be kept from reading for a while. A full
-# buffer loses a message, it does not keep the sender waiting.
+# The usual limit for sockets: the recorder may be unable to read for a while. A full buffer loses
+# messages but does not block the sender.
 _UDP = "UDPv4?sockets_size=4MB&non_blocking=true"
 _WISHES = (
     BUILTIN_VARIABLE, PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE", "ROS_STATIC_PEERS"
 )  # fmt: skip
 
 
-# Whoever sets one of these has chosen with whom the nodes talk.
+# If one of these is set, the user has chosen the reach of the nodes.
 _CHOICES = (
     RANGE_VARIABLE, "ROS_LOCALHOST_ONLY", PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE"
 )  # fmt: skip
@@ -46,8 +47,7 @@ _OPEN = (
 
 
 def keep_to_this_machine() -> None:
-    """Let this process and its children talk to this machine alone, unless the environment says
-    otherwise.
+    """Restrict this process and its children to this machine, unless the environment overrides it.
 
     Call before a ROS context is made.
     """
@@ -56,17 +56,17 @@ def keep_to_this_machine() -> None:
 
 
 def open_to_network() -> str:
-    """Let this process and its children talk to the subnet; return what that makes possible."""
+    """Open this process and its children to the subnet; return a warning about the risks."""
     if os.environ.get(RANGE_VARIABLE) in (None, "", "LOCALHOST", "OFF"):
         os.environ[RANGE_VARIABLE] = "SUBNET"
     return _OPEN
 
 
 def choose_transport() -> None:
-    """Let Fast DDS use UDP in this process and its children, unless something else is asked for.
+    """Make Fast DDS use UDP in this process and its children, unless the environment overrides it.
 
-    They keep to this machine, unless the environment says otherwise. Call before a ROS context is
-    made. Other RMW implementations choose their transport themselves.
+    They stay on this machine, with the same exception. Call it before a ROS context is created.
+    Other RMW implementations choose their own transport.
     """
     keep_to_this_machine()
     if any(map(os.environ.get, _WISHES)):
@@ -74,8 +74,8 @@ def choose_transport() -> None:
     if not get_rmw_implementation_identifier().startswith("rmw_fastrtps"):
         return
     if os.environ.get(RANGE_VARIABLE) == "LOCALHOST":
-        # For this range rmw_fastrtps makes transports of its own, shared memory first. The file
-        # keeps to this machine as well, by the interface.
+        # For this range rmw_fastrtps creates its own transports, shared memory first. The file
+        # also restricts to this machine, by the interface.
         os.environ[PROFILES_VARIABLE] = str(resource_path(_LOCALHOST_PROFILE))
         os.environ[RANGE_VARIABLE] = "SYSTEM_DEFAULT"
     else:

@@ -9,10 +9,14 @@ from . import (
     rows_bus,
     rows_commands,
     rows_drive,
+    rows_foreign_frames,
     rows_intruders,
+    rows_machine,
     rows_nodes,
     rows_operator,
+    rows_patient,
     rows_sensors,
+    rows_storms,
     rows_therapy,
 )
 from .measures import LARGEST_STEP
@@ -25,7 +29,11 @@ _MODULES = (
     rows_drive,
     rows_commands,
     rows_operator,
+    rows_patient,
+    rows_machine,
     rows_intruders,
+    rows_foreign_frames,
+    rows_storms,
     rows_therapy,
 )
 PAGE = "docs/faults.md"

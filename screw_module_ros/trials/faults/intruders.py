@@ -14,29 +14,29 @@ from rclpy.context import Context
 from rclpy.node import Node
 
 from screw_module_ros.can_io.bus import BusSettings, Port, open_port
-from screw_module_ros.clock import WallClock
+from screw_module_ros.clock import Clock
 from screw_module_ros.graph import BUSES
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.hot_topics import Inbox
-from screw_module_ros.operator.robot import Robot, RobotError
+from screw_module_ros.operator.robot import RobotError
 
 from ..graph_run import GraphRun
+from .creep import creep_until
 
-_MATCHED_S, _POLL_NS = 5.0, 5_000_000  # wall clock
+_MATCHED_S = 5.0  # wall clock
 _SETTLED_S = 0.05  # the other end may know of a match a moment later
 _TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
 """Their messages come between the ticks, where a node has nothing else to do."""
 _NUMBER_OF_BUS = {bus.node: number for number, bus in enumerate(BUSES)}
-_WALL = WallClock()  # the middleware finds publishers by it
 
 
 class Intruders:
     """All processes and publishers that were added, until `dismiss`."""
 
-    def __init__(self, robot: Robot, graph: GraphRun):
-        self._robot, self._clock, self._graph = robot, robot.clock, graph
+    def __init__(self, clock: Clock, graph: GraphRun):
+        self._clock, self._graph = clock, graph
         self._context = Context()
         self._context.init()
         # Nobody spins it: an executor trips over a publisher that is removed under it.
@@ -77,14 +77,10 @@ class Intruders:
         return begin_ns * 1e-9
 
     def _await_listeners(self, voice: _Voice, topic: str) -> None:
-        self._clock.idle()
-        end_ns = _WALL.now_ns() + round(_MATCHED_S * 1e9)
-        while not voice.listeners():
-            if _WALL.now_ns() > end_ns:
-                raise RobotError(f"nobody listens on {topic}")
-            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-        _WALL.sleep(_SETTLED_S)
-        self._robot.pause(0.0)
+        """Wait so that the first message comes before the graph has counted who publishes."""
+        if not creep_until(self._clock, voice.listeners, _MATCHED_S):
+            raise RobotError(f"nobody listens on {topic}")
+        creep_until(self._clock, lambda: False, _SETTLED_S)
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
         """Return what takes the next message of a topic, or None; it works until `dismiss`."""

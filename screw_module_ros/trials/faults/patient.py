@@ -73,27 +73,27 @@ class Patient:
             max(axis) - min(axis) < _RESTING_FORCE for axis in zip(*forces, strict=True)
         )
 
-    def place(self, height: float = HOME) -> None:
-        """Carry the handle to a height [m], as a technician does; the hand is there as well.
+    def place(self) -> None:
+        """Carry the handle to the mark, as a technician does; the hand is there as well.
 
         Raises RobotError when it does not come there.
         """
         robot, rest = self._robot, (math.nan, math.nan, 0.0)
-        robot.set_arm(arm((math.nan, math.nan, height), amplitude=rest, omega=rest))
+        robot.set_arm(arm((math.nan, math.nan, HOME), amplitude=rest, omega=rest))
         robot.ask(
             SetFixture,
             "sim_rig/set_fixture",
-            SetFixture.Request(fixture="human_arm", position=height),
+            SetFixture.Request(fixture="human_arm", position=HOME),
         )
 
         def there() -> bool:
             now = self._heard.now
-            return abs(now.height - height) < _AT_HOME and abs(now.speed) < _RESTING
+            return abs(now.height - HOME) < _AT_HOME and abs(now.speed) < _RESTING
 
         if not robot.met(there, 5.0):
             now = self._heard.now
             raise RobotError(
-                f"the handle does not come to {height:g} m: {now.height:.4f} m, {now.speed:.3f} m/s"
+                f"the handle does not come to {HOME:g} m: {now.height:.4f} m, {now.speed:.3f} m/s"
                 f"{robot.complaints_text()}"
             )
 

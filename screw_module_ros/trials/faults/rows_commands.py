@@ -119,23 +119,12 @@ def _stops(
 
 
 def _goes_on(
-    name: str, text: str, act: Act, who: str, back: Act = _TRUE_GAME, watch: float = 0.4,
-    alarm: Alarm | None = None, safe: str = GOES_ON,
-) -> Row:  # fmt: skip
+    name: str, text: str, act: Act, who: str, back: Act = _TRUE_GAME, watch: float = 0.4
+) -> Row:
     return Row(
-        name=name,
-        group="commands",
-        fault=text,
-        inject=act,
-        back=back,
-        alarm=alarm,
-        recovery="none is needed" if safe == GOES_ON else "reset, enable",
-        noticed_by=who,
-        within=0 if safe == GOES_ON else _WITHIN,
-        plane_within=0 if safe == GOES_ON else _WITHIN,
-        safe=safe,
-        watch=watch,
-    )
+        name=name, group="commands", fault=text, inject=act, back=back, alarm=None,
+        recovery="none is needed", noticed_by=who, safe=GOES_ON, watch=watch,
+    )  # fmt: skip
 
 
 # topic, type, fields, what it pretends, who notices, alarm; None = nobody is misled

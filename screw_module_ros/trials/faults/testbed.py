@@ -14,10 +14,10 @@ from typing import Any
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.graph import nodes_of
-from screw_module_ros.lockstep.page import alive
 from screw_module_ros.operator.robot import Robot, RobotError
 
 from ..graph_run import GraphRun
+from .creep import creep_until
 from .intruders import Intruders
 from .limits import TRUTH_RATE
 from .listener import Listener
@@ -27,7 +27,6 @@ from .recovery import Recovery
 STIFFNESS, PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 100.0, 10.0
 FORCE_GAIN = 2.0
 _ENDED_S, _STARTED_S = 12.0, 60.0  # wall clock
-_CREEP_S = 0.0005
 _ONE_SENDER = {
     graph.SAFETY_STATE: "supervisor",
     graph.FORCE_COMMAND: "impedance_controller",
@@ -69,7 +68,7 @@ class Testbed:
             self.heard = Listener(self.robot)
             self.patient = Patient(self.robot, self.heard)
             self.recovery = Recovery(self.robot, self.heard, self.patient)
-            self.intruders = Intruders(self.robot, self.graph)
+            self.intruders = Intruders(self.robot.clock, self.graph)
             self.graph.wait_until_ready(self.robot)
             self._prepare()
         except BaseException:
@@ -195,18 +194,14 @@ class Testbed:
         self._creep_until(lambda: pid in page.slot_pid, f"{name} does not start")
 
     def _creep_until(self, condition: Callable[[], object], what: str) -> None:
-        """Wait by wall clock for processes and the middleware; simulated time hardly moves.
+        """Wait for processes and the middleware. Raises RobotError(`what`) if in vain."""
 
-        Raises RobotError(`what`) when it does not come.
-        """
-        clock, end_ns = self.robot.clock, _WALL.now_ns() + round(_STARTED_S * 1e9)
-        while not condition():
-            if _WALL.now_ns() > end_ns:
-                raise RobotError(what)
+        def watched() -> object:
             self.graph.watch()
-            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-            if alive(clock.page.conductor):
-                clock.sleep(_CREEP_S)
+            return condition()
+
+        if not creep_until(self.robot.clock, watched, _STARTED_S):
+            raise RobotError(what)
 
     def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Wait for a condition; return whether it came true in time."""

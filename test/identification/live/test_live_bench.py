@@ -140,8 +140,8 @@ class TestTorqueSource:
         for tick in ticks:
             now = stamp(tick, 1000)
             if forces(tick):
-                source.force(force(tick), now)
-            answers.append(source.answer(encoder(tick, position(tick)), now))
+                source.on_force(force(tick), now)
+            answers.append(source.on_encoder(encoder(tick, position(tick)), now).force)
         return force_to_torque(np.array(answers))
 
     def test_plays_the_sine_and_stops(self, source):
@@ -184,7 +184,7 @@ class TestTorqueSource:
         source.begin(Sine(0.3, 1.0, 400, RATE), lambda tick: None)
         self.play(source, range(3, 20))
         assert not source.idle(stamp(20))
-        assert source.idle(stamp(40))
+        assert source.idle(stamp(40)).force == 0.0
         assert source.fault.startswith("encoder: no sample")
         assert not source.idle(stamp(41))
 

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Force error without a calibration, with it, and on the same rig when it has changed since.
+
+A calibration holds for the rig that it was made on. Then grease and wear change the friction,
+rollers slip to another phase, somebody fits another handle (`plant.settings.changed_later`). What
+the modes that use friction model, weight and mass are worth before and after that is judged as in
+`force_error`: over all samples, standstill and reversals included.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..settings import Setting, validated
+from . import force_error, friction_fit, gravity, inertia, static_torque
+from .force_metric import ErrorOf
+from .lab import Job, Lab
+from .results import Quantity, Result
+
+NAME = "robustness"
+STATES = {
+    "uncalibrated": "not calibrated",
+    "calibrated": "calibrated",
+    "changed": "changed since it was calibrated",
+}
+
+
+class Settings(NamedTuple):
+    """Which modes and trials, and which change."""
+
+    modes: Annotated[
+        tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
+    ] = (modes.FRICTION_COMPENSATION, modes.COMBINED, modes.OBSERVER)
+    cases: Annotated[tuple[str, ...], Setting("trials of force_error by name", choices=())] = (
+        "slow", "fast", "small", "holding", "released",
+    )  # fmt: skip
+    change: Annotated[int, Setting("seed of what changes", "", 1, 2**31 - 1)] = 1
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure every case in every mode and state.
+
+    Data: as `force_error`, by mode, case and state. Raises MissingResult without the calibration's
+    results, ValueError for an unknown case or mode, NotPossible on a real module, Cancelled.
+    """
+    validated(settings)
+    unknown = set(settings.modes) - set(modes.MODE_NAMES)
+    if unknown:
+        raise ValueError(f"modes: {min(unknown)} is unknown; known are {list(modes.MODE_NAMES)}")
+    given = {
+        "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
+        "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),
+    }
+    plain = VerticalSettings()
+    own = plain.calibrated(
+        lab.result(gravity.NAME).value("gravity"), lab.result(inertia.NAME).value("mass")
+    )
+    jobs = {}
+    for mode in settings.modes:
+        for name in settings.cases:
+            case = force_error.case_of(name)
+            for state in STATES:
+                law = plain if state == "uncalibrated" else own
+                more = {} if state == "uncalibrated" else given
+                if state == "changed":
+                    more = {**given, "changed": settings.change}
+                law = force_error.with_damping(law, mode)
+                one = force_error.job(case, mode, law, **more)
+                jobs[mode, name, state] = one._replace(name=f"{one.name}_{state}")
+    parts = lab.run(NAME, list(jobs.values()))
+    return _result(settings, jobs, parts)
+
+
+def _result(
+    settings: Settings, jobs: dict[tuple[int, str, str], Job], parts: dict[str, dict]
+) -> Result:
+    quantities, data = [], {}
+    for (mode, name, state), one in jobs.items():
+        found = ErrorOf(**{key: float(value) for key, value in parts[one.name].items()})
+        text = force_error.case_of(name).text
+        where = f"{modes.MODE_NAMES[mode].lower()}, {text}, {STATES[state]}"
+        quantities.append(
+            Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
+        )
+        data[one.name] = np.array(found)
+    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+
+
+_NOTES = (
+    "Not calibrated: the thesis's friction and dead zone, 10 N of weight, 5.5 kg. Calibrated: "
+    "friction, dead zone, weight and mass as identified on this very rig.",
+    "Changed: level and phase of the friction, phase of the rollers, weight of the handle and play "
+    "are others than when the calibration was made; the transducer was tared again.",
+)
+
+
+def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
+    """Return the rms error [N] in each of `STATES`. Raises KeyError for what was not measured."""
+    name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
+    uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
+    return uncalibrated, calibrated, changed

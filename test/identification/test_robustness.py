@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a calibration is worth, and what is left of it on a rig that changed after it."""
+
+import pytest
+
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.control import modes
+from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.identification import (
+    friction_fit,
+    gravity,
+    inertia,
+    robustness,
+    static_torque,
+)
+from screw_module_ros.identification.friction_fit import _as_data
+from screw_module_ros.identification.in_process import LoopSettings
+from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.report.study import Module, Outcome
+from screw_module_ros.identification.report.tables import robustness_head, robustness_rows
+from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.identification.trials import MotionTrial
+from screw_module_ros.plant.settings import load_world
+from screw_module_ros.resources import resource_path
+
+OBSERVER_FAST = robustness.Settings(modes=(modes.OBSERVER,), cases=("fast",))
+
+
+def result(experiment, data=None, **values):
+    quantities = tuple(Quantity(name, v, 0.0, "", name) for name, v in values.items())
+    return Result(experiment, quantities, {}, (), data or {})
+
+
+@pytest.fixture
+def lab(bench, tmp_path):
+    """The thesis's module with a calibration that knows it."""
+    vertical = bench.world.vertical
+    line = default_linearization(bench.world.amplifier.dead_zone)
+    cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.cubic)}
+    found = (
+        result(friction_fit.NAME,
+               _as_data(load_friction_model(resource_path("params/friction_thesis.yaml")))),
+        result(static_torque.NAME, lower_joint=line.lower_joint, upper_joint=line.upper_joint,
+               lower_slope=line.lower_slope, lower_offset=line.lower_offset,
+               upper_slope=line.upper_slope, upper_offset=line.upper_offset, **cubic),
+        result(gravity.NAME, gravity=vertical.moving_mass * vertical.gravity),
+        result(inertia.NAME, mass=vertical.turning_mass + vertical.moving_mass),
+    )  # fmt: skip
+    for one in found:
+        one.save(tmp_path)
+    return Lab(bench, tmp_path)
+
+
+def test_observer_gains_from_a_calibration_in_fast_motion_also_when_the_rig_changed(lab):
+    found = robustness.run(lab, OBSERVER_FAST)
+    without, calibrated, changed = robustness.rms_of(found, modes.OBSERVER, "fast")
+    assert calibrated < 0.9 * without
+    assert changed < 0.95 * without
+    assert changed != calibrated, "another rig"
+
+
+def test_change_makes_the_friction_model_wrong(lab):
+    """The same trial on the same bench, but for the seed of the change."""
+    chosen = robustness.Settings(modes=(modes.FRICTION_COMPENSATION,), cases=("slow",), change=3)
+    found = robustness.run(lab, chosen)
+    _, calibrated, changed = robustness.rms_of(found, modes.FRICTION_COMPENSATION, "slow")
+    assert abs(changed - calibrated) > 0.1
+
+
+def test_report_has_a_row_for_each_module_and_mode(lab):
+    found = robustness.run(lab, OBSERVER_FAST)
+    module = Module(
+        4, load_world(), LoopSettings(), lab.folder, {robustness.NAME: Outcome(found, "", 1.0)}
+    )
+    assert robustness_head([module]) == ("module", "mode", "fast")
+    ((name, mode, cell),) = robustness_rows([module])
+    assert (name, mode) == ("seed 4", "OBSERVER")
+    shown = [float(number) for number in cell.split(" / ")]
+    assert shown == pytest.approx(robustness.rms_of(found, modes.OBSERVER, "fast"), abs=0.005)
+    assert robustness_rows([module._replace(outcomes={})]) == []
+
+
+def test_calibration_is_needed_and_modes_are_checked(lab, tmp_path):
+    with pytest.raises(MissingResult, match="friction_model is needed"):
+        robustness.run(Lab(lab.bench, tmp_path / "empty"), OBSERVER_FAST)
+    with pytest.raises(ValueError, match="modes: 9 is unknown"):
+        robustness.run(lab, OBSERVER_FAST._replace(modes=(9,)))
+
+
+def test_change_is_the_rig_s_own(bench):
+    """Nothing of it stays with the bench."""
+    trial = MotionTrial(modes.OBSERVER, robustness.VerticalSettings(), duration=0.5)
+    before = bench.record(trial, lambda share: None).position
+    bench.record(trial._replace(changed=5), lambda share: None)
+    assert (bench.record(trial, lambda share: None).position == before).all()
