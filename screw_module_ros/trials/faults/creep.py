@@ -12,9 +12,9 @@ from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.page import alive
 
 _WALL = WallClock()
-_POLL_NS = 20_000_000
-_STEP_S = 0.0005
-"""Simulated time at each look: this client is not given up, and 1 s of wall clock costs 25 ms."""
+_POLL_NS = 5_000_000
+_STEP_NS, _STEP_S = 100_000_000, 0.0005
+"""Each 0.1 s of wall clock, simulated time [s]: this client is not given up, 1 s costs 5 ms."""
 
 
 def creep_until(clock: Clock, condition: Callable[[], object], seconds: float) -> bool:
@@ -22,11 +22,14 @@ def creep_until(clock: Clock, condition: Callable[[], object], seconds: float) -
 
     clock: of a client that takes part in simulated time.
     """
-    end_ns = _WALL.now_ns() + round(seconds * 1e9)
+    now_ns = _WALL.now_ns()
+    end_ns, step_ns = now_ns + round(seconds * 1e9), now_ns + _STEP_NS
     while not condition():
-        if _WALL.now_ns() > end_ns:
+        if now_ns > end_ns:
             return False
-        _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
-        if alive(clock.page.conductor):
+        _WALL.sleep_until(now_ns + _POLL_NS)
+        now_ns = _WALL.now_ns()
+        if now_ns >= step_ns and alive(clock.page.conductor):
+            step_ns = now_ns + _STEP_NS
             clock.sleep(_STEP_S)
     return True

@@ -14,6 +14,7 @@ from screw_module_msgs.srv import SetControlMode
 from std_srvs.srv import Trigger
 
 from .acts import both, refused
+from .creep import creep_until
 from .intruder_row import intruder_row as _row
 from .limits import COMMAND, DYING, LOST, STALE
 from .row import GOES_ON, MISSED, Act, Alarm, Failed, Row
@@ -21,6 +22,7 @@ from .row import GOES_ON, MISSED, Act, Alarm, Failed, Row
 _MISSED = LOST + 2 * 20 + 20 + DYING
 """Samples in which the supervisor misses a node that left in order."""
 _SPECTATOR = "endpoint_state"
+_FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
 _STUTTERS, _STUTTER_S = 10, 0.017
 
 
@@ -81,10 +83,14 @@ def _parameter_storm(testbed) -> None:
 
 def _transition(node: str, number: int) -> Act:
     def act(testbed) -> float:
+        robot = testbed.robot
+        client = robot.client(ChangeState, f"{node}/change_state")
+        ready = creep_until(robot.clock, client.service_is_ready, _FOUND_S)
         begin = testbed.just_now()
-        request = ChangeState.Request(transition=Transition(id=number))
-        answer = testbed.robot.call(ChangeState, f"{node}/change_state", request)
-        if not answer.success:
+        future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
+        # The request is on its way by wall clock; what the node does then takes simulated time.
+        creep_until(robot.clock, future.done, _ASKED_S)
+        if not (ready and robot.met(future.done, _DONE_S) and future.result().success):
             raise Failed(f"{node} refused the transition")
         return begin
 
