@@ -33,7 +33,6 @@ from .heartbeat import Heartbeat
 from .node import CanopenNode
 
 _HEARTBEATS_MISSED = 3
-_UNWATCHED_NS = 2_000_000_000
 
 
 class Drive:
@@ -79,9 +78,9 @@ class Drive:
             settings.lasting_torque * settings.rated_torque,
             round(1e9 / settings.rate),
         )
-        self._configured = self._running = self._armed = self._altered = False
+        self._running = self._armed = self._altered = False
         self._hears = True
-        self._started_ns = self._configured_ns = 0
+        self._started_ns = 0
         port.subscribe(self._command_id, self._on_foreign_command)
 
     # -- configuration: blocking -----------------------------------------------------------------
@@ -118,12 +117,8 @@ class Drive:
 
     @property
     def configured(self) -> bool:
-        """Whether `start` may follow: configured just now, and neither restarted nor left since.
-
-        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
-        """
-        age_ns = self._port.clock.now_ns() - self._configured_ns
-        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
+        """Whether `start` may follow: configured just now, and neither restarted nor left since."""
+        return self.node.may_start(watched=self._running)
 
     def configure(self) -> None:
         """Find the drive, configure it and set its guards; blocking.
@@ -131,7 +126,7 @@ class Drive:
         A drive that refuses a guard is configured but cannot be enabled, unless `allow_unguarded`
         is set. Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
-        self._running = self._configured = self._armed = False
+        self._running = self.node.configured = self._armed = False
         settings = self.settings
         heard = self._port.heard({self.beat.can_id: bool, self._command_id: bool}, settings.listen)
         if heard is not None:
@@ -149,26 +144,19 @@ class Drive:
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
-        self._configured_ns = self._port.clock.now_ns()
-        self._configured = True  # from here on a restart or another client is a fault
-        try:
-            self.node.undisturbed()  # nor was there one until here
-        except DeviceError:
-            self._configured = False
-            raise
 
     def start(self) -> None:
         """NMT start; from now on the loop must call `write` every tick.
 
         Raises NotConfigured before `configure` and after `stop`, BusError.
         """
-        if not self._configured:
+        if not self.node.configured:
             raise NotConfigured(f"the {self.label} is not configured")
         self._armed = False
         self.reports.restart()
         self.node.start()
         self._running = True
-        if not self._configured:  # it has restarted at just that
+        if not self.node.configured:  # it has restarted at just that
             self._running = False
 
     def stop(self) -> None:
@@ -176,7 +164,7 @@ class Drive:
 
         The configuration counts as gone: an exit disarms the guards, and nobody watches any more.
         """
-        self._configured = self._running = self._armed = False
+        self.node.configured = self._running = self._armed = False
 
     def shutdown(self) -> str:
         """Shut down cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
@@ -322,7 +310,7 @@ class Drive:
         After a boot-up, or if another SDO client may have changed an object, this configures the
         drive again, which blocks and raises as `configure`.
         """
-        if not self._configured or self._altered:
+        if not self.node.configured or self._altered:
             self._altered = False  # a client that continues meanwhile sets it again
             try:
                 self.configure()
@@ -338,7 +326,7 @@ class Drive:
             self._logic.recover()
         else:
             self._logic.forget()
-        if self._altered or not self._configured:  # what came meanwhile is no fault of before
+        if self._altered or not self.node.configured:  # what came meanwhile is no fault of before
             self._logic.latch(
                 f"the {self.label} restarted, or another SDO client talked to it, while its fault "
                 "was being cleared: clear it again"
@@ -363,7 +351,7 @@ class Drive:
     def _on_foreign_sdo(self) -> None:
         """Stop: another client may have changed the configuration, also guards and limits."""
         self.counters.foreign_sdo += 1
-        if self._configured:
+        if self.node.configured:
             self._altered = True
             self._logic.intruded(
                 f"{self.node.sdo.foreign_client} talks to the {self.label} and may have changed "
@@ -372,8 +360,8 @@ class Drive:
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1
-        if self._configured:
-            self._configured = self._running = self._armed = False
+        if self.node.configured:
+            self.node.configured = self._running = self._armed = False
             self._logic.forget()  # the restart explains the faults before it
             self._logic.latch(
                 f"the {self.label} restarted (boot-up): its configuration is gone; clear the "

@@ -76,7 +76,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
     unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
-    node.undisturbed()
+    node.end_configuration()
     return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
 
 

@@ -36,7 +36,6 @@ from .unwrap import Unwrapper
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
-_UNWATCHED_NS = 2_000_000_000
 
 
 class Encoder:
@@ -72,11 +71,11 @@ class Encoder:
         self._motion = Motion(settings.velocity_cutoff, self._period_ns)
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
-        self._configured = self._running = False
+        self._running = False
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
         self._stamp_offset_ns = 0
-        self._foreign_sync = self._configured_ns = 0
+        self._foreign_sync = 0
         self._absent: set[int] = set()
         port.subscribe(0x180 + settings.node_id, self._on_position)
         if not port.sync_producer:
@@ -96,12 +95,8 @@ class Encoder:
 
     @property
     def configured(self) -> bool:
-        """Whether `start` may follow: configured just now, and neither restarted nor left since.
-
-        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
-        """
-        age_ns = self._port.clock.now_ns() - self._configured_ns
-        return self._configured and (self._running or age_ns <= _UNWATCHED_NS)
+        """Whether `start` may follow: configured just now, and neither restarted nor left since."""
+        return self._node.may_start(watched=self._running)
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -113,7 +108,7 @@ class Encoder:
 
         Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
         """
-        self._running = self._configured = False
+        self._running = self._node.configured = False
         if self._port.sync_producer and self._port.heard({}, self.settings.listen) is not None:
             raise Occupied(
                 f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
@@ -125,31 +120,24 @@ class Encoder:
         self._rehoming.forget()
         self._last = None
         self._poll.restart()
-        self._configured_ns = self._port.clock.now_ns()
-        self._configured = True  # from here on a restart or another client is a fault
-        try:
-            self._node.undisturbed()  # nor was there one until here
-        except DeviceError:
-            self._configured = False
-            raise
 
     def start(self) -> None:
         """NMT start; each request from now on gives a sample.
 
         Raises NotConfigured before `configure` and after `stop`, BusError.
         """
-        if not self._configured:
+        if not self._node.configured:
             raise NotConfigured("the encoder is not configured")
         self._poll.restart()
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
         self._running = True
-        if not self._configured:  # it has restarted at just that
+        if not self._node.configured:  # it has restarted at just that
             self._running = False
 
     def stop(self) -> None:
         """Back to PRE-OPERATIONAL; nobody watches, the configuration is gone. Raises BusError."""
-        self._configured = self._running = False
+        self._node.configured = self._running = False
         self._node.pre_operational()
 
     def clear_fault(self) -> None:
@@ -288,7 +276,7 @@ class Encoder:
 
     def _boot_up(self) -> None:
         self.counters.boot_ups += 1
-        if not self._configured:
+        if not self._node.configured:
             return
         self._forget_configuration(
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
@@ -298,14 +286,14 @@ class Encoder:
     def _on_foreign_sdo(self) -> None:
         """Stop delivering samples: direction, scale and preset may have changed."""
         self.counters.foreign_sdo += 1
-        if self._configured:
+        if self._node.configured:
             self._forget_configuration(
                 f"{self._node.sdo.foreign_client} talks to the encoder and may have changed how "
                 "it counts: stop it, clear the fault to configure the encoder again, then home"
             )
 
     def _forget_configuration(self, why: str) -> None:
-        self._configured = self._running = False
+        self._node.configured = self._running = False
         self._motion.restart()
         self._rehoming.forget()
         self.fault = why

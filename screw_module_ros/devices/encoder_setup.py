@@ -116,7 +116,7 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))
     pdo.configure(node.sdo, position)
-    node.undisturbed()
+    node.end_configuration()
     return wrap
 
 

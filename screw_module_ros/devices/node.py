@@ -12,7 +12,7 @@ from canopen.nmt import NmtMaster
 
 from ..can_io.port import Port
 from . import emcy
-from .errors import NotConfigured, Occupied, Refused, WrongDevice
+from .errors import DeviceError, NotConfigured, Occupied, Refused, WrongDevice
 from .sdo import Sdo
 
 BOOT_UP = 0x00
@@ -26,6 +26,7 @@ _NMT_PRE_OPERATIONAL = 0x80
 _HEARTBEAT_BASE = 0x700
 _EMCY_BASE = 0x080
 _TOGGLE_BIT = 0x80
+_UNWATCHED_NS = 2_000_000_000
 
 
 class Identity(NamedTuple):
@@ -78,7 +79,8 @@ class CanopenNode:
         self.heartbeat_ns: int | None = None
         self.boot_ups = 0
         self.malformed = 0
-        self._foreign_known = self._boot_ups_known = 0
+        self.configured = False
+        self._foreign_known = self._boot_ups_known = self._configured_ns = 0
         self._on_boot_up = on_boot_up
         self._on_emergency = on_emergency
         self._nmt = NmtMaster(node_id)
@@ -123,12 +125,29 @@ class CanopenNode:
                 )
         return found
 
-    def undisturbed(self) -> None:
-        """Raise when its configuration is in doubt.
+    def end_configuration(self) -> None:
+        """Count as configured: from here on a restart or another client is a fault.
 
         Raises NotConfigured when the node has restarted since `identify`, Occupied when somebody
-        else has asked it or told it something since then.
+        else has asked it or told it something since then; it is not configured then.
         """
+        self._configured_ns = self.port.clock.now_ns()
+        self.configured = True  # before the check, so that nothing is missed between the two
+        try:
+            self._undisturbed()
+        except DeviceError:
+            self.configured = False
+            raise
+
+    def may_start(self, watched: bool) -> bool:
+        """Return whether the configuration is still there; watched: the bus is being read.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self.port.clock.now_ns() - self._configured_ns
+        return self.configured and (watched or age_ns <= _UNWATCHED_NS)
+
+    def _undisturbed(self) -> None:
         if self.sdo.foreign != self._foreign_known:
             raise Occupied(
                 f"{self.sdo.foreign_client} talked to the {self.label} while it was being "

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import pytest
+from running_drives import tick_both, two_drives
 from scripted import Wire, unsigned
-from scripted_devices import ScriptedDrive
 
 from screw_module_ros.devices import drive_exit
 from screw_module_ros.devices.drive import Drive
@@ -18,7 +18,6 @@ from screw_module_ros.devices.errors import (
     Occupied,
     WrongDevice,
 )
-from screw_module_ros.devices.heartbeat import Heartbeat
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02)
 
@@ -320,22 +319,12 @@ def test_a_silent_drive_is_asked_whether_it_is_off(wire, drive_end, word, disarm
 
 
 def test_two_drives_share_a_heartbeat_and_leave_together(wire):
-    ends = [wire.attach(ScriptedDrive(wire, node)) for node in (3, 4)]
-    beat = Heartbeat(wire.port, 113, 0.025)
-    drives = [
-        Drive(wire.port, SETTINGS._replace(node_id=node, master_id=113), f"drive {node}", beat)
-        for node in (3, 4)
-    ]
+    ends, drives = two_drives(wire, SETTINGS)
     for drive in drives:
         drive.configure()
         drive.start()
     for _ in range(100):
-        now_ns = wire.advance()
-        drives[0].sync(now_ns)
-        wire.port.pump()
-        for drive in drives:
-            drive.heartbeat(now_ns)
-            drive.write(0.0, now_ns)
+        tick_both(wire, drives)
     assert [end.state for end in ends] == ["switched on"] * 2
     assert len(wire.sent(0x771)) < 8
     assert drive_exit.leave(drives, wire.port) == ""

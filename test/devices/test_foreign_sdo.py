@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import pytest
+from running_drives import watched_drive, watched_tick
 from scripted import ScriptedNode, unsigned
 
-from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
@@ -26,23 +26,9 @@ def intrude(wire, device, data):
     wire.port.pump()
 
 
-def tick(wire, drive, torque=0.0):
-    now_ns = wire.advance()
-    wire.emit(0x701, "05")
-    drive.sync(now_ns)
-    drive.heartbeat(now_ns)
-    wire.port.pump()
-    return drive.write(torque, now_ns)
-
-
 @pytest.fixture
 def drive(wire, drive_end):
-    made = Drive(wire.port, DRIVE, "vertical drive")
-    made.configure()
-    made.start()
-    for _ in range(5):
-        tick(wire, made)
-    return made
+    return watched_drive(wire, DRIVE)
 
 
 @pytest.fixture
@@ -68,11 +54,11 @@ def test_the_drive_stops_and_is_configured_anew_on_request(wire, drive, drive_en
     if was_enabled:
         drive.request_enable()
         for _ in range(3):
-            tick(wire, drive, 0.1)
+            watched_tick(wire, drive, 0.1)
     wire.frames.clear()
     intrude(wire, drive_end, LIMIT)
     assert drive_end.objects[0x6072, 0] == b"\x10\x27"
-    assert tick(wire, drive, 0.1) == 0.0
+    assert watched_tick(wire, drive, 0.1) == 0.0
     assert "another SDO client (frames 0x601 on" in drive.fault
     assert wire.sent(0x000)[0] == b"\x02\x01", "NMT stop: it serves no SDO any more"
     with pytest.raises(NotEnabled, match="SDO client"):
@@ -81,24 +67,24 @@ def test_the_drive_stops_and_is_configured_anew_on_request(wire, drive, drive_en
     drive.clear_fault()
     assert drive_end.objects[0x6072, 0] == limit
     for _ in range(200):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     assert drive.fault == "" and not drive.recovering
     drive.request_enable()
 
 
 def test_a_drive_left_in_fault_recovers_in_the_same_act(wire, drive, drive_end):
     intrude(wire, drive_end, LIMIT)
-    tick(wire, drive)
+    watched_tick(wire, drive)
     drive_end.state = "fault"  # of the lost connection, 6007 = 1
     drive.clear_fault()
     for _ in range(200):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     assert (drive.fault, drive_end.state) == ("", "switched on")
 
 
 def test_while_the_intruder_goes_on_the_drive_is_not_configured(wire, drive, drive_end):
     intrude(wire, drive_end, LIMIT)
-    tick(wire, drive)
+    watched_tick(wire, drive)
     drive_end.written = lambda key, data: wire.emit(0x601, LIMIT)
     with pytest.raises(Occupied, match=r"another SDO client .*stop it"):
         drive.clear_fault()
@@ -109,7 +95,7 @@ def test_while_the_intruder_goes_on_the_drive_is_not_configured(wire, drive, dri
         drive.request_enable()
     drive.clear_fault()
     for _ in range(200):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     assert drive.fault == ""
 
 

@@ -7,7 +7,7 @@ In each case the device may have lost what it was told: guards, limits, scale an
 from __future__ import annotations
 
 import pytest
-from scripted_devices import ScriptedDrive
+from running_drives import tick_both, two_drives, watched_drive, watched_tick
 
 from screw_module_ros.devices import drive_exit, drive_start
 from screw_module_ros.devices.drive import Drive
@@ -15,7 +15,6 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import BusError, NotConfigured, NotEnabled
-from screw_module_ros.devices.heartbeat import Heartbeat
 
 DRIVE = DriveSettings(listen=0.0, sdo_timeout=0.02)
 ENCODER = EncoderSettings(listen=0.0, sdo_timeout=0.02)
@@ -28,23 +27,9 @@ def guards(drive_end):
     return drive_end.objects[0x1400, 5], drive_end.objects[0x1016, 1]
 
 
-def tick(wire, drive, torque=0.0):
-    now_ns = wire.advance()
-    wire.emit(0x701, "05")
-    drive.sync(now_ns)
-    drive.heartbeat(now_ns)
-    wire.port.pump()
-    return drive.write(torque, now_ns)
-
-
 @pytest.fixture
 def drive(wire, drive_end):
-    made = Drive(wire.port, DRIVE, "vertical drive")
-    made.configure()
-    made.start()
-    for _ in range(5):
-        tick(wire, made)
-    return made
+    return watched_drive(wire, DRIVE)
 
 
 def when_it_starts(wire, end, happens):
@@ -77,23 +62,23 @@ def test_the_start_after_an_exit_arms_the_guards_again(wire, drive, drive_end):
     assert drive_start.start([drive]) == [drive]
     assert guards(drive_end) == ARMED
     for _ in range(5):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     drive.request_enable()
     for _ in range(3):
-        tick(wire, drive, 0.1)
+        watched_tick(wire, drive, 0.1)
     assert (drive_end.state, drive.fault) == ("operation enabled", "")
 
 
 def test_a_fault_outlives_exit_and_start(wire, drive, drive_end):
     drive_end.fail()
-    tick(wire, drive)
+    watched_tick(wire, drive)
     told = drive.fault
     assert "fault" in told
     drive.shutdown()
     drive_end.state = "switch on disabled"
     drive_start.start([drive])
     for _ in range(5):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     assert drive.fault == told
     with pytest.raises(NotEnabled, match="clear the fault first"):
         drive.request_enable()
@@ -118,20 +103,10 @@ def test_a_drive_that_nobody_watched_is_configured_anew(wire, drive_end):
 
 
 def test_both_drives_of_a_bus_are_configured_before_either_starts(wire):
-    ends = [wire.attach(ScriptedDrive(wire, node)) for node in (3, 4)]
-    beat = Heartbeat(wire.port, 113, 0.025)
-    drives = [
-        Drive(wire.port, DRIVE._replace(node_id=node, master_id=113), f"drive {node}", beat)
-        for node in (3, 4)
-    ]
+    ends, drives = two_drives(wire, DRIVE)
     drive_start.start(drives)
     for _ in range(5):
-        now_ns = wire.advance()
-        drives[0].sync(now_ns)
-        wire.port.pump()
-        for drive in drives:
-            drive.heartbeat(now_ns)
-            drive.write(0.0, now_ns)
+        tick_both(wire, drives)
     assert drive_exit.leave(drives, wire.port) == ""
     wire.frames.clear()
     assert drive_start.start(drives) == drives
@@ -166,10 +141,20 @@ def test_a_drive_that_restarts_as_it_is_started_gives_no_torque(wire, drive_end)
     drive.start()
     drive_end.operational = True  # whoever starts it then: its guards are gone
     for _ in range(10):
-        assert tick(wire, drive, 0.1) == 0.0
+        assert watched_tick(wire, drive, 0.1) == 0.0
     assert "boot-up" in drive.fault
     with pytest.raises(NotEnabled):
         drive.request_enable()
+
+
+def restarted_encoder(wire, encoder_end):
+    """Return a started encoder whose device has restarted, and been heard."""
+    encoder = Encoder(wire.port, ENCODER)
+    encoder.configure()
+    encoder.start()
+    encoder_end.boot_up()
+    wire.port.pump()
+    return encoder
 
 
 @pytest.mark.parametrize("restarts", [True, False])
@@ -181,27 +166,23 @@ def test_what_comes_while_a_fault_is_cleared_stays(wire, drive, drive_end, resta
             wire.emit(0x601, READ_MODE)
 
     drive_end.boot_up()
-    tick(wire, drive)
+    watched_tick(wire, drive)
     when_it_starts(wire, drive_end, happens)
     drive.clear_fault()
     for _ in range(200):
-        assert tick(wire, drive, 0.1) == 0.0
+        assert watched_tick(wire, drive, 0.1) == 0.0
     assert "clear it again" in drive.fault
     with pytest.raises(NotEnabled, match="clear the fault first"):
         drive.request_enable()
     drive.clear_fault()
     for _ in range(200):
-        tick(wire, drive)
+        watched_tick(wire, drive)
     assert (drive.fault, drive.recovering) == ("", False)
     drive.request_enable()
 
 
 def test_a_start_that_fails_leaves_the_encoder_s_fault_and_another_try(wire, encoder_end):
-    encoder = Encoder(wire.port, ENCODER)
-    encoder.configure()
-    encoder.start()
-    encoder_end.boot_up()
-    wire.port.pump()
+    encoder = restarted_encoder(wire, encoder_end)
     told = encoder.fault
 
     def fail():
@@ -220,11 +201,7 @@ def test_a_start_that_fails_leaves_the_encoder_s_fault_and_another_try(wire, enc
 
 
 def test_what_comes_while_the_encoder_s_fault_is_cleared_stays(wire, encoder_end):
-    encoder = Encoder(wire.port, ENCODER)
-    encoder.configure()
-    encoder.start()
-    encoder_end.boot_up()
-    wire.port.pump()
+    encoder = restarted_encoder(wire, encoder_end)
     when_it_starts(wire, encoder_end, encoder_end.boot_up)
     encoder.clear_fault()
     assert "boot-up" in encoder.fault

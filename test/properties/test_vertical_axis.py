@@ -194,7 +194,7 @@ class DriveMachine(Machine):
 
     @rule()
     def start_anew(self):
-        if self.drive._configured:
+        if self.drive.node.configured:
             self.drive.start()
             self.asked = False
 
