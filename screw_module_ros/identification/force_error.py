@@ -107,12 +107,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     parts = lab.run(NAME, list(jobs.values()))
     quantities, data = [], {}
     for (mode, name), one in jobs.items():
-        found = ErrorOf(**{key: float(value) for key, value in parts[one.name].items()})
-        where = f"{modes.MODE_NAMES[mode].lower()}, {case_of(name).text}"
-        quantities.append(
-            Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
-        )
-        data[one.name] = np.array(found)
+        rms, data[one.name] = figures(one, parts[one.name], where_of(mode, name))
+        quantities.append(rms)
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
 
 
@@ -124,6 +120,18 @@ _NOTES = (
     "Resting on a wall: a spring of 1e3 to 1e6 N/m holds the handle, with a damping ratio of 0.7 "
     "or 0.02 for the module's mass.",
 )
+
+
+def figures(one: Job, part: Part, where: str) -> tuple[Quantity, np.ndarray]:
+    """Return the rms of a trial, as measured `where`, and all of `ErrorOf` as an array."""
+    found = ErrorOf(**{key: float(value) for key, value in part.items()})
+    rms = Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
+    return rms, np.array(found)
+
+
+def where_of(mode: int, case: str) -> str:
+    """Return mode and case in words."""
+    return f"{modes.MODE_NAMES[mode].lower()}, {case_of(case).text}"
 
 
 def law_of(settings: Settings, mode: int) -> VerticalSettings:

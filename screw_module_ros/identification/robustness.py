@@ -9,18 +9,14 @@ the modes that use friction model, weight and mass are worth before and after th
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
-
-import numpy as np
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from . import force_error, friction_fit, gravity, inertia, static_torque
-from .force_metric import ErrorOf
 from .lab import Job, Lab
-from .results import Quantity, Result
+from .results import Result
 
 NAME = "robustness"
 STATES = {
@@ -81,13 +77,9 @@ def _result(
 ) -> Result:
     quantities, data = [], {}
     for (mode, name, state), one in jobs.items():
-        found = ErrorOf(**{key: float(value) for key, value in parts[one.name].items()})
-        text = force_error.case_of(name).text
-        where = f"{modes.MODE_NAMES[mode].lower()}, {text}, {STATES[state]}"
-        quantities.append(
-            Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
-        )
-        data[one.name] = np.array(found)
+        where = f"{force_error.where_of(mode, name)}, {STATES[state]}"
+        rms, data[one.name] = force_error.figures(one, parts[one.name], where)
+        quantities.append(rms)
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
 
 
