@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import shutil
 import threading
 import time
 import weakref
@@ -22,6 +21,7 @@ from hypothesis import settings
 
 import isolation
 import leftovers
+import prerequisites
 
 PORTS_PER_TEST = 8
 SECONDS_BETWEEN_POLLS = 0.005
@@ -120,7 +120,7 @@ def browser():
     sync_api = pytest.importorskip(
         "playwright.sync_api", reason="Playwright is not installed: see CONTRIBUTING.md"
     )
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    path = prerequisites.chromium()
     if path is None:
         pytest.skip("Chromium is not installed: see CONTRIBUTING.md")
     arguments = ["--no-sandbox"] if os.getuid() == 0 else []

@@ -202,8 +202,7 @@ def tool_lists(ros: Path | None) -> list[Path]:
 
 def import_lists() -> list[Path]:
     """Return what nodes and tests import; what drives a browser only where Chromium is."""
-    browser = shutil.which("chromium") or shutil.which("chromium-browser")
-    return requirements("runtime", "dev", *(["browser"] if browser else []))
+    return requirements("runtime", "dev", *(["browser"] if prerequisites.chromium() else []))
 
 
 def requirements(*names: str) -> list[Path]:

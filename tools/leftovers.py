@@ -3,8 +3,9 @@
 
 Processes are known by a variable that children inherit, so also those that were orphaned. Others
 on the machine may be making such files at the same time, so a file belongs to the run when one of
-its processes owned it, or when it is named after a port of the run's ROS domain. Fast DDS's ports
-from 7000 on are shared by all domains and used again by whoever comes next: nobody's.
+its processes owned it, or when it is named after a port of the run's ROS domain and was not there
+before: an earlier run in that domain may have been killed. Fast DDS's ports from 7000 on are shared
+by all domains and used again by whoever comes next: nobody's.
 
 The owner of a segment or port holds its lock file open; others only map it.
 """
@@ -41,6 +42,7 @@ class Watch:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._look_on, daemon=True)
         self.owned: set[Owned] = set()
+        self._before = self._ports_there()
 
     def __enter__(self) -> Watch:
         self._thread.start()
@@ -65,21 +67,23 @@ class Watch:
         A port whose lock file is gone was closed by its owner, and is none of them: it only
         stayed because a process that wrote to it was killed, as tests do.
         """
-        ours = {name for name, inode in self.owned if _inode(SHARED_MEMORY / name) == inode}
-        ours = {name for name in ours if not _PORT.match(name)} | self._ports_there()
+        owned = {name for name, inode in self.owned if _inode(SHARED_MEMORY / name) == inode}
+        ports = {name for name, _ in self._ports_there() - self._before}
+        ours = {name for name in owned if not _PORT.match(name)} | ports
         ours = {name for name in ours if (SHARED_MEMORY / (name + LOCK_SUFFIX)).exists()}
         owned_now = {file.name for pid in _process_ids() for file in owned_files(pid)}
         return sorted(file for name in ours - owned_now for file in family(name))
 
     def remove_closed_ports(self) -> None:
         """Remove the ports of the run that their owners closed; to be called after it."""
-        for name in self._ports_there():
+        for name, _ in self._ports_there() - self._before:
             for file in family(name):
                 file.unlink(missing_ok=True)
 
-    def _ports_there(self) -> set[str]:
+    def _ports_there(self) -> set[Owned]:
         found = (_PORT.match(file.name) for file in SHARED_MEMORY.glob("fastrtps_port*"))
-        return {port[0] for port in found if port and int(port[1]) in self._ports}
+        ours = [port[0] for port in found if port and int(port[1]) in self._ports]
+        return {Owned(name, _inode(SHARED_MEMORY / name)) for name in ours}
 
     def _look_on(self) -> None:
         while not self._stop.wait(SECONDS_BETWEEN_LOOKS):

@@ -33,6 +33,11 @@ def interpreter() -> str:
     return getattr(sys, "_base_executable", "") or sys.executable
 
 
+def chromium() -> str | None:
+    """Return the path of the browser in which the pages are tested, None without one."""
+    return shutil.which("chromium") or shutil.which("chromium-browser")
+
+
 def ros_prefix() -> Path | None:
     """Return the prefix of a sourced ROS 2 Jazzy, None without one.
 

@@ -9,6 +9,8 @@ object at a time and reads what comes back.
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, ImpedanceState
@@ -85,26 +87,24 @@ class LiveLoop:
         self._passes += 1
 
     def _next_force(self, until_ns: int) -> ForceSample | None:
-        """Note the force samples that have come; return the newest, waiting until a time [ns]."""
-        if until_ns:
-            self._inbox.wait(until_ns)
-        newest = None
-        while (force := self._takes[1]()) is not None:
-            newest = force
-            if self._recording is not None:
-                self._recording.note_force(force)
-        return newest
+        return self._noted(self._takes[1], Recording.note_force, until_ns)
 
     def _next_sample(self, until_ns: int) -> EncoderSample | None:
-        """Do the same with the encoder's."""
+        newest = self._noted(self._takes[0], Recording.note_encoder, until_ns)
+        self.sample = newest or self.sample
+        return newest
+
+    def _noted(
+        self, take: Callable[[], Any], note: Callable[[Recording, Any], None], until_ns: int
+    ) -> Any:
+        """Record all waiting samples of a topic; return the newest, waiting until a time [ns]."""
         if until_ns:
             self._inbox.wait(until_ns)
         newest = None
-        while (sample := self._takes[0]()) is not None:
+        while (sample := take()) is not None:
             newest = sample
             if self._recording is not None:
-                self._recording.note_encoder(sample)
-        self.sample = newest or self.sample
+                note(self._recording, sample)
         return newest
 
     def _take_commands(self) -> None:
