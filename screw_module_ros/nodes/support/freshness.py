@@ -10,8 +10,8 @@ from typing import Any
 class Newest:
     """The newest message of one hot subscription.
 
-    `take` returns a message or None; `max_age_ns` is the age up to which it counts as fresh [ns].
-    The age counts from the time it was taken, so that a sender with a wrong clock cannot look
+    take: of `Inbox.subscribe`. max_age_ns: the age up to which it counts as fresh [ns]. The age
+    counts from the time it came or was taken, so that a sender with a wrong clock cannot look
     fresh.
     """
 
@@ -26,7 +26,7 @@ class Newest:
         message = self._take()
         if message is not None:
             self.message = message
-            self.arrival_ns = now_ns
+            self.arrival_ns = getattr(self._take, "arrived_ns", now_ns)
         return message
 
     def fresh(self, now_ns: int) -> Any:

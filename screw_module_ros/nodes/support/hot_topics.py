@@ -62,7 +62,8 @@ class Inbox:
     ) -> Callable[[], Any]:
         """Subscribe; return a function that takes the next message, or a record of a `Flat`.
 
-        It returns None when there is none.
+        It returns None when there is none. Its `arrived_ns`, if it has one, is when the last one
+        came: it may have been held back (`Newest`).
 
         `wakes`: `wait` returns when this subscription has a message. In simulated time the other
         subscriptions return only messages published before the present time: a message published on
@@ -83,7 +84,7 @@ class Inbox:
             hop = self._clock.hop(subscription.topic_name)
             self._hops.append(hop)
             if not wakes:
-                return _Settled(self, take_one, handle, hop, qos.depth == 1).take
+                return _Settled(self, take_one, handle, hop, qos.depth == 1)
             self._wakers.append(hop)
             return lambda: self._take_counted(take_one, handle, hop, qos.depth == 1)
 
@@ -171,7 +172,11 @@ def _new_wait_set(node: Node, subscriptions: int) -> Any:
 
 
 class _Settled:
-    """A subscription that holds messages of the present tick back until the next one."""
+    """A subscription that holds messages of the present tick back until the next one.
+
+    arrived_ns: time at which the message returned last had come; a reader that looks rarely gets
+    one that was held back for long.
+    """
 
     def __init__(
         self, inbox: Inbox, take: Callable, handle: Any, hop: Hop, only_newest: bool
@@ -179,8 +184,9 @@ class _Settled:
         self._inbox, self._hop, self._only_newest = inbox, hop, only_newest
         self._from = (take, handle, hop, hop.unsettled)
         self._early: tuple[int, Any] | None = None
+        self.arrived_ns = 0
 
-    def take(self) -> Any:
+    def __call__(self) -> Any:
         """Return the next message, or the newest with `only_newest`; None without one."""
         found = self._kept()
         while found is None or self._only_newest:
@@ -192,13 +198,13 @@ class _Settled:
             if self._hop.is_new():
                 self._early = (self._inbox.now_ns(), message)
             else:
-                found = message
+                found, self.arrived_ns = message, self._inbox.now_ns()
         return found
 
     def _kept(self) -> Any:
         if self._early is None or self._early[0] == self._inbox.now_ns():
             return None
-        message, self._early = self._early[1], None
+        (self.arrived_ns, message), self._early = self._early, None
         return message
 
 
