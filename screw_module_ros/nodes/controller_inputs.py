@@ -83,7 +83,3 @@ class ControllerInputs:
         if self._resets is not None and safety.resets > self._resets:
             controller.reset(now_ns)
         self._resets = safety.resets
-
-    def close(self) -> None:
-        """Remove the subscription of the forces; the node removes the others."""
-        self._forces.close()

@@ -33,7 +33,6 @@ from .support.driver import RateSettings
 from .support.due import Due
 from .support.flat import pack_command
 from .support.health import ERROR, OK, WARN, Health
-from .support.hot_topics import Inbox
 from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.senders import Senders
@@ -89,8 +88,8 @@ class ImpedanceControllerNode(ModuleNode):
         self._refuse_bad_start(chosen.mode)
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
-        forces = Inbox(self, self.clock, self.direct)
-        self._inputs = ControllerInputs(self.new_inbox(), forces, self._period_ns)
+        forces, others = self.new_inbox(), self.new_inbox()
+        self._inputs = ControllerInputs(others, forces, self._period_ns)
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
@@ -153,8 +152,6 @@ class ImpedanceControllerNode(ModuleNode):
 
     def disconnect(self) -> None:
         """Remove the topics."""
-        if self._inbox is not None:
-            self._inputs.close()
         if self._senders is not None:
             self._senders.close()
             self._senders = None

@@ -75,7 +75,6 @@ class DriveNode(DriverNode):
         """Start the drives, disabled and with their guards. Raises DeviceError."""
         for drive in drive_start.start(self.drives):
             self._tell_warnings(drive)
-        self._permission.begin()
 
     def _tell_warnings(self, drive: Drive) -> None:
         for warning in drive.warnings:

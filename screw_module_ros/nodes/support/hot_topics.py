@@ -8,6 +8,7 @@ subscriptions directly from a wait set, and the executor ignores them (`HotGroup
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from itertools import islice
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -53,6 +54,7 @@ class Inbox:
         self._group = HotGroup()
         self._subscriptions: list[Subscription] = []
         self._hops: list[Hop] = []
+        self._takes: list[tuple[Callable[[], Any], int]] = []
         self._waking: list[Any] = []
         self._wakers: list[Hop] = []
         self._wait_set: Any = None
@@ -71,6 +73,13 @@ class Inbox:
         """
         if topic in self._direct:
             return _nothing
+        take = self._subscribed(kind, topic, qos, wakes)
+        self._takes.append((take, qos.depth))
+        return take
+
+    def _subscribed(
+        self, kind: type | Flat, topic: str, qos: QoSProfile, wakes: bool
+    ) -> Callable[[], Any]:
         message_type = kind.kind if isinstance(kind, Flat) else kind
         subscription = self._node.create_subscription(
             message_type, topic, _never, qos, callback_group=self._group
@@ -120,6 +129,12 @@ class Inbox:
         hop.taken(taken[1]["publication_sequence_number"] or 0)
         return taken[0]
 
+    def discard(self) -> None:
+        """Drop what has come so far."""
+        for take, depth in self._takes:
+            for _ in islice(iter(take, None), depth + 1):  # one may have been held back
+                pass
+
     def now_ns(self) -> int:
         """Return the time of the inbox's clock [ns]."""
         return self._clock.now_ns()
@@ -151,7 +166,7 @@ class Inbox:
             hop.close()
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
-        self._subscriptions, self._hops, self._wakers = [], [], []
+        self._subscriptions, self._hops, self._takes, self._wakers = [], [], [], []
 
 
 def await_message(node: Node, handle: Any) -> None:

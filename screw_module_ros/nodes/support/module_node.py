@@ -67,6 +67,7 @@ class ModuleNode(ServingNode):
         self.periodic.every(self.clock, 1.0, self.publish_health)
         self._start_timer: Timer | None = None
         self._inbox: Inbox | None = None
+        self._inboxes: list[Inbox] = []
         self.start_serving()
 
     # For subclasses to use -----------------------------------------------------------------
@@ -81,17 +82,15 @@ class ModuleNode(ServingNode):
 
     def new_inbox(self) -> Inbox:
         """Return a new inbox for subscriptions of the hot loop; `disconnect` closes it."""
-        self._inbox = Inbox(self, self.clock, self.direct)
-        return self._inbox
+        inbox = self._inbox = Inbox(self, self.clock, self.direct)
+        self._inboxes.append(inbox)
+        return inbox
 
     def close_topics(self) -> None:
         """Close all outlets and inboxes."""
-        if self._inbox is not None:
-            self._inbox.close()
-            self._inbox = None
-        for outlet in self._outlets:
-            outlet.close()
-        self._outlets = []
+        for topics in (*self._inboxes, *self._outlets):
+            topics.close()
+        self._inbox, self._inboxes, self._outlets = None, [], []
 
     def stamp(self, header: Any) -> None:
         """Write the present time into a message's header."""
@@ -149,10 +148,12 @@ class ModuleNode(ServingNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Lifecycle activate."""
+        """Lifecycle activate: what came before it counts no longer."""
         try:
             with self.clock.working():
                 self.begin()
+                for inbox in self._inboxes:
+                    inbox.discard()
         except Exception as error:
             self._fail("activate", error)
             self.end()

@@ -29,11 +29,6 @@ class Permission:
         self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, qos.PERMISSION))
         self._senders = Senders(node, [graph.SAFETY_STATE])
 
-    def begin(self) -> None:
-        """Forget what came while the node was not active: it says nothing of now."""
-        for _ in islice(iter(self._take, None), qos.PERMISSION.depth):
-            pass
-
     @property
     def warning(self) -> str:
         """Message when more than one node publishes safety_state, else empty."""

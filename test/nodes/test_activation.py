@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What came before a node was active counts no longer: its sender may have died meanwhile."""
+
+from __future__ import annotations
+
+import pytest
+import rclpy
+
+from screw_module_ros import graph
+from screw_module_ros.nodes.support.topics import offered
+
+TOPICS = (graph.SETPOINT, graph.THERAPY_SLOT, graph.FORCE, graph.SAFETY_STATE)
+
+
+@pytest.fixture
+def controller(make_node):
+    node = make_node("impedance_controller")
+    node.trigger_configure()
+    return node
+
+
+@pytest.fixture
+def publish(controller):
+    """Return a function that publishes one message on each topic, at the readers on return.
+
+    The middleware passes messages within a process by calls.
+    """
+    sender = rclpy.create_node("sender")
+    publishers = []
+    for topic in TOPICS:
+        kind, name, qos = offered(topic)
+        publishers.append((sender.create_publisher(kind, name, qos), kind))
+
+    def publish_all() -> None:
+        for publisher, kind in publishers:
+            publisher.publish(kind())
+
+    yield publish_all
+    sender.destroy_node()
+
+
+def takes_of(controller) -> list:
+    inputs = controller._inputs
+    return [
+        inputs._take_setpoint, inputs.slot._take, inputs._take_force, inputs._safety._take
+    ]  # fmt: skip
+
+
+def test_what_came_before_an_activation_is_dropped(controller, publish, wait_until):
+    waiting = takes_of(controller)
+
+    def matched() -> bool:
+        publish()
+        waiting[:] = [take for take in waiting if take() is None]
+        return not waiting
+
+    wait_until(matched)
+    publish()
+    controller.trigger_activate()
+    assert [take() for take in takes_of(controller)] == [None] * len(TOPICS)
+    publish()
+    assert all(take() is not None for take in takes_of(controller))
+    controller.close()
