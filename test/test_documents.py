@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from screw_module_ros import session_command
+from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.nodes import bringup
 
 ROOT = Path(__file__).parents[1]
@@ -107,6 +108,13 @@ def test_launch_arguments(words):
 @pytest.mark.parametrize("words", beginning("bringup"), ids=" ".join)
 def test_bringup_options(words):
     bringup.command.make_context("bringup", list(words))
+
+
+def test_every_experiment_is_in_the_table():
+    text = (ROOT / "docs/characterization.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\|(.*?)\|", text, re.MULTILINE)
+    told = [name for row in rows for name in re.findall(r"`(\w+)`", row) if name != "settings"]
+    assert sorted(told) == sorted(EXPERIMENTS)
 
 
 def test_make_targets():
