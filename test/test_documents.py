@@ -15,6 +15,8 @@ import yaml
 
 from screw_module_ros import session_command
 from screw_module_ros.bridge.rights import ASKED
+from screw_module_ros.control.modes import OBSERVER
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.nodes import bringup
 
@@ -117,6 +119,14 @@ def test_every_experiment_is_in_the_table():
     rows = re.findall(r"^\|(.*?)\|", text, re.MULTILINE)
     told = [name for row in rows for name in re.findall(r"`(\w+)`", row) if name != "settings"]
     assert sorted(told) == sorted(EXPERIMENTS)
+
+
+def test_the_damping_that_the_page_names_is_enough_for_mode_observer():
+    text = (ROOT / "docs/control.md").read_text(encoding="utf-8")
+    damping, stiffness = map(float, re.search(r"([\d.]+) Ns/m\s+at (\d+) N/m", text).groups())
+    law = VerticalSettings(stiffness=stiffness, damping=damping)
+    assert law.refusal(OBSERVER) == ""
+    assert law._replace(damping=damping - 0.1).refusal(OBSERVER)
 
 
 def test_make_targets():
