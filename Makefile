@@ -17,8 +17,8 @@ build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: 
 	    "to 3.13 (on Debian or Ubuntu, apt install python3 python3-venv python3-dev)" >&2; exit 1; }
 	@$(PYTHON) tools/build.py
 
-demo: build  ## the whole robot against the simulated rig: table, figures and a bag
-	@tools/run demo
+demo: build  ## the whole robot against the simulated rig: table, figures, a bag; ARGS="--quick" is shorter
+	@tools/run demo $(ARGS)
 
 therapy: build  ## session, patient's and therapist's page in the browser; ARGS="--patient weak"
 	@tools/run therapy $(ARGS)

@@ -14,6 +14,10 @@ import pytest
 import yaml
 
 from screw_module_ros import session_command
+from screw_module_ros.bridge.rights import ASKED
+from screw_module_ros.control.modes import OBSERVER
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.nodes import bringup
 
 ROOT = Path(__file__).parents[1]
@@ -51,6 +55,7 @@ def _literal(file: str, name: str) -> Any:
 
 
 SERVICES = _literal("test/nodes/test_graph.py", "SERVICES")  # of the design, found in the graph
+SERVICES |= {f"/{name}": kind for name, kind in ASKED.items()}  # therapy_session, found by its test
 EXECUTABLES = {
     path.name for path in (ROOT / "install/screw_module_ros/lib/screw_module_ros").glob("*")
 } or None  # colcon installs elsewhere
@@ -107,6 +112,21 @@ def test_launch_arguments(words):
 @pytest.mark.parametrize("words", beginning("bringup"), ids=" ".join)
 def test_bringup_options(words):
     bringup.command.make_context("bringup", list(words))
+
+
+def test_every_experiment_is_in_the_table():
+    text = (ROOT / "docs/characterization.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\|(.*?)\|", text, re.MULTILINE)
+    told = [name for row in rows for name in re.findall(r"`(\w+)`", row) if name != "settings"]
+    assert sorted(told) == sorted(EXPERIMENTS)
+
+
+def test_the_damping_that_the_page_names_is_enough_for_mode_observer():
+    text = (ROOT / "docs/control.md").read_text(encoding="utf-8")
+    damping, stiffness = map(float, re.search(r"([\d.]+) Ns/m\s+at (\d+) N/m", text).groups())
+    law = VerticalSettings(stiffness=stiffness, damping=damping)
+    assert law.refusal(OBSERVER) == ""
+    assert law._replace(damping=damping - 0.1).refusal(OBSERVER)
 
 
 def test_make_targets():

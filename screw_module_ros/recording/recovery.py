@@ -41,7 +41,9 @@ class Recovered(NamedTuple):
     kept: tuple[Path, ...] = ()
 
     def __str__(self) -> str:
-        text = f"{self.messages} messages in the bag; {self.files} files completed"
+        done = {0: "no file needed repair", 1: "1 file completed"}
+        text = f"{self.messages} messages in the bag; "
+        text += done.get(self.files, f"{self.files} files completed")
         if self.cut:
             text += f", {self.cut} bytes that cannot be read cut out"
         if self.kept:

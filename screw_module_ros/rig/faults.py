@@ -162,4 +162,5 @@ def catalogue(books: dict[str, dict[str, str]]) -> list[str]:
 
 
 def _section(title: str, faults: tuple) -> list[str]:
-    return [title, *(f"  {name:18}{text}" for name, text in faults)]
+    width = max(len(name) for name, _ in faults)
+    return [title, *(f"  {name:{width}} {text}" for name, text in faults)]

@@ -2,12 +2,14 @@
 """Force-position curves, the onset of chatter, and their figures."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from screw_module_ros.identification import curves, force_gain
 from screw_module_ros.identification.figures import curves as figures
 from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.trials import NotPossible
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +78,14 @@ def test_backlash_limits_the_gain(bench, tmp_path):
     assert 4.0 < loose < 13.0, "above the thesis's 5, not far above"
     assert tight > 1.2 * loose
     assert figures.force_gain_figure(result).axes[1].get_xlabel() == "force gain $K_f$"
+
+
+def test_a_bench_without_a_preloaded_nut_says_so_before_any_other_trial():
+    """A live bench took its hour for the trials with backlash and refused the others then."""
+
+    def run(name, jobs):
+        assert all(job.trial.preloaded for job in jobs), "other trials came first"
+        raise NotPossible("no such nut")
+
+    with pytest.raises(NotPossible):
+        force_gain.run(SimpleNamespace(run=run), force_gain.Settings())

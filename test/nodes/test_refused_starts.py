@@ -70,3 +70,11 @@ def test_a_domain_that_is_none_is_named_before_anything_starts(
     assert f"ROS_DOMAIN_ID = '{told}' is no ROS domain" in done.stderr
     assert len(done.stderr.splitlines()) == 1, "nothing was started"
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("program", ["encoder", "module", "characterize"])
+@pytest.mark.parametrize("word", ["--help", "-h"])
+def test_help_is_no_refusal(program, word):
+    done = run(word, program=program)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith(f"usage: {program} [--ros-args ")

@@ -75,8 +75,11 @@ def test_recover_command(bag, capsys):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
     assert main(["recover", str(bag)]) == 0
-    assert "1 files completed" in capsys.readouterr().out
+    assert "1 file completed" in capsys.readouterr().out
     assert main(["info", str(bag)]) == 0
+    capsys.readouterr()
+    assert main(["recover", str(bag)]) == 0
+    assert "messages in the bag; no file needed repair" in capsys.readouterr().out
 
 
 def test_path_that_is_no_bag(tmp_path, capsys):

@@ -246,3 +246,11 @@ def test_every_fault_of_every_device_can_be_injected_and_cleared(make_bench):
     bench.run(60)
     assert bench.read(2, "1000:00") == "96010200"
     assert bench.ask(0x128) == [(0x128, "02 03")]
+
+
+def test_every_fault_of_the_list_is_a_word_of_its_own(make_bench):
+    """A name as long as its column ran into its description."""
+    rig = make_bench("encoder", "drive", "force_sensor").rig
+    lines = rig.describe().splitlines()
+    listed = {line.split()[0] for line in lines if line.startswith("  ")}
+    assert {key.split()[1] for key in rig.faults()} == listed

@@ -18,7 +18,7 @@ from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 
 from .fixture import Fixture
-from .graph import parameters, topic_of
+from .graph import disabling, parameters, topic_of
 from .loop import LiveLoop
 from .samples import Recording, Zero, zero_of
 
@@ -134,8 +134,8 @@ class Experiment:
         if amplifier is not None and amplifier.enabled:
             if controller is None or controller.mode != OFF:
                 raise NotPossible(
-                    "the module must be passive, and the amplifier is enabled: ros2 service call "
-                    f"{topic_of(robot, 'amplifier/enable')} std_srvs/srv/SetBool"
+                    "the module must be passive, and the amplifier is enabled; disable it: "
+                    f"{disabling(robot, 'amplifier')}"
                 )
 
     def enable(self) -> None:

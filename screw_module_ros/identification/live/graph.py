@@ -62,3 +62,9 @@ def topic_of(client: Client, name: str) -> str:
     """Return a relative name as it is typed on a command line, namespace included."""
     namespace = client.node.get_namespace().rstrip("/")
     return f"{namespace}/{name}"
+
+
+def disabling(client: Client, drive: str) -> str:
+    """Return the command that disables the drives of a node, `amplifier` or `manus`."""
+    service = topic_of(client, f"{drive}/enable")
+    return f'ros2 service call {service} std_srvs/srv/SetBool "{{data: false}}"'

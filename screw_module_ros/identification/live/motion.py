@@ -45,6 +45,22 @@ _CALM_S, _SETTLE_S, _PATIENCE_S = 0.5, 1.5, 5.0
 _SPARE_S = 5.0
 
 
+def _check_possible(trial: MotionTrial) -> None:
+    """Raise NotPossible with the way out for what only the simulated module in process has."""
+    given = (trial.way, trial.side_force, trial.tremor, trial.changed)
+    if any(given) or math.isfinite(trial.released_after):
+        raise NotPossible(
+            "a hand that holds off the centre, presses sideways, trembles or lets go, and a "
+            "rig that changed, are only there in process: run this experiment with "
+            "`make reproduce`"
+        )
+    if trial.preloaded:
+        raise NotPossible(
+            "a nut without backlash is only there in process: leave it out with the goal's "
+            "settings '{preloaded: false}', or run this experiment with `make reproduce`"
+        )
+
+
 class Motion:
     """The controller's settings, from the first motion trial until `put_back`."""
 
@@ -60,13 +76,7 @@ class Motion:
         experiment = self._experiment
         fixture, robot = experiment.fixture, experiment.robot
         fixture.require("human_arm")
-        given = (trial.way, trial.side_force, trial.tremor, trial.changed)
-        if any(given) or math.isfinite(trial.released_after):
-            raise NotPossible(
-                "a hand that holds off the centre, presses sideways, trembles or lets go, and a "
-                "rig that changed, are only there in process: run this experiment with "
-                "`make reproduce`"
-            )
+        _check_possible(trial)
         experiment.check_homed()
         check_disabled(robot)
         linearization = self._fitting_linearization(trial)

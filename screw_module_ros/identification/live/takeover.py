@@ -26,6 +26,7 @@ from .graph import (
     INACTIVE,
     UNCONFIGURED,
     bring,
+    disabling,
     lifecycle_state,
     parameters,
     set_parameters,
@@ -97,8 +98,8 @@ class Takeover:
         plane = robot.state(PlanarState)
         if plane is not None and plane.enabled:
             raise NotPossible(
-                "the plane is enabled, and the amplifier must restart: ros2 service call "
-                f"{topic_of(robot, 'manus/enable')} std_srvs/srv/SetBool"
+                "the plane is enabled, and the amplifier must restart; disable it: "
+                f"{disabling(robot, 'manus')}"
             )
         check_not_stopped(robot)
 
@@ -150,10 +151,7 @@ def check_disabled(robot: Robot) -> None:
     if not robot.met(lambda: robot.state(AmplifierState) is not None, _ANSWER_S):
         raise NotPossible("the amplifier is silent: start and activate it first")
     if robot.newest(AmplifierState).enabled:
-        raise NotPossible(
-            f"the amplifier is enabled: ros2 service call {topic_of(robot, 'amplifier/enable')} "
-            "std_srvs/srv/SetBool"
-        )
+        raise NotPossible(f"the amplifier is enabled; disable it: {disabling(robot, AMPLIFIER)}")
 
 
 def check_not_stopped(robot: Robot) -> None:

@@ -27,6 +27,7 @@ _WITH_VALUE = (
     *_FILE, *_PARAMETER, *_REMAP, "-e", "--enclave", "--log-level", "--log-config-file",
     "--log-file-name",
 )  # fmt: skip
+_HELP = ("-h", "--help")
 _RULE = re.compile(r"(?:(?P<node>\w+):)?(?P<name>[^:=]+):=(?P<value>.*)", re.DOTALL)
 _NAME_RULE = re.compile(r"(?:(?P<node>\w+):)?__(?:node|name):=(?P<name>\w+)")
 # YAML 1.1, and so PyYAML, takes 1e-3 for a string, rcl for a number.
@@ -87,6 +88,21 @@ def overrides(name: str, given: Arguments) -> list[Parameter]:
     values = {rule.name: rule.value for rule in given.rules if not rule.node}
     values |= {rule.name: rule.value for rule in given.rules if rule.node == name}
     return [_parameter(key, text) for key, text in values.items()]
+
+
+def asks_for_help(given: Arguments) -> bool:
+    """Return whether the command line asks how the program is used."""
+    return any(word in _HELP for word in given.others)
+
+
+def usage(program: str) -> str:
+    """Return how a node's executable is used."""
+    return (
+        f"usage: {program} [--ros-args -p NAME:=VALUE --params-file FILE -r __ns:=/NAMESPACE]\n\n"
+        "Part of the therapy robot, until Ctrl-C; it takes ROS arguments alone. While it runs,\n"
+        "`ros2 param list` names its parameters, and `ros2 param describe /NODE NAME` says what\n"
+        "one means, in which unit and range."
+    )
 
 
 def check_others(given: Arguments) -> None:

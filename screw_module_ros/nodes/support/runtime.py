@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import InvalidHandle
@@ -24,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from screw_module_ros.domain import DomainError, domain_id
 from screw_module_ros.loop.ticker import BACK_OFF_S
 
-from .command_line import Arguments, arguments, check_others
+from .command_line import Arguments, arguments, asks_for_help, check_others, usage
 from .module_node import ModuleNode
 from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
@@ -63,6 +64,10 @@ def run_together(
     the highest priority among the nodes and the cores of the first. name: prefix of the message of
     a refused start.
     """
+    given = arguments()
+    if asks_for_help(given):
+        print(usage(Path(sys.argv[0]).name))
+        return 0
     stopping = threading.Event()
     stop_on_signals(stopping)
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
@@ -72,7 +77,7 @@ def run_together(
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []
     try:
-        files = _begin(arguments())
+        files = _begin(given)
         nodes += make()
         for node in nodes:
             node.stopping = stopping

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,11 +13,14 @@ from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.modes import FORCE_FEEDBACK
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.live import experiment as live_session
 from screw_module_ros.identification.live import trials as live_trials
 from screw_module_ros.identification.live.feedback import Feedback
+from screw_module_ros.identification.live.motion import Motion
 from screw_module_ros.identification.live.samples import (
     Recording,
     SamplesLost,
@@ -25,8 +29,14 @@ from screw_module_ros.identification.live.samples import (
     samples_of,
     zero_of,
 )
+from screw_module_ros.identification.live.takeover import check_disabled
 from screw_module_ros.identification.live.torque_source import Sine, TorqueSource
-from screw_module_ros.identification.trials import Cancelled, NotPossible, TorqueTrial
+from screw_module_ros.identification.trials import (
+    Cancelled,
+    MotionTrial,
+    NotPossible,
+    TorqueTrial,
+)
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
@@ -266,3 +276,32 @@ class TestFeedback:
         feedback.progress("map", 0.0, 0.0)
         assert told[-1][0] == 1.0
         assert math.isfinite(told[-1][1])
+
+
+def test_an_enabled_drive_is_refused_with_the_whole_command():
+    robot = SimpleNamespace(
+        node=SimpleNamespace(get_namespace=lambda: "/left"),
+        met=lambda condition, patience: condition(),
+        state=lambda kind: kind(enabled=True),
+        newest=lambda kind: kind(enabled=True),
+    )
+    with pytest.raises(NotPossible) as refused:
+        check_disabled(robot)
+    words = shlex.split(str(refused.value).partition("disable it: ")[2])
+    assert words == [
+        "ros2", "service", "call", "/left/amplifier/enable", "std_srvs/srv/SetBool", "{data: false}"
+    ]  # fmt: skip
+
+
+def test_a_nut_that_the_graph_does_not_have_is_refused():
+    """The graph ran the trial with its backlash, and the result said "without backlash"."""
+
+    def check_homed():
+        pytest.fail("the trial went on")
+
+    experiment = SimpleNamespace(
+        fixture=SimpleNamespace(require=lambda fixture: None), robot=None, check_homed=check_homed
+    )
+    trial = MotionTrial(FORCE_FEEDBACK, VerticalSettings(), preloaded=True)
+    with pytest.raises(NotPossible, match="without backlash.*preloaded: false"):
+        Motion(experiment).trial(trial, lambda progress: None)
