@@ -200,6 +200,22 @@ def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
     given.until_text(page, "1 of 16 targets reached")
 
 
+def test_a_session_that_follows_another_at_once_has_its_own_picture(serving, open_page):
+    """The screen may miss every state between two sessions: it gets the newest alone."""
+    given = serving()
+    page = open_page(given, "patient")
+    first = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1, "trials": 16}
+    given.state = first
+    given.until(page, "document.body.dataset.shown === 'plane'")
+    given.state = {**first, "phase": REACHED}
+    given.until_text(page, "Well done")
+    given.state = {**first, "protocol": "elevator", "trial": 2, "trials": 9}
+    given.until(page, "document.body.dataset.shown === 'vertical'")
+    given.state = {**given.state, "state": FINISHED, "trial": 9, "phase": 0}
+    given.until_text(page, "Finished. Thank you!")
+    assert "targets reached" not in page.inner_text("#veil")
+
+
 def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     given = serving()
     page = open_page(given, "patient")
@@ -294,6 +310,18 @@ def test_results_come_into_the_table(serving, open_page):
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
     given.robot.finish(6)
     given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1180, 820), (1920, 1080), (3840, 2160)])
+@pytest.mark.parametrize("robots", [("/",), ("/left", "/right")], ids=["one", "two"])
+def test_every_column_of_the_movements_is_seen(serving, open_page, size, robots):
+    given = serving(*robots)
+    page = open_page(given, "therapist", size=size)
+    given.until_text(page, "The robot is ready")
+    given.robot.finish(1000)
+    given.until(page, f"document.querySelectorAll('.results tbody tr').length === {len(robots)}")
+    hidden = "[...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth)"
+    assert page.evaluate(hidden) == [0] * len(robots)
 
 
 @pytest.mark.parametrize("size", [(390, 844), (820, 1180), (3840, 2160)])
