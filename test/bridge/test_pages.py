@@ -253,6 +253,21 @@ def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until)
     assert start[1]["record"] is True
 
 
+def test_the_form_shows_the_session_that_runs(serving, open_page):
+    """A page that is opened in its midst must not offer another patient's pseudonym."""
+    given = serving()
+    given.state = {"state": RUNNING, "protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2,
+                   "trials": 9, "phase": 3}  # fmt: skip
+    page = open_page(given, "therapist")
+    given.until_text(page, "movement 2 of 9")
+    field, protocol = page.get_by_label("Pseudonym of the patient"), page.get_by_label("Protocol")
+    assert (field.input_value(), protocol.last.input_value()) == ("P-ABCDE", "reach_3d")
+    assert field.is_disabled() and protocol.last.is_disabled()
+    given.state = {**given.state, "state": FINISHED}
+    given.until_text(page, "Finished:")
+    assert field.is_enabled() and field.input_value() == "P-ABCDE"
+
+
 def test_two_robots_on_one_page(serving, open_page, wait_until):
     given = serving("/left", "/right")
     page = open_page(given, "therapist", size=(1400, 900))
