@@ -29,7 +29,7 @@ faults: build  ## every fault of docs/faults.md, carried out in simulated time; 
 fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yaml --seconds 600 --seed 1"
 	@tools/run python test/fuzz/fuzz.py $(ARGS)
 
-bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop alone
+bench: build  ## how fast it runs here: the graph at 1 and 2 kHz, apart and composed; the loop; ARGS="--bridge"
 	@tools/run bench $(ARGS)
 
 soak: build  ## ten minutes of work, recorded: does anything grow or get lost? ARGS="--wall-clock"

@@ -99,20 +99,23 @@ def metadata(path: Path | str) -> dict[str, Any]:
 
 
 def raw_messages(path: Path | str, names: Collection[str] | None = None) -> Iterator[RawMessage]:
-    """Yield the messages of the topics `names` (all by default) in order of log time."""
+    """Yield the messages of the topics `names` (all by default) in order of log time.
+
+    Raises BagReadError as `read_bag` does.
+    """
     with open_bag(path) as reader:
-        for connection, log_time, data in reader.messages(_chosen(reader, path, names)):
+        for connection, log_time, data in _messages(reader, path, names):
             yield RawMessage(connection.topic, connection.msgtype, log_time, data)
 
 
 def read_bag(path: Path | str, names: Collection[str] | None = None) -> Iterator[BagMessage]:
     """Yield the decoded messages of the topics `names` (all by default) in order of log time.
 
-    Raises BagReadError when the bag cannot be read or lacks a topic.
+    Raises BagReadError when the bag cannot be read, is damaged or lacks a topic.
     """
     with open_bag(path) as reader:
         decode = reader.deserialize
-        for connection, log_time, data in reader.messages(_chosen(reader, path, names)):
+        for connection, log_time, data in _messages(reader, path, names):
             kind = connection.msgtype
             yield BagMessage(connection.topic, kind, log_time, decode(data, kind))
 
@@ -162,6 +165,21 @@ def _array(values: list[Any]) -> np.ndarray:
     found = np.empty(len(values), dtype=object)
     found[:] = values
     return found
+
+
+def _messages(
+    reader: AnyReader, path: Path | str, names: Collection[str] | None
+) -> Iterator[tuple[Connection, int, bytes]]:
+    found = reader.messages(_chosen(reader, path, names))
+    while True:
+        try:
+            message = next(found, None)
+        except Exception as error:  # a damaged chunk: what its decompression stumbles over
+            hint = f"run: session recover {path}"
+            raise BagReadError(f"cannot read {path}, it is damaged: {error}; {hint}") from None
+        if message is None:
+            return
+        yield message
 
 
 def _chosen(reader: AnyReader, path: Path | str, names: Collection[str] | None) -> list[Connection]:

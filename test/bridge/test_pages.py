@@ -200,6 +200,22 @@ def test_a_screen_that_came_late_counts_no_targets(serving, open_page):
     given.until_text(page, "1 of 16 targets reached")
 
 
+def test_a_session_that_follows_another_at_once_has_its_own_picture(serving, open_page):
+    """The screen may miss every state between two sessions: it gets the newest alone."""
+    given = serving()
+    page = open_page(given, "patient")
+    first = {"state": RUNNING, "protocol": "clock_adaptive", "phase": 3, "trial": 1, "trials": 16}
+    given.state = first
+    given.until(page, "document.body.dataset.shown === 'plane'")
+    given.state = {**first, "phase": REACHED}
+    given.until_text(page, "Well done")
+    given.state = {**first, "protocol": "elevator", "trial": 2, "trials": 9}
+    given.until(page, "document.body.dataset.shown === 'vertical'")
+    given.state = {**given.state, "state": FINISHED, "trial": 9, "phase": 0}
+    given.until_text(page, "Finished. Thank you!")
+    assert "targets reached" not in page.inner_text("#veil")
+
+
 def test_the_game_is_played_with_the_hand_and_can_be_left(serving, open_page):
     given = serving()
     page = open_page(given, "patient")
@@ -235,6 +251,21 @@ def test_a_free_text_does_not_get_into_the_field(serving, open_page, wait_until)
     (start,) = [call for call in given.robot.calls if call[0].endswith("/start")]
     assert start[1]["patient"] == field.input_value()
     assert start[1]["record"] is True
+
+
+def test_the_form_shows_the_session_that_runs(serving, open_page):
+    """A page that is opened in its midst must not offer another patient's pseudonym."""
+    given = serving()
+    given.state = {"state": RUNNING, "protocol": "reach_3d", "patient": "P-ABCDE", "trial": 2,
+                   "trials": 9, "phase": 3}  # fmt: skip
+    page = open_page(given, "therapist")
+    given.until_text(page, "movement 2 of 9")
+    field, protocol = page.get_by_label("Pseudonym of the patient"), page.get_by_label("Protocol")
+    assert (field.input_value(), protocol.last.input_value()) == ("P-ABCDE", "reach_3d")
+    assert field.is_disabled() and protocol.last.is_disabled()
+    given.state = {**given.state, "state": FINISHED}
+    given.until_text(page, "Finished:")
+    assert field.is_enabled() and field.input_value() == "P-ABCDE"
 
 
 def test_two_robots_on_one_page(serving, open_page, wait_until):
@@ -294,6 +325,18 @@ def test_results_come_into_the_table(serving, open_page):
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
     given.robot.finish(6)
     given.until_text(page, "P-7K3QX: 5 of 6 targets reached")
+
+
+@pytest.mark.parametrize("size", [(390, 844), (1180, 820), (1920, 1080), (3840, 2160)])
+@pytest.mark.parametrize("robots", [("/",), ("/left", "/right")], ids=["one", "two"])
+def test_every_column_of_the_movements_is_seen(serving, open_page, size, robots):
+    given = serving(*robots)
+    page = open_page(given, "therapist", size=size)
+    given.until_text(page, "The robot is ready")
+    given.robot.finish(1000)
+    given.until(page, f"document.querySelectorAll('.results tbody tr').length === {len(robots)}")
+    hidden = "[...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth)"
+    assert page.evaluate(hidden) == [0] * len(robots)
 
 
 @pytest.mark.parametrize("size", [(390, 844), (820, 1180), (3840, 2160)])

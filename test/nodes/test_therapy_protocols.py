@@ -1,31 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every kind of trial on the whole graph: the elevator, and all parts of the evaluation."""
+"""Every kind of trial on the whole graph: elevator, reach in space, all parts of the evaluation.
+
+Each is recorded, and its recording is computed again.
+"""
 
 from __future__ import annotations
 
 import math
+import re
+import shutil
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from screw_module_msgs.msg import TherapyState, TrialResult
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.recording.bag import CLOSED
+from screw_module_ros.recording.noted import read_noted
 from screw_module_ros.resources import resource_path
+from screw_module_ros.session_command import main
 from screw_module_ros.trials.graph_run import GraphRun
 from screw_module_ros.trials.simulated_player import HEALTHY, PEOPLE, SimulatedPlayer
 from screw_module_ros.trials.therapy import make_ready
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 
+PATIENT, NAMES = "P-7K3QX", ("elevator", "reach_3d", "evaluation")
 KINDS = ["reach", "reach", "circle", "hold", "resisted", "strength"]
+
+GOOD = (TherapyState.RUNNING, TherapyState.FINISHED)
 
 
 def write_short(folder, name):
     """Write a protocol with each of its different blocks once, of one target, in little time."""
     content = yaml.safe_load(resource_path(f"params/therapy/{name}.yaml").read_text())
-    blocks = content["blocks"][1:2] if name == "elevator" else content["blocks"]
+    blocks = content["blocks"] if name == "evaluation" else content["blocks"][1:2]
     for block in blocks:
         block["circuits"] = 1
         block["targets"] = {**block["targets"], "count": 1, "rounds": 1}
@@ -40,12 +52,17 @@ def write_short(folder, name):
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """Results of both protocols, by name."""
-    folder = tmp_path_factory.mktemp("therapy")
+def folder(tmp_path_factory):
+    """Protocols and bags."""
+    return tmp_path_factory.mktemp("therapy")
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """Results of the protocols, by name."""
+    extra = ["-p", "sim_rig:speed:=0.0", "-p", f"session_recorder:folder:={folder}"]
     with (
-        GraphRun(extra=["-p", "sim_rig:speed:=0.0"], without=["session_recorder"],
-                 composed=True) as graph,
+        GraphRun(extra=extra, composed=True) as graph,
         Robot("therapist", watch=graph.watch, simulated=True) as robot,
     ):  # fmt: skip
         node = bringup.Process(
@@ -60,10 +77,10 @@ def results(tmp_path_factory):
             make = robot.node.create_subscription
             make(TherapyState, "therapy/state", states.append, 50)
             make(TrialResult, "therapy/trial", told.append, 50)
-            for name in ("elevator", "evaluation"):
+            for name in NAMES:
                 play(robot, player, states, write_short(folder, name))
-            yield {name: [result for result in told if result.protocol == name]
-                   for name in ("elevator", "evaluation")}  # fmt: skip
+                await_bag(robot, states, folder, name)
+            yield {name: [result for result in told if result.protocol == name] for name in NAMES}
         finally:
             code = node.stop()
     assert code == 0
@@ -71,7 +88,7 @@ def results(tmp_path_factory):
 
 def play(robot, player, states, protocol):
     """Carry out a protocol, and be its patient until it is finished."""
-    request = StartTherapy.Request(protocol=protocol, patient="P-7K3QX", record=False)
+    request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
     robot.wait_until(lambda: states, 20.0, "the session is silent")
     robot.ask(StartTherapy, "therapy_session/start", request)
     states.clear()
@@ -79,12 +96,57 @@ def play(robot, player, states, protocol):
     def finished():
         player.look()
         state = states[-1] if states else None
-        assert state is None or state.state in (TherapyState.RUNNING, TherapyState.FINISHED), (
-            state.reason
-        )
+        awaits = state is not None and state.reason == "waiting for the recording"
+        assert state is None or awaits or state.state in GOOD, state.reason
         return state is not None and state.state == TherapyState.FINISHED
 
     robot.wait_until(finished, 120.0, f"{protocol} does not come to its end")
+
+
+def await_bag(robot, states, folder, name):
+    """Wait until the recording of a protocol has ended."""
+    robot.wait_until(lambda: not states[-1].recorded, 30.0, f"the recording of {name} goes on")
+    robot.wait_until(
+        lambda: read_noted(bag_of(folder, name)).state == CLOSED, 30.0, "the bag is not closed"
+    )
+
+
+def bag_of(folder, name):
+    (bag,) = folder.glob(f"{PATIENT}_{name}_*")
+    return bag
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_is_computed_again_from_its_recording_bit_for_bit(results, folder, name, capsys):
+    assert main(["replay", str(bag_of(folder, name))]) == 0
+    assert capsys.readouterr().out.startswith(f"equal: {len(results[name])} trials from ")
+
+
+def test_a_recording_that_was_cut_names_its_gap(results, folder, tmp_path, capsys):
+    bag = tmp_path / "cut"
+    shutil.copytree(bag_of(folder, "elevator"), bag)
+    (file,) = bag.glob("*.mcap")
+    with file.open("r+b") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+        stream.seek(chunks[len(chunks) // 2].chunk_start_offset + 200)
+        stream.write(bytes(2000))
+    assert main(["replay", str(bag)]) == 1
+    assert "run: session recover" in capsys.readouterr().err
+    assert main(["recover", str(bag)]) == 0
+    capsys.readouterr()
+    assert main(["replay", str(bag)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    missing, tick = re.match(r"PROBLEM (\d+) samples missing after tick (\d+), ", lines[0]).groups()
+    assert 0 < int(missing) < 1000 and int(tick) > 0
+    assert lines[-1].endswith(f"{missing} samples missing")
+
+
+def test_reaches_in_space_use_all_axes(results):
+    found = results["reach_3d"]
+    assert [result.assisted for result in found] == [True] * 2
+    assert sum(result.reached for result in found) >= 1
+    assert {result.missing for result in found} == {0}
+    assert found[0].target.y != found[0].start.y and found[0].target.z != found[0].start.z
 
 
 def test_the_elevator_goes_up_and_down_and_back(results):

@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bag_damage import CHUNK, FILE, alter, old, place_of
 
 from screw_module_ros.recording import BagBusyError, BagError, BagReadError, BagWriter
-from screw_module_ros.recording.reader import metadata
+from screw_module_ros.recording.reader import metadata, raw_messages, read_bag
 from screw_module_ros.recording.recovery import recover, recover_all
 from screw_module_ros.recording.verify import verify
 
@@ -49,6 +49,15 @@ def test_a_bit_in_a_message_index_costs_no_message(bag):
     assert recover(bag).messages == 5000
     assert sequences(bag) == list(range(5000))
     assert verify(bag).problems == ["the recording was not closed in good order (state: recovered)"]
+
+
+@pytest.mark.parametrize("read", [read_bag, raw_messages])
+def test_who_reads_a_damaged_chunk_is_told_the_way_out(bag, read):
+    alter(bag, flip(CHUNK, 1, 3000))
+    with pytest.raises(BagReadError, match=f"damaged: .*; run: session recover {bag}$"):
+        list(read(bag))
+    recover(bag)
+    assert list(read(bag))
 
 
 def test_a_bit_near_the_start_costs_one_chunk(bag):

@@ -12,6 +12,7 @@ from screw_module_ros.therapy.bag import replayed
 from screw_module_ros.therapy.definitions import DEFINITIONS
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.record import NUMBERS
+from screw_module_ros.therapy.replay import Act
 from screw_module_ros.therapy.report.content import (
     compared,
     middle,
@@ -20,7 +21,8 @@ from screw_module_ros.therapy.report.content import (
     reaches,
     summary,
 )
-from screw_module_ros.therapy.report.page import STATEMENT, write_page
+from screw_module_ros.therapy.report.figures import paths_figure, trials_figure
+from screw_module_ros.therapy.report.page import NOT_ADAPTED, STATEMENT, write_page
 from screw_module_ros.therapy.report.pdf import back, front, write_pdf
 
 CLOCK = load_protocol("clock_adaptive")
@@ -81,11 +83,48 @@ def test_changes_come_with_their_reasons(html, sessions):
 
 def test_summary_counts(sessions):
     row = summary(sessions[0])
-    assert (row.date, row.trials) == ("2026-01-05 08:00", "8")
+    assert (row.date, row.trials) == ("2026-01-05 08:00", "8 of 8")
+    assert row.course == "complete"
     assert (row.reached, row.lost[:5]) == ("8 of 8", "0 of ")
     assert row.assistance.startswith("time 1.40 → ")
     without = [r for r in reaches(sessions[0]) if not r["assisted"]]
     assert 0.5 < middle(without, "duration") < 1.5
+
+
+def test_a_session_that_ended_early_says_why_and_how_much_of_it_was_done(sessions):
+    whole = sessions[0]
+    acts = [
+        Act(0, "running", ""),
+        Act(9, "paused", "the plane's torque is off"), Act(11, "running", ""),
+        Act(15, "paused", "the plane's torque is off"), Act(18, "running", ""),
+        Act(20, "aborted", "the therapist ended it"),
+    ]  # fmt: skip
+    row = summary(whole._replace(acts=acts, trials=whole.trials[:3]))
+    assert row.trials == "3 of 8"
+    assert row.course == (
+        "paused 2 times: the plane's torque is off; ended early: the therapist ended it"
+    )
+    assert summary(whole._replace(acts=acts[:1])).course == "its end is not recorded"
+
+
+def test_simulated_time_is_no_date(sessions):
+    trials = [{**row, "started_ns": 1000 * 10**9} for row in sessions[0].trials]
+    assert summary(sessions[0]._replace(trials=trials)).date == "simulated, after 17 min"
+
+
+def test_the_figures_show_only_what_there_is_and_from_zero(sessions):
+    free = [row for row in sessions[0].trials if not row["assisted"]]
+    session = sessions[0]._replace(trials=free)
+    (panel,) = paths_figure(session).axes
+    assert panel.get_title(loc="left") == "Without assistance: 2 reaches"
+    figure = trials_figure([session])
+    assert [text.get_text() for text in figure.legends[0].texts] == ["without assistance"]
+    for axes in figure.axes:
+        low, high = axes.get_ylim()
+        if "SPARC" in axes.get_title(loc="left"):
+            assert high - low >= 0.5
+        else:
+            assert low == 0.0 < high
 
 
 def test_the_first_and_the_last_block_without_assistance_are_compared(sessions, html):
@@ -140,7 +179,9 @@ def test_several_patients_or_none_are_refused(sessions, replays, tmp_path):
 def test_vertical_sessions_and_fixed_assistance(tmp_path):
     lifted = recorded(HEALTHY, short(ELEVATOR, adaptation=None), 1)
     file = write_page(tmp_path / "page.html", [lifted], [replayed(lifted)])
-    assert "not adapted" in file.read_text("utf-8")
+    content = file.read_text("utf-8")
+    assert NOT_ADAPTED in content
+    assert content.count("data:image/png") == 2, "no empty axes"
     assert len(outward_paths(lifted)) == 4
 
 

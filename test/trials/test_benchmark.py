@@ -29,6 +29,7 @@ from screw_module_ros.trials.benchmark.graph import processor_time
 from screw_module_ros.trials.benchmark.report import (
     content_of,
     loop_table,
+    page_table,
     processor_table,
     timing_table,
 )
@@ -116,6 +117,20 @@ def test_the_tables_say_what_was_missed():
     used = shown(processor_table(measured))
     assert "90 (90..90)" in used  # module and rig together
     assert "2 of 3" in used and "1 of 1" in used
+
+
+def test_the_page_is_judged_by_the_spread_of_the_runs_without():
+    bare, page = Case(COMPOSED, 1000), Case(COMPOSED, 1000, page=True)
+    without = [run(50.0), run(80.0), run(60.0)]
+    told = shown(page_table({bare: without, page: [run(70.0, web_bridge=5.0)] * 3}))
+    p99 = next(row for row in told.splitlines() if "p99 " in row)
+    assert all(each in p99 for each in ("65 (55..85) us", " 75 us", "+10 us", "yes"))  # of bins
+    assert "ABOVE" not in told
+    assert "ABOVE" in shown(page_table({bare: without, page: [run(90.0)]}))
+    assert page_table({bare: without}) is None
+    assert page_table({page: without}) is None  # nothing to compare with
+    read = content_of({bare: without, page: [run(70.0)]}, 15.0, [])
+    assert [case["page"] for case in read["graph"]] == [False, True]
 
 
 def test_the_loop_is_judged_on_one_core():

@@ -16,7 +16,8 @@ from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..effect import effect_size
 from ..line import AXES
-from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH
+from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
+from ..session import ABORTED, FINISHED, PAUSED
 
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
@@ -30,6 +31,7 @@ OTHERS = {
 }
 """Figures of trials that are no reaches, by their kind."""
 _NS = 1e-9
+_SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
 
 
 class Path(NamedTuple):
@@ -50,6 +52,7 @@ class Summary(NamedTuple):
     date: str
     protocol: str
     trials: str
+    course: str
     reached: str
     initiated: str
     assistance: str
@@ -148,7 +151,8 @@ def summary(recorded: Recorded) -> Summary:
     return Summary(
         date_of(recorded),
         recorded.protocol.title,
-        str(len(recorded.trials)),
+        f"{len(recorded.trials)} of {sum(1 for _ in plan(recorded.protocol))}",
+        _course(recorded),
         _share(rows, "reached"),
         _share(rows, "initiated"),
         _assistance(recorded, assisted),
@@ -168,11 +172,25 @@ def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
 
 
 def date_of(recorded: Recorded) -> str:
-    """Return the date of the session's first trial (UTC), or of nothing."""
+    """Return the date of the first trial (UTC); in simulated time, how long the rig had run."""
     if not recorded.trials:
         return "no trial"
     begun = recorded.trials[0]["started_ns"] * _NS
+    if begun < _SIMULATED_S:
+        return f"simulated, after {begun / 60.0:.0f} min"
     return datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
+
+
+def _course(recorded: Recorded) -> str:
+    """Return how the session went: its pauses and, unless it was finished, how it ended."""
+    reasons = Counter(act.reason for act in recorded.acts if act.state == PAUSED)
+    said = [f"paused{f' {n} times' if n > 1 else ''}: {why}" for why, n in reasons.items()]
+    last = recorded.acts[-1]
+    if last.state == ABORTED:
+        said.append(f"ended early: {last.reason}")
+    elif last.state != FINISHED:
+        said.append("its end is not recorded")
+    return "; ".join(said) or "complete"
 
 
 def _share(rows: Sequence[dict[str, Any]], name: str) -> str:

@@ -26,6 +26,9 @@ _BEST = {
     "path_error": "0 is straight", "sparc": "nearer to 0 is smoother", "reach_error": "0 is reached"
 }  # fmt: skip
 """What a good value is, of figures that have one."""
+_FROM_ZERO = frozenset(SHOWN) - {"sparc"}  # a small spread must not look like a large one
+_LEAST_TOP = 0.1  # of the others, in their units
+_LEAST_SPAN = 0.5  # of SPARC, for the same reason
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
 
@@ -34,8 +37,9 @@ def paths_figure(recorded: Recorded) -> Figure:
     paths = outward_paths(recorded)
     with rc_context({**STYLE, **_SMALL}):
         figure = Figure(figsize=(7.4, 3.1), layout="constrained")
-        panels = figure.subplots(1, 2, sharex=True, sharey=True)
-        for axes, assisted in zip(panels, (False, True), strict=True):
+        parts = [a for a in (False, True) if any(path.assisted is a for path in paths)] or [False]
+        panels = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
+        for axes, assisted in zip(panels, parts, strict=True):
             kept = [path for path in paths if path.assisted is assisted]
             axes.set_title(f"{_NAMES[assisted].capitalize()}: {len(kept)} reaches", loc="left")
             if recorded.protocol.space == VERTICAL:
@@ -91,9 +95,10 @@ def trials_figure(sessions: Sequence[Recorded]) -> Figure:
         panels = figure.subplots(2, 3).ravel()
         for axes, name in zip(panels, SHOWN, strict=True):
             _figure_over_trials(axes, sessions, name)
-        handles, labels = panels[0].get_legend_handles_labels()
-        if handles:
-            figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        lines = {line.get_label(): line for axes in panels for line in axes.get_lines()}
+        shown = {name: lines[name] for name in _NAMES.values() if name in lines}
+        if shown:
+            figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -104,17 +109,27 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
         for assisted in (False, True):
             kept = [row for row in rows if row["assisted"] is assisted]
             at, found = values(kept, name)
-            label = _NAMES[assisted] if number == 0 else None
+            label = _NAMES[assisted] if at.size else None
             axes.plot(at + offset, found, _MARK[assisted], ms=2.5, mfc="none", mew=0.6,
                       color=_HUE[assisted], label=label, alpha=0.8)  # fmt: skip
             _medians(axes, kept, name, offset, assisted)
         offset += max((row["trial"] for row in recorded.trials), default=0)
         if number + 1 < len(sessions):
             axes.axvline(offset + 0.5, color=DESIRED, lw=0.8, ls=":")
+    _scale(axes, name)
     unit = f" [{definition.unit}]" if definition.unit else ""
     best = f": {_BEST[name]}" if name in _BEST else ""
     axes.set_title(f"{definition.label}{unit}{best}", loc="left")
     axes.set_xlabel("trial")
+
+
+def _scale(axes: Axes, name: str) -> None:
+    low, high = axes.get_ylim()
+    if name in _FROM_ZERO:
+        axes.set_ylim(0.0, max(high, _LEAST_TOP))
+    elif high - low < _LEAST_SPAN:
+        middle = (low + high) / 2.0
+        axes.set_ylim(middle - _LEAST_SPAN / 2.0, middle + _LEAST_SPAN / 2.0)
 
 
 def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted: bool) -> None:
@@ -148,8 +163,6 @@ def _steps(axes: Axes, sessions: Sequence[Recorded], name: str, title: str) -> N
             offset += len(changes) + 1
             if number + 1 < len(sessions):
                 axes.axvline(offset - 0.5, color=DESIRED, lw=0.8, ls=":")
-    if offset == 0:
-        axes.text(0.5, 0.5, "not adapted", ha="center", transform=axes.transAxes)
     axes.margins(y=0.2)
     axes.set_title(title, loc="left")
     axes.set_xlabel("change")

@@ -33,7 +33,7 @@ from .content import (
 from .figures import assistance_figure, paths_figure, trials_figure
 
 HEADS = (
-    "session (UTC)", "protocol", "trials", "targets reached", "started by the patient",
+    "session (UTC)", "protocol", "trials", "course", "targets reached", "started by the patient",
     "assistance, first → last", "robot's share of the work", "samples lost",
 )  # fmt: skip
 _LINKS = {
@@ -42,6 +42,7 @@ _LINKS = {
     "robot's share of the work": "robot_share",
     "samples lost": "missing",
 }
+NOT_ADAPTED = "The assistance was not adapted in the latest session."
 STATEMENT = (
     "This page describes recorded movements. It is no diagnosis and claims no benefit of a therapy."
 )
@@ -81,7 +82,7 @@ def write_page(file: Path, sessions: Sequence[Recorded], replays: Sequence[Repla
         _medians(sessions),
         _others(sessions),
         "<h2>Assistance</h2>",
-        _image(assistance_figure(sessions), "Assistance over the circuits"),
+        _adapted(sessions),
         _reasons(latest),
         "<h2>Recording</h2>",
         *(_replay(session, replay) for session, replay in zip(sessions, replays, strict=True)),
@@ -178,12 +179,18 @@ def labelled(name: str) -> str:
 
 def number_text(value: float) -> str:
     """Return a number with three figures, a dash for none."""
-    return f"{value:.3g}" if math.isfinite(value) else "–"
+    return f"{value:#.3g}".rstrip(".") if math.isfinite(value) else "–"
+
+
+def _adapted(sessions: Sequence[Recorded]) -> str:
+    if not any(session.changes for session in sessions):
+        return ""
+    return _image(assistance_figure(sessions), "Assistance over the circuits")
 
 
 def _reasons(recorded: Recorded) -> str:
     if not recorded.changes:
-        return '<p class="note">The assistance was not adapted in the latest session.</p>'
+        return f'<p class="note">{NOT_ADAPTED}</p>'
     rows = [
         (
             f"{change['block']}/{change['circuit']}",

@@ -20,12 +20,14 @@ from ..pseudonym import write_private
 from ..replay import Replay
 from .content import compared, other_tests, rate_of, summary
 from .figures import assistance_figure, paths_figure, trials_figure
-from .page import STATEMENT, effect_text, labelled, number_text, patient_of
+from .page import NOT_ADAPTED, STATEMENT, effect_text, labelled, number_text, patient_of
 
 _A4 = (8.27, 11.69)  # [inch]
 _DPI = 200
 _LEFT, _WIDTH = 0.06, 0.88  # of the page
-_MOST_SESSIONS = 4  # the latest, for which the page has room; all are in the HTML
+_LINE = 125  # characters
+_MOST_LINES = 8  # of the latest sessions, for which the page has room; all are in the HTML
+_MOST_VERDICTS = 4
 
 
 def write_pdf(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
@@ -43,28 +45,43 @@ def front(sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Figure:
     """Return the first page."""
     page = Figure(figsize=_A4)
     page.text(_LEFT, 0.965, f"Sessions of {patient_of(sessions)}", size=14, weight="bold")
-    page.text(_LEFT, 0.95, f"{STATEMENT} Sampled at {rate_of(sessions)}.", size=7.5, color="#555")
-    lines = [_session_line(session) for session in sessions[-_MOST_SESSIONS:]]
+    note = f"{STATEMENT} Sampled at {rate_of(sessions)}. Dates: UTC."
+    page.text(_LEFT, 0.95, note, size=7.5, color="#555")
+    lines = _latest(sessions)
     page.text(_LEFT, 0.937, "\n".join(lines), size=7.5, va="top", linespacing=1.5)
-    top = 0.93 - 0.025 * len(lines)
-    for title, figure in (
+    top = 0.93 - 0.0125 * len(lines)
+    figures = [
         ("Paths to the targets, latest session", paths_figure(sessions[-1])),
         ("Figures over trials and sessions; bars are medians of each block",
          trials_figure(sessions)),
-        ("Assistance", assistance_figure(sessions)),
-    ):  # fmt: skip
+    ]  # fmt: skip
+    if any(session.changes for session in sessions):
+        figures.append(("Assistance", assistance_figure(sessions)))
+    for title, figure in figures:
         top = _placed(page, figure, title, top)
     _closing(page, sessions, replays, top)
     return page
 
 
-def _session_line(recorded: Recorded) -> str:
+def _latest(sessions: Sequence[Recorded]) -> list[str]:
+    """Return the lines of as many of the latest sessions as there is room for."""
+    lines: list[str] = []
+    for session in reversed(sessions):
+        more = _session_lines(session)
+        if lines and len(lines) + len(more) > _MOST_LINES:
+            break
+        lines = more + lines
+    return lines
+
+
+def _session_lines(recorded: Recorded) -> list[str]:
     row = summary(recorded)
-    return (
-        f"{row.date} UTC  {row.protocol}: {row.trials} trials, {row.reached} targets reached, "
-        f"{row.initiated} started by the patient;\n    assistance {row.assistance}; robot's share "
-        f"of the work {row.share}; samples lost {row.lost}"
+    text = (
+        f"{row.date}  {row.protocol}: {row.trials} trials, {row.course}; {row.reached} targets "
+        f"reached, {row.initiated} started by the patient; assistance {row.assistance}; robot's "
+        f"share {row.share}; samples lost {row.lost}"
     )
+    return textwrap.wrap(text, _LINE, subsequent_indent="    ")
 
 
 def _placed(page: Figure, figure: Figure, title: str, top: float) -> float:
@@ -97,15 +114,17 @@ def _closing(
     if sessions[-1].changes:
         change = sessions[-1].changes[-1]
         lines.append(f"Last change of assistance: {change['reason']}.")
+    else:
+        lines.append(NOT_ADAPTED)
     unequal = [
         f"{summary(session).date}: computed again from the recording: {replay.verdict}."
         for session, replay in zip(sessions, replays, strict=True)
         if replay.problems
     ]
-    lines += unequal[-_MOST_SESSIONS:] or [
+    lines += unequal[-_MOST_VERDICTS:] or [
         "Computed again from the recordings, all results are equal, bit for bit."
     ]
-    wrapped = [part for line in lines for part in textwrap.wrap(line, 125)]
+    wrapped = [part for line in lines for part in textwrap.wrap(line, _LINE)]
     page.text(_LEFT, top, "\n".join(wrapped), size=7.5, va="top", linespacing=1.4)
 
 

@@ -2,7 +2,8 @@
 """`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
 
 The graph against the simulated rig, its vertical axis as separate processes and as `module`, at 1
-and 2 kHz; and the in-process loop: simulated over real time (wanted: 200 on one core).
+and 2 kHz, on request with `web_bridge` and a page besides; and the in-process loop: simulated over
+real time (wanted: 200 on one core).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from ..graph_run import Interrupted
 from ..options import FiniteRange
 from .figures import COMPOSED, SEPARATE, Case, Run
 from .graph import measure
-from .report import LEGEND, content_of, loop_table, processor_table, timing_table
+from .report import LEGEND, content_of, loop_table, page_table, processor_table, timing_table
 
 LOOP = "loop"
 
@@ -49,16 +50,26 @@ LOOP = "loop"
     help="Ticks per second of the graph (repeat for more).",
 )
 @click.option(
+    "--bridge", is_flag=True,
+    help="The graph also with web_bridge and a page connected, in turn with the runs without.",
+)
+@click.option(
     "--json", "file", default="bench_output.json", type=click.Path(dir_okay=False, path_type=Path),
     help="Where the figures go.",
 )  # fmt: skip
-def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> None:
+def command(
+    runs: int, seconds: float, quick: bool, only, rates, bridge: bool, file: Path
+) -> None:
     """Measure and say."""
     end_without_domain("bench")
     if quick:
         runs, seconds = 1, 5.0
     wanted = only or (SEPARATE, COMPOSED, LOOP)
-    cases = [Case(cut, rate) for cut in (SEPARATE, COMPOSED) if cut in wanted for rate in rates]
+    cases = [
+        Case(cut, rate, page)
+        for cut in (SEPARATE, COMPOSED) if cut in wanted
+        for rate in rates for page in ((False, True) if bridge else (False,))
+    ]  # fmt: skip
     console = Console()
     measured: dict[Case, list[Run]] = {case: [] for case in cases}
     loop: list[Speed] = []
@@ -77,7 +88,8 @@ def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> 
         code = 1
     write(measured, seconds, loop, file)
     if done := _done(measured):
-        console.show(timing_table(done), LEGEND, processor_table(done))
+        tables = (timing_table(done), LEGEND, page_table(done), processor_table(done))
+        console.show(*filter(None, tables))
     if loop:
         console.show(loop_table(loop))
     console.show(f"As JSON: {file}")
@@ -129,7 +141,7 @@ def measure_graph(
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
     """Return one run; None, with a message, when a node of the graph ended."""
     try:
-        with console.step(f"{case.processes} at {case.rate} Hz, {which}"):
+        with console.step(f"{case.title} at {case.rate} Hz, {which}"):
             return measure(case, seconds)
     except (RobotError, ValueError) as error:
         console.fail(f"no figures of this run: {error}")

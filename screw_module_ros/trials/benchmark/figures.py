@@ -15,7 +15,8 @@ from screw_module_ros.control.timing import quantile
 SEPARATE, COMPOSED = "separate", "composed"
 TIMING = ("p50", "p99", "p99.9", "late", "lost")
 PARTS = ("answer p50", "answer p99", "own p50", "own p99")
-UNITS = {"late": "%", "lost": "%"}  # microseconds otherwise
+PAGE = "page"
+UNITS = {"late": "%", "lost": "%", PAGE: "1/s"}  # microseconds otherwise
 WANTED: dict[tuple[str, int], dict[str, float]] = {
     (SEPARATE, 2000): {"p50": 200.0, "p99": 325.0, "late": 0.5, "lost": 0.1},
     (COMPOSED, 2000): {"p99": 60.0},
@@ -41,10 +42,16 @@ class Counts(NamedTuple):
 
 
 class Case(NamedTuple):
-    """What is measured: how the processes are cut, and ticks per second."""
+    """What is measured: how the processes are cut, ticks per second, with or without a page."""
 
     processes: str
     rate: int
+    page: bool = False
+
+    @property
+    def title(self) -> str:
+        """Return the case without its rate, in words."""
+        return f"{self.processes}, page" if self.page else self.processes
 
 
 class Run(NamedTuple):

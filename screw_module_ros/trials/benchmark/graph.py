@@ -7,6 +7,7 @@ The amplifier's and the encoder's histograms come with their diagnostics, once a
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 
 from diagnostic_msgs.msg import DiagnosticArray
 from screw_module_msgs.msg import AmplifierState, ForceCommand
@@ -18,7 +19,8 @@ from screw_module_ros.nodes.support.timing_report import histogram_key
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 
 from ..graph_run import GraphRun
-from .figures import COMPOSED, Case, Counts, Run, figures, processor_shares
+from .figures import COMPOSED, PAGE, Case, Counts, Run, figures, processor_shares
+from .page import PageBeside
 
 _SETTLE_S = 2.0
 _ENTRY_S = 10.0  # the longest wait for diagnostics
@@ -37,18 +39,27 @@ def measure(case: Case, seconds: float) -> Run:
     load = os.getloadavg()[0]
     extra = [*_rates(case.rate), "--disable-stdout-logs"]
     composed = case.processes == COMPOSED
-    with GraphRun(extra=extra, composed=composed, wall_clock=True) as graph:
-        with Robot("bench", watch=graph.watch) as robot:
-            graph.wait_until_ready(robot)
-            listener = _Listener(robot)
-            enabled = _enable(robot)
-            robot.pause(_SETTLE_S)
-            begin = listener.counts(graph.pids)
-            robot.pause(seconds)
-            end = listener.counts(graph.pids)
-            state = robot.state(AmplifierState)
-            enabled = enabled and state is not None and state.enabled
-    return Run(figures(begin, end), processor_shares(begin, end), load, enabled)
+    with ExitStack() as stack:
+        graph = stack.enter_context(GraphRun(extra=extra, composed=composed, wall_clock=True))
+        page = stack.enter_context(PageBeside(graph)) if case.page else None
+        robot = stack.enter_context(Robot("bench", watch=graph.watch))
+        graph.wait_until_ready(robot)
+        listener = _Listener(robot)
+        enabled = _enable(robot)
+        pids = dict(graph.pids)
+        if page is not None:
+            page.connect(robot)
+            pids |= page.pids
+        robot.pause(_SETTLE_S)
+        begin, read = listener.counts(pids), page.received if page else 0
+        robot.pause(seconds)
+        end, read = listener.counts(pids), (page.received if page else 0) - read
+        state = robot.state(AmplifierState)
+        enabled = enabled and state is not None and state.enabled
+    found = figures(begin, end)
+    if page is not None:
+        found[PAGE] = read / (end.seconds - begin.seconds)
+    return Run(found, processor_shares(begin, end), load, enabled)
 
 
 def _rates(rate: int) -> list[str]:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from screw_module_ros.identification.speed import Speed
 
-from .figures import PARTS, TIMING, UNITS, WANTED, Case, Run, Spread, spreads, verdict
+from .figures import PAGE, PARTS, TIMING, UNITS, WANTED, Case, Run, Spread, spreads, verdict
 
 WANTED_FACTOR = 200.0
 LEGEND = (
@@ -30,19 +30,42 @@ def timing_table(measured: Measured) -> Table:
         table.add_column(name, justify="left" if name in ("processes", "figure") else "right")
     for case, runs in measured.items():
         found = spreads([run.figures for run in runs])
-        for name in (*TIMING, *PARTS):
+        names = (*TIMING, *PARTS, *((PAGE,) if case.page else ()))
+        for name in names:
             limit = WANTED.get((case.processes, case.rate), {}).get(name)
             unit = UNITS.get(name, "us")
             table.add_row(
-                case.processes,
+                case.title,
                 f"{case.rate} Hz",
                 name,
                 f"{_spread_text(found[name], unit)} {unit}",
                 "" if limit is None else f"{limit:g} {unit}",
                 verdict(case, name, found[name].median),
-                end_section=name == PARTS[-1],
+                end_section=name == names[-1],
             )
     return table
+
+
+def page_table(measured: Measured) -> Table | None:
+    """Return what bridge and page change, beside how much the runs without differ; None without."""
+    title = "web_bridge and one page: medians of runs in turn, (range) of those without"
+    table = Table(title=title, title_justify="left")
+    for name in ("processes", "rate", "figure", "without", "with", "difference", "within range"):
+        table.add_column(name, justify="left" if name in ("processes", "figure") else "right")
+    for case, runs in measured.items():
+        bare = measured.get(case._replace(page=False), ())
+        if not (case.page and bare):
+            continue
+        without, found = (spreads([run.figures for run in each]) for each in (bare, runs))
+        for name in TIMING:
+            unit, before, after = UNITS.get(name, "us"), without[name], found[name].median
+            table.add_row(
+                case.processes, f"{case.rate} Hz", name,
+                f"{_spread_text(before, unit)} {unit}", f"{_number_text(after, unit)} {unit}",
+                f"{_number_text(after - before.median, unit, '+')} {unit}",
+                "yes" if after <= before.high else "ABOVE", end_section=name == TIMING[-1],
+            )  # fmt: skip
+    return table if table.row_count else None
 
 
 def processor_table(measured: Measured) -> Table:
@@ -51,7 +74,7 @@ def processor_table(measured: Measured) -> Table:
     table = Table(title=title, title_justify="left")
     table.add_column("process")
     for case in measured:
-        table.add_column(f"{case.processes} {case.rate} Hz", justify="right")
+        table.add_column(f"{case.title} {case.rate} Hz", justify="right")
     shares = {case: spreads([_with_sum(run.processor) for run in runs])
               for case, runs in measured.items()}
     names = dict.fromkeys(name for found in shares.values() for name in found if name != _SUM)
@@ -115,6 +138,9 @@ def _finite(value: float) -> float | None:
 
 
 def _spread_text(spread: Spread, unit: str) -> str:
-    digits = 2 if unit == "%" else 0
-    middle, low, high = (f"{value:.{digits}f}" for value in spread)
+    middle, low, high = (_number_text(value, unit) for value in spread)
     return f"{middle} ({low}..{high})"
+
+
+def _number_text(value: float, unit: str, sign: str = "") -> str:
+    return f"{value:{sign}.{2 if unit == '%' else 0}f}"

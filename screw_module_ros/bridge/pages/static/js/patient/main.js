@@ -41,10 +41,13 @@ function hearEndpoint(message) {
 function hearState(state) {
   const before = world.state;
   if (state.state !== before?.state) world.stateAt = performance.now();
-  if (state.state === RUNNING && (before?.state !== RUNNING || !world.protocol)) {
+  // A page gets the newest state alone: between two sessions there may be none that says so.
+  const isNew = before && (state.patient !== before.patient || state.protocol !== before.protocol);
+  if (state.state === RUNNING && (before?.state !== RUNNING || isNew)) {
     world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
   }
+  if (isNew) Object.assign(world, { reached: 0, hasSeenAll: state.trial === 1 });
   if (state.trial === 1 && state.state === RUNNING && before?.trial !== 1) {
     Object.assign(world, { reached: 0, hasSeenAll: true });
   }

@@ -18,7 +18,7 @@ export class LimitsCard {
     this.values = {};
     this.list = el("div", {}, el("p", { className: "empty" }, "Not known yet."));
     this.told = el("p", { className: "told", role: "status" });
-    this.element = el("section", { className: "card" }, el("h2", {}, "Limits"), this.list, this.told);
+    this.element = el("section", { className: "card limits" }, el("h2", {}, "Limits"), this.list, this.told);
   }
 
   // Asks the node for bounds and values, and shows them.

@@ -9,12 +9,13 @@ export class StartCard {
   // call(service, args): a service of this robot.
   constructor(protocols, call) {
     this.call = call;
+    this.protocols = protocols;
     this.patient = el("input", {
       className: "pseudonym", pattern: PATTERN, value: "P-", maxLength: 7, required: true,
       autocomplete: "off", spellcheck: false, ariaLabel: "Pseudonym of the patient",
     });
     this.patient.oninput = () => { this.patient.value = cleaned(this.patient.value); };
-    const fresh = el("button", { type: "button", onclick: () => this.fresh() }, "New");
+    this.new = el("button", { type: "button", onclick: () => this.fresh() }, "New");
     this.protocol = el("select", { ariaLabel: "Protocol" }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
     this.record = el("input", { type: "checkbox", checked: true });
@@ -26,7 +27,7 @@ export class StartCard {
     this.told = el("p", { className: "told", role: "status" });
     const form = el("form", { onsubmit: (event) => this.submit(event) },
       el("div", { className: "row" },
-        el("label", {}, "Pseudonym", this.patient), fresh,
+        el("label", {}, "Pseudonym", this.patient), this.new,
         el("label", { className: "wide" }, "Protocol (movements)", this.protocol)),
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, "Record"), this.start, this.pause,
@@ -72,9 +73,18 @@ export class StartCard {
 
   show(state) {
     const now = state?.state;
-    this.start.disabled = now === RUNNING || now === PAUSED;
+    const isOn = now === RUNNING || now === PAUSED;
+    if (isOn && !this.start.disabled) this.take(state);
+    for (const each of [this.patient, this.new, this.protocol, this.start]) each.disabled = isOn;
     this.pause.disabled = now !== RUNNING;
     this.resume.disabled = now !== PAUSED;
-    this.end.disabled = now !== RUNNING && now !== PAUSED;
+    this.end.disabled = !isOn;
+  }
+
+  // Shows whose session runs, also on a page that was opened in the midst of it.
+  take({ patient, protocol }) {
+    this.patient.value = patient;
+    const known = this.protocols.find((each) => each.protocol === protocol);
+    if (known) this.protocol.value = known.name;
   }
 }
