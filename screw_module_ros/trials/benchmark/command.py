@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
+"""`bench`: measures latencies and speed on this machine; prints tables, writes JSON.
 
-The graph against the simulated rig, its vertical axis as separate processes and as `module`, at 1
-and 2 kHz; and the in-process loop: simulated over real time (wanted: 200 on one core).
+It runs the graph against the simulated rig at 1 and 2 kHz, with the vertical axis as separate
+processes and as `module`, and the in-process loop (simulated over real time; required: 200 on one
+core). All figures are medians of several runs, with ranges.
 """
 
 from __future__ import annotations
@@ -50,10 +51,10 @@ LOOP = "loop"
 )
 @click.option(
     "--json", "file", default="bench_output.json", type=click.Path(dir_okay=False, path_type=Path),
-    help="Where the figures go.",
+    help="Output file.",
 )  # fmt: skip
 def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> None:
-    """Measure and say."""
+    """Measure latencies and speed on this machine."""
     end_without_domain("bench")
     if quick:
         runs, seconds = 1, 5.0
@@ -70,10 +71,10 @@ def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> 
         if LOOP in wanted:
             loop = measure_loop(runs, console)
     except (KeyboardInterrupt, Interrupted):
-        console.fail("stopped; every node was ended in order; these are the figures so far")
+        console.fail("stopped; all nodes ended in order; these are the figures so far")
         code = 130
     except (AlreadyRunning, OSError) as error:
-        console.fail(f"bench did not work: {error}")
+        console.fail(f"bench failed: {error}")
         code = 1
     write(measured, seconds, loop, file)
     if done := _done(measured):
@@ -108,9 +109,9 @@ def measure_graph(
     console: Console,
     save: Callable[[dict[Case, list[Run]]], None],
 ) -> None:
-    """Add `runs` runs to each case, in turn: a change of the machine's mood meets all of them.
+    """Add `runs` runs to each case, in turn, so that a change of the load affects all cases.
 
-    save: called after each run, so that a long measurement is never lost.
+    save: called after each run, so that an interruption loses no finished run.
     """
     with tempfile.TemporaryDirectory(prefix="screw_module_bench-") as folder:
         os.environ.setdefault("ROS_LOG_DIR", folder)
@@ -127,7 +128,7 @@ def measure_graph(
 
 
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
-    """Return one run; None, with a message, when a node of the graph ended."""
+    """Return one run; if a node of the graph ended, show a message and return None."""
     try:
         with console.step(f"{case.processes} at {case.rate} Hz, {which}"):
             return measure(case, seconds)

@@ -14,7 +14,7 @@ def intruder_row(
     back: Act = nothing, safe: str = OFF, within: int = AT_ONCE, watch: float = 0.3,
     apart: bool = False,
 ) -> Row:  # fmt: skip
-    """Return a row of the group; a fault the robot goes on in has no time limit."""
+    """Return a row of the group; `GOES_ON` has no time limit."""
     stops = safe != GOES_ON
     return Row(
         name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, recovery=recovery,
