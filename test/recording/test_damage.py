@@ -48,7 +48,7 @@ def test_a_bit_in_a_message_index_costs_no_message(bag):
     alter(bag, change)
     assert recover(bag).messages == 5000
     assert sequences(bag) == list(range(5000))
-    assert verify(bag).problems == ["the recording was not closed in good order (state: recovered)"]
+    assert verify(bag).problems == ["the recording was not closed properly (state: recovered)"]
 
 
 def test_a_bit_near_the_start_costs_one_chunk(bag):
