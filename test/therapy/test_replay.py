@@ -89,7 +89,7 @@ def test_results_that_one_side_lacks(recorded):
         "trial 1: replayed, but its result was not recorded"
     ]
     cut = replay(SHORT, samples[:-400], acts, results)
-    assert "trial 8: recorded, but the replay does not come to its end" in cut.problems
+    assert "trial 8: recorded, but the replay does not complete it" in cut.problems
 
 
 def test_abort_and_no_start(recorded):
@@ -97,7 +97,7 @@ def test_abort_and_no_start(recorded):
     ended = [acts[0], Act(samples[900].sequence, ABORTED, "the therapist ended it")]
     done = [row for row in results if row["last"] <= samples[900].sequence]
     assert done and replay(SHORT, samples, ended, done).problems == []
-    with pytest.raises(ValueError, match="start is not there"):
+    with pytest.raises(ValueError, match="start is not recorded"):
         replay(SHORT, samples, acts[1:2], results)
 
 
