@@ -174,7 +174,7 @@ def test_other_rates(bench, rate):
 
 
 def test_rate_that_does_not_fit_is_refused(bench):
-    with pytest.raises(NotPossible, match="3000 samples per second: a whole number of substeps"):
+    with pytest.raises(NotPossible, match="3000 samples per second: the period"):
         bench.record(TorqueTrial(5.0, 0.1, 0.1, rate=3000.0), quietly)
 
 

@@ -81,7 +81,7 @@ def test_report_has_a_row_for_each_module_and_mode(lab):
 
 
 def test_calibration_is_needed_and_modes_are_checked(lab, tmp_path):
-    with pytest.raises(MissingResult, match="friction_model is needed"):
+    with pytest.raises(MissingResult, match="friction_model is missing"):
         robustness.run(Lab(lab.bench, tmp_path / "empty"), OBSERVER_FAST)
     with pytest.raises(ValueError, match="modes: 9 is unknown"):
         robustness.run(lab, OBSERVER_FAST._replace(modes=(9,)))
