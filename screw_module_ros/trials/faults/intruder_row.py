@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from .limits import AT_ONCE, TOLD
+from .limits import AT_ONCE, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 
 GROUP = "intruders"
@@ -19,6 +19,6 @@ def intruder_row(
     return Row(
         name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, recovery=recovery,
         noticed_by=who, within=within if stops else 0,
-        plane_within=within + TOLD if stops else 0, safe=safe, watch=watch,
+        plane_within=within + VIA_SUPERVISOR if stops else 0, safe=safe, watch=watch,
         apart=apart,
     )  # fmt: skip

@@ -44,7 +44,7 @@ class Intruders:
         self._inbox = Inbox(self._node, self._clock)
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._voices: list[_Voice] = []
+        self._publishers: list[_SecondPublisher] = []
         self._ports: list[Port] = []
         self._guests: list[bringup.Process] = []
 
@@ -64,21 +64,21 @@ class Intruders:
         count: number of messages, 0 = until `dismiss`. Returns the simulated time of the start
         [s]. Raises RobotError without a subscriber.
         """
-        voice = _Voice(self._node, self._clock, kind, topic)
-        self._voices.append(voice)
-        self._await_listeners(voice, topic)
+        second = _SecondPublisher(self._node, self._clock, kind, topic)
+        self._publishers.append(second)
+        self._await_listeners(second, topic)
         begin_ns = self._clock.now_ns()
         if count:
             for _ in range(count):
                 self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
-                voice.say(make())
+                second.publish(make())
         else:
-            self.repeat(lambda: voice.say(make()), period)
+            self.repeat(lambda: second.publish(make()), period)
         return begin_ns * 1e-9
 
-    def _await_listeners(self, voice: _Voice, topic: str) -> None:
+    def _await_listeners(self, second: _SecondPublisher, topic: str) -> None:
         """Wait for a subscriber: the first message must come before the count of publishers."""
-        if not creep_until(self._clock, voice.listeners, _MATCHED_S):
+        if not creep_until(self._clock, second.listeners, _MATCHED_S):
             raise RobotError(f"no subscriber on {topic}")
         creep_until(self._clock, lambda: False, _SETTLED_S)
 
@@ -114,14 +114,14 @@ class Intruders:
             self._clock.idle()  # each thread ends at its next act, in simulated time
         for thread in self._threads:
             thread.join(timeout=2.0)
-        for voice in self._voices:
-            voice.close()
+        for second in self._publishers:
+            second.close()
         self._inbox.close()
         for port in self._ports:
             port.close()
         for guest in self._guests:
             guest.stop()
-        self._threads, self._voices, self._ports, self._guests = [], [], [], []
+        self._threads, self._publishers, self._ports, self._guests = [], [], [], []
         self._over.clear()
 
     def close(self) -> None:
@@ -131,7 +131,7 @@ class Intruders:
         self._context.try_shutdown()
 
 
-class _Voice:
+class _SecondPublisher:
     """A second publisher of a topic, whose messages also hold simulated time."""
 
     def __init__(self, node: Node, clock: Any, kind: type, topic: str):
@@ -144,7 +144,7 @@ class _Voice:
         """Return the number of subscriptions."""
         return self._publisher.get_subscription_count()
 
-    def say(self, message: Any) -> None:
+    def publish(self, message: Any) -> None:
         """Publish one message."""
         self._source.publishing()
         self._publisher.publish(message)

@@ -44,7 +44,7 @@ class _Trial:
     def __init__(self, testbed: Testbed, row: Row):
         self.testbed, self.row, self.heard = testbed, row, testbed.heard
         self._facts: dict = {}
-        self._taken_back = False
+        self._cause_removed = False
 
     def verdict(self) -> Verdict:
         """Carry out the row."""
@@ -66,7 +66,7 @@ class _Trial:
             row.prepare(testbed)
             testbed.ready(row.mode)
             testbed.patient.move(row.mode)
-            self._strike()
+            self._inject()
         except (Failed, RobotError) as error:
             return str(error)
         except Interrupted:
@@ -79,8 +79,8 @@ class _Trial:
         """End the fault and recover after a failure, for the next row; return success."""
         self.testbed.deadline = self.heard.time + ROW_S
         try:
-            if not self._taken_back:
-                self._take_back()
+            if not self._cause_removed:
+                self._remove_cause()
             self.testbed.ready(self.row.mode)
         except Interrupted:
             raise
@@ -88,16 +88,16 @@ class _Trial:
             return False
         return True
 
-    def _take_back(self) -> None:
+    def _remove_cause(self) -> None:
         """Remove the cause; wait for restarted nodes, which might enable a drive by themselves."""
-        self._taken_back = True
+        self._cause_removed = True
         self.row.back(self.testbed)
         self.testbed.intruders.dismiss()
         self.testbed.await_restarted()
 
     # Fault -----------------------------------------------------------------------------------
 
-    def _strike(self) -> None:
+    def _inject(self) -> None:
         row, testbed = self.row, self.testbed
         before = self.heard.mark()
         begin = row.inject(testbed) or max(before, testbed.just_now())
@@ -117,7 +117,7 @@ class _Trial:
             self._check_drives({"manus"})
             self._check_torque(self._longest, plane, "the plane")
         self._await_alarm()
-        self._take_back()
+        self._remove_cause()
         self._check_it_stays_off(begin)
         self._recover()
         on = set(_DRIVES) - set(self.heard.disabled_at())
@@ -187,7 +187,7 @@ class _Trial:
             self._check_torque(half, plane, "the plane")
             if self.row.mode != MODE_OFF:
                 self._check_torque(half, vertical, "the vertical axis")
-        self._take_back()
+        self._remove_cause()
         if self.row.safe == GOES_ON:  # with EITHER the end of the fault may stop the robot
             self._pass(self.heard.time + _AFTERWARDS_S)
             self._check_drives(set(_DRIVES))

@@ -23,7 +23,7 @@ FROZEN = 500
 
 DYING = 8
 """Samples: the torque decays with the amplifier's pole; sim/truth has every second sample."""
-TOLD = 40
+VIA_SUPERVISOR = 40
 """Samples: a node reports a fault at 100 Hz, the supervisor decides at 50 Hz, and the drives' nodes
 read its state each 4 ms."""
 AT_ONCE = 2 + DYING

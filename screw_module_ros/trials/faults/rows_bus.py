@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from .acts import cured, fault
-from .limits import COMMAND, DYING, STALE, TOLD
+from .limits import COMMAND, DYING, STALE, VIA_SUPERVISOR
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 
 GROUP = "bus"
-_BY_CHANCE = TOLD + 2 * DYING
+_BY_CHANCE = VIA_SUPERVISOR + 2 * DYING
 
 
 class Device(NamedTuple):
@@ -114,7 +114,7 @@ def rows() -> Iterator[Row]:
 
 def _row(device: Device, kind: Kind) -> Row:
     stops = kind.safe == OFF
-    within, follows = device.within, device.within + TOLD
+    within, follows = device.within, device.within + VIA_SUPERVISOR
     # A drive without commands drops its own torque; the other axes follow.
     vertical, plane = (follows, within) if device.name in _PLANAR else (within, follows)
     return Row(

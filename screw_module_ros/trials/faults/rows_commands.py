@@ -21,7 +21,7 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from screw_module_ros import graph
 
 from .acts import both, game, parameter_refused, published, refused
-from .limits import BY_SERVICE, TOLD
+from .limits import BY_SERVICE, VIA_SUPERVISOR
 from .patient import SPRING
 from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 
@@ -51,7 +51,7 @@ _STAMPED = (
     (graph.FORCE, ForceSample, "impedance_controller", _FORCE),
     (graph.FORCE_COMMAND, ForceCommand, "amplifier", _COMMAND),
 )
-_WITHIN = BY_SERVICE + TOLD
+_WITHIN = BY_SERVICE + VIA_SUPERVISOR
 """Samples: the first message comes after 7 of them; the supervisor receives a state."""
 _COUNTED = 100 + _WITHIN
 """Samples: the nodes count a topic's publishers each 0.1 s."""
@@ -97,7 +97,7 @@ def _foreign(
     act = published(kind, topic, _MANY, _TICK_S, **fields)
     who += ": two nodes publish it"
     row = _stops(name, text, act, who, alarm, apart=True)
-    return row._replace(within=_COUNTED, plane_within=_COUNTED + TOLD)
+    return row._replace(within=_COUNTED, plane_within=_COUNTED + VIA_SUPERVISOR)
 
 
 def _stops(
@@ -112,7 +112,7 @@ def _stops(
         recovery="stop the sender; clear_fault or home, reset, enable",
         noticed_by=who,
         within=_WITHIN,
-        plane_within=_WITHIN + TOLD,
+        plane_within=_WITHIN + VIA_SUPERVISOR,
         safe=OFF,
         apart=apart,
     )

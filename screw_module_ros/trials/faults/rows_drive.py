@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, cured, fault
-from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, TOLD
+from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, Alarm, Failed, Row
 
 GROUP = "drives"
@@ -80,7 +80,7 @@ def rows() -> Iterator[Row]:
 
 def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
     stops = within > 0
-    follows = within + TOLD
+    follows = within + VIA_SUPERVISOR
     vertical, plane = (within, follows) if device == "drive" else (follows, within)
     return Row(
         name=f"{device}-{name}",

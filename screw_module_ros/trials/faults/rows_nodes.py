@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from .limits import AT_ONCE, COMMAND, DYING, LOST, SAFETY, STALE, TOLD
+from .limits import AT_ONCE, COMMAND, DYING, LOST, SAFETY, STALE, VIA_SUPERVISOR
 from .row import GOES_ON, MISSED, OFF, Alarm, Row
 
 GROUP = "nodes"
@@ -33,7 +33,7 @@ class Part(NamedTuple):
 
 
 _LOST = r"no message for more than"
-_SENSOR = (STALE + 2 + DYING, STALE + 2 + TOLD + DYING)
+_SENSOR = (STALE + 2 + DYING, STALE + 2 + VIA_SUPERVISOR + DYING)
 _DRIVE = COMMAND + 4 + DYING  # the drive drops the torque by itself
 _MISSING = LOST + 2 * 20 + 6 + DYING  # the supervisor reads and decides at 50 Hz each
 _SILENT = SAFETY + 6 + DYING

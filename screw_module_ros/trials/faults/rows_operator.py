@@ -13,7 +13,7 @@ from screw_module_ros.control.modes import COMBINED
 from screw_module_ros.operator.robot import arm
 
 from .acts import both, called, cured, fault, refused, repeated, switched
-from .limits import BY_SERVICE, DYING, STALE, TOLD
+from .limits import BY_SERVICE, DYING, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .recovery import AGAIN
 from .row import GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
@@ -62,7 +62,7 @@ def _operator() -> Iterator[Row]:
                  "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
                  f"plug it in; {MISSED}, reset, enable")._replace(
         back=cured("encoder"), within=STALE + 2 + DYING,
-        plane_within=STALE + 2 + DYING + TOLD)  # fmt: skip
+        plane_within=STALE + 2 + DYING + VIA_SUPERVISOR)  # fmt: skip
     yield _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
                  both(estop, lambda testbed: testbed.kill("supervisor")),
                  "supervisor: still stopped after its restart", Alarm("", "", "emergency stop"),

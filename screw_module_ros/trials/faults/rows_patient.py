@@ -11,11 +11,11 @@ from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.operator.robot import arm
 
 from .acts import both
-from .limits import DYING, TOLD
+from .limits import DYING, VIA_SUPERVISOR
 from .row import EITHER, Act, Failed, Row
 from .rows_operator import goes_on
 
-_BY_CHANCE = TOLD + 2 * DYING
+_BY_CHANCE = VIA_SUPERVISOR + 2 * DYING
 _BOTTOM, _TOP = 0.005, 0.355  # the end stops are at 0 and 0.36 [m]
 _FAST = 0.5  # [m/s]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from screw_module_ros.control.watch import FORCE_FAULT_BITS
 
 from .acts import both, cured, fault, rehomed
-from .limits import AT_ONCE, DYING, FROZEN, STALE, TOLD
+from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
 
@@ -90,7 +90,7 @@ def _row(device, mode, name, value, text, safe, within, alarm, recovery) -> Row:
         recovery=recovery,
         noticed_by=_who(alarm, device) if stops else "no node: it looks like the patient's force",
         within=within,
-        plane_within=within + TOLD if stops else 0,
+        plane_within=within + VIA_SUPERVISOR if stops else 0,
         mode=mode,
         safe=safe,
         watch=0.3 if safe != OFF else 0.2,
