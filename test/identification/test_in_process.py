@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The in-process bench does what the world of the rig does, in any pieces, its zero taken off."""
+"""The in-process bench agrees with the rig's world, in any chunks, with the zero subtracted."""
 
 import itertools
 import math
@@ -28,7 +28,7 @@ from screw_module_ros.plant.world import World
 
 
 def quietly(share):
-    """Be told and say nothing."""
+    """Ignore the progress."""
 
 
 def without_noise(module):

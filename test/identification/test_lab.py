@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lab keeps what is finished, whoever interrupts it; results come back as they were saved."""
+"""A lab keeps finished parts after any interruption; results are read as they were saved."""
 
 import functools
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session verify` counts anew and says complete, or what is missing and where."""
+"""`session verify` counts again and reports complete, or the gaps."""
 
 import json
 
@@ -89,7 +89,7 @@ NODES = {"/amplifier": '{"rate": 1000.0}', "/manus": '{"rate": 500.0}'}
 
 @pytest.fixture
 def noted(tmp_path, codec, definitions, samples, encoder_topic):
-    """A bag with parameters of two nodes and the calibration that its messages tell."""
+    """A bag with parameters of two nodes and the calibration named in its messages."""
     kind = "screw_module_msgs/msg/AmplifierState"
     writer = BagWriter(tmp_path / "noted")
     topic = Topic("/amplifier_state", kind, definitions.find(kind), codec.hash(kind))

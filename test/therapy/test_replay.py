@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A replay gives the session again, bit for bit, or says what is missing and what differs."""
+"""A replay reproduces the session bit for bit, or reports gaps and differences."""
 
 import pytest
 from simulated_patient import HEALTHY, Simulation
@@ -102,7 +102,7 @@ def test_abort_and_no_start(recorded):
 
 
 def test_a_pause_too_short_to_be_told_began_the_trial_anew():
-    """Pause and resume between two messages: all that is told is that `running` began later."""
+    """Pause and resume between two messages: only the later start of `running` shows them."""
     session = Session(SHORT)
     simulation = Simulation(session, HEALTHY, 4)
     samples = simulation.run(3.7)
