@@ -12,7 +12,6 @@ newtons, so the criterion is the onset and not instability.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -51,7 +50,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     data: dict[str, np.ndarray] = {}
     for preloaded in (False, True) if settings.preloaded else (False,):
         label = "without backlash" if preloaded else "with backlash"
-        rows = _tried(lab, settings, preloaded, settings.gains)
+        rows = _sweep(lab, settings, preloaded)
         low, high = onset(rows, settings.chatter)
         while math.isfinite(high) and high - low > settings.resolution:
             rows |= _tried(lab, settings, preloaded, [0.5 * (low + high)])
@@ -94,8 +93,12 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     return {"offset": np.array(found.mean), "rms": np.array(np.sqrt(np.mean(settled**2)))}
 
 
+def _sweep(lab: Lab, settings: Settings, preloaded: bool) -> dict[float, tuple[float, float]]:
+    return _tried(lab, settings, preloaded, list(settings.gains))
+
+
 def _tried(
-    lab: Lab, settings: Settings, preloaded: bool, gains: Sequence[float]
+    lab: Lab, settings: Settings, preloaded: bool, gains: list[float]
 ) -> dict[float, tuple[float, float]]:
     jobs = [
         Job(

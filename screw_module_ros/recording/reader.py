@@ -109,7 +109,7 @@ def raw_messages(path: Path | str, names: Collection[str] | None = None) -> Iter
 def read_bag(path: Path | str, names: Collection[str] | None = None) -> Iterator[BagMessage]:
     """Yield the decoded messages of the topics `names` (all by default) in order of log time.
 
-    Raises BagReadError if the bag cannot be read or lacks a topic.
+    Raises BagReadError when the bag cannot be read or lacks a topic.
     """
     with open_bag(path) as reader:
         decode = reader.deserialize

@@ -64,7 +64,8 @@ class Motion:
         if any(given) or math.isfinite(trial.released_after):
             raise NotPossible(
                 "a hand that holds off the centre, presses sideways, trembles or lets go, and a "
-                "changed rig, exist only in process: run this experiment with `make reproduce`"
+                "rig that changed, are only there in process: run this experiment with "
+                "`make reproduce`"
             )
         experiment.check_homed()
         check_disabled(robot)

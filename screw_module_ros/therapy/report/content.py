@@ -21,7 +21,7 @@ from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
 COMPARED = SHOWN[:-1]
-"""Figures for the comparison of blocks without assistance; the robot's share is no measure there."""
+"""Figures for the comparison of blocks without assistance, where the share has no meaning."""
 OTHERS = {
     CIRCLE: ("independence", "size", "log_jerk"),
     HOLD: ("hold_deviation",),
@@ -165,7 +165,7 @@ def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
 
 
 def date_of(recorded: Recorded) -> str:
-    """Return the date of the session's first trial (UTC), or "no trial"."""
+    """Return the date of the session's first trial (UTC), or of nothing."""
     if not recorded.trials:
         return "no trial"
     begun = recorded.trials[0]["started_ns"] * _NS

@@ -25,7 +25,7 @@ _MARK = {False: "s", True: "o"}  # distinguishable also without colours
 _BEST = {
     "path_error": "0 is straight", "sparc": "nearer to 0 is smoother", "reach_error": "0 is reached"
 }  # fmt: skip
-"""Best values of the figures that have one."""
+"""What a good value is, of figures that have one."""
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`bench`: measures latencies and speed on this machine; prints tables, writes JSON.
+"""`bench`: how fast things run here, as tables and as JSON. Medians of several runs with ranges.
 
-It runs the graph against the simulated rig at 1 and 2 kHz, with the vertical axis as separate
-processes and as `module`, and the in-process loop (simulated over real time; required: 200 on one
-core). All figures are medians of several runs, with ranges.
+The graph against the simulated rig, its vertical axis as separate processes and as `module`, at 1
+and 2 kHz; and the in-process loop: simulated over real time (wanted: 200 on one core).
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ LOOP = "loop"
     help="Output file.",
 )  # fmt: skip
 def command(runs: int, seconds: float, quick: bool, only, rates, file: Path) -> None:
-    """Measure latencies and speed on this machine."""
+    """Measure and say."""
     end_without_domain("bench")
     if quick:
         runs, seconds = 1, 5.0

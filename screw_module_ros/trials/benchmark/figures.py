@@ -42,7 +42,7 @@ class Counts(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One configuration: `SEPARATE` or `COMPOSED` processes, and ticks per second."""
+    """What is measured: how the processes are cut, and ticks per second."""
 
     processes: str
     rate: int
