@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What recorded data says about the module: evaluation, fits, figures. No ROS, no hardware."""
+"""Identification of the module from samples: evaluation, fits, figures. No ROS, no hardware."""

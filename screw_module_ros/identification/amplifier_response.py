@@ -26,13 +26,13 @@ class Settings(NamedTuple):
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 10.0, 5e4)] = 10_000.0
     per_decade: Annotated[int, Setting("frequencies per decade", "", 2, 200)] = 40
-    amplitude: Annotated[float, Setting("of the command", "A", 0.1, 10.0)] = 2.2
-    cycles: Annotated[int, Setting("at each frequency", "", 1, 100)] = 2
-    shortest: Annotated[float, Setting("each sine lasts at least", "s", 0.005, 10.0)] = 0.04
+    amplitude: Annotated[float, Setting("amplitude of the command", "A", 0.1, 10.0)] = 2.2
+    cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 2
+    shortest: Annotated[float, Setting("least duration of each sine", "s", 0.005, 10.0)] = 0.04
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure and fit. Raises Cancelled, NotPossible where there is no analyser, ValueError."""
+    """Measure and fit. Raises Cancelled, NotPossible without an analyser, ValueError."""
     if settings.high <= settings.low:
         raise ValueError(f"high = {settings.high:g} Hz is not above low = {settings.low:g} Hz")
     count = round(settings.per_decade * math.log10(settings.high / settings.low)) + 1
@@ -68,7 +68,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 def reduced(trial: AnalyzerTrial, samples: Samples) -> Part:
-    """Return the response of current to command, the first of it left out."""
+    """Return the response of current to command after the first 10 ms."""
     kept = samples.time >= _SETTLE_S
     found = response(samples.time[kept], samples.command[kept], samples.current[kept],
                      trial.frequency)  # fmt: skip
@@ -82,9 +82,9 @@ def _trial(frequency: float, settings: Settings) -> AnalyzerTrial:
 
 def _notes(rate: float) -> tuple[str, ...]:
     return (
-        "The gain is below 1 by the dead zone, which takes the same current at any amplitude; it "
-        "turns no phase, so pole and delay are free of it. The thesis's 4.1.2 does not show it.",
-        f"The analyser holds its output for a sample, {1e6 / rate:.3g} us; that is in the model.",
-        "The standard error of a point counts the dead zone's harmonics as if they were noise. The "
-        "simulated analyser has none of its own: how well it agrees says nothing of an instrument.",
+        "The dead zone, which takes the same current at any amplitude, makes the gain smaller than "
+        "1. It does not shift the phase, so pole and delay are unaffected. Thesis 4.1.2 has none.",
+        f"The analyser holds its output for one sample, {1e6 / rate:.3g} us, as in the model.",
+        "The standard error of a point treats the dead zone's harmonics as noise. The simulated "
+        "analyser has no noise; its agreement says nothing about a real instrument.",
     )

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lets the handle drive the robot (thesis appendix D, eqs 1 to 6, fig 3): no trials.
+"""Back-drivability of screw, plane and belt (thesis appendix D, eqs 1 to 6, fig 3): no trials.
 
-Screw: a block on a wedge with the lead angle phi, the thread angle theta and the friction mu. The
-nut pushed with F turns the screw with P (eq 4); it must slide (eq 5). The other way round P lifts
-the nut (eq 6). Plane: the inertia ellipse of the tip with and without the module. Belt: the model
-of the drive that was not built.
+Screw: a block on a wedge with lead angle phi, thread angle theta and friction mu. A force F on the
+nut turns the screw with P (eq 4) if the nut slides (eq 5); in the other direction P lifts the nut
+(eq 6). Plane: the inertia ellipse of the tip with and without the module. Belt: the model of the
+drive that was not built.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ class Settings(NamedTuple):
     ] = "appendix_d"
     half_width: Annotated[float, Setting("half the workspace in x", "m", 0.01, 0.5)] = 0.1905
     half_depth: Annotated[float, Setting("half the workspace in y", "m", 0.01, 0.5)] = 0.2286
-    heaviest: Annotated[float, Setting("inertia allowed in the plane", "kg", 0.1, 100.0)] = 4.0
+    heaviest: Annotated[
+        float, Setting("largest inertia allowed in the plane", "kg", 0.1, 100.0)
+    ] = 4.0
 
 
 class Wedge(NamedTuple):
@@ -97,7 +99,7 @@ def wedge(settings: Settings, friction: float) -> Wedge:
 def run(lab: Lab, settings: Settings) -> Result:
     """Evaluate screw, plane and belt.
 
-    Raises ValueError for settings out of bounds and for a workspace out of the arm's reach.
+    Raises ValueError for settings out of range and for a workspace beyond the arm's reach.
     """
     validated(settings)
     joints, arm = SETS[settings.plane]

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The belt drive that was not built (thesis appendix D, eqs 1 to 3): motor, belt, load.
 
-The paper prints results but no parameters. Here they are chosen: the belt's stiffness, its damping
-and the inertia from the resonance, from the damping factor at a tenth of the belt's damping and
-from the bandwidth without damping; the damping to ground, the same on both sides, from the
-bandwidth of the whole. What is left to compare is the bandwidth with the belt's damping only.
+The paper prints results but no parameters. They are chosen here: belt stiffness, belt damping and
+inertia from the resonance, from the damping factor at a tenth of the belt damping and from the
+bandwidth without damping; the damping to ground, equal on both sides, from the bandwidth of the
+whole drive. The only independent result is the bandwidth with belt damping alone.
 
-The paper does not define its bandwidth. An undamped system that turns freely has no gain at rest to
-fall 3 dB from, so it is read here as where the load's speed per motor torque falls through a fixed
-level, 1 rad/s per Nm, which only scales the inertia. That reading is ours: it was kept because the
-bandwidth left to compare then comes near the paper's.
+The paper does not define its bandwidth. An undamped, freely turning system has no static gain for a
+3 dB limit. Here the bandwidth is the frequency at which the load's speed per motor torque falls
+below a fixed level, 1 rad/s per Nm, which only scales the inertia. We chose this definition because
+the independent bandwidth then comes near the paper's.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Belt(NamedTuple):
 
 
 class Printed(NamedTuple):
-    """What the paper prints: resonance [Hz], bandwidths [Hz], damping factor at a tenth."""
+    """Printed results: resonance [Hz], bandwidths [Hz], damping factor at a tenth of damping."""
 
     resonance: float = 3.0
     undamped: float = 10.6
@@ -79,9 +79,9 @@ def mode(belt: Belt) -> tuple[float, float]:
 
 
 def bandwidth(belt: Belt) -> float:
-    """Return where |speed of the load / torque| last falls through LEVEL [Hz].
+    """Return the highest frequency [Hz] at which |speed of the load / torque| falls below LEVEL.
 
-    Raises ValueError when it never does.
+    Raises ValueError if there is none.
     """
     omega = np.geomspace(_SLOWEST, _FASTEST, 3000)
     above = np.flatnonzero(_gain(belt, omega) > LEVEL)
@@ -93,9 +93,9 @@ def bandwidth(belt: Belt) -> float:
 
 
 def chosen(printed: Printed = PRINTED) -> Belt:
-    """Return the parameters that give what the paper prints, equal inertias on both sides.
+    """Return the parameters that reproduce the printed results, with equal inertias on both sides.
 
-    Raises ValueError when there are none.
+    Raises ValueError if there are none.
     """
     natural = 2.0 * math.pi * printed.resonance
     if printed.undamped <= printed.resonance:
@@ -105,7 +105,7 @@ def chosen(printed: Printed = PRINTED) -> Belt:
     reduced = total / 4.0
     damping = 10.0 * 2.0 * printed.tenth_factor * natural * reduced
     free = Belt(total / 2.0, total / 2.0, natural**2 * reduced, damping)
-    most = 0.4 / LEVEL  # from 0.5 on the level is not reached even at rest
+    most = 0.4 / LEVEL  # from 0.5 on the gain is below the level even at zero frequency
 
     def excess(ground: float) -> float:
         return bandwidth(free._replace(ground=ground)) - printed.whole

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the module's calibration file from the results: what controller and amplifier load."""
+"""Writes the module's calibration file, which controller and amplifier load, from the results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FILE = "module_calibration.yaml"
 
 
 class Settings(NamedTuple):
-    """Whose calibration it is."""
+    """Identity of the module."""
 
     serial: Annotated[str, Setting("serial number of the module")] = "SIM-0001"
 
@@ -26,8 +26,7 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Write the file into the lab's folder.
 
-    Raises MissingResult without one of the results, ModuleCalibrationError for values that no
-    module has.
+    Raises MissingResult without one of the results, ModuleCalibrationError for implausible values.
     """
     friction = lab.result(friction_fit.NAME)
     torque = lab.result(static_torque.NAME)

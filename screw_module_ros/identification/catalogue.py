@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every experiment by name: what it is, its settings, what it needs first."""
+"""All experiments by name, with their settings and prerequisites."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ LOCKED_ROTOR, STAGE, HUMAN_ARM, ANALYZER, NOTHING = (
 class Experiment(NamedTuple):
     """One experiment.
 
-    text: one line about it; settings: NamedTuple of its settings; fixture: what must hold handle or
-    rotor; needs: experiments whose results must be there.
+    text: one-line description; settings: NamedTuple of its settings; fixture: required mounting of
+    handle or rotor; needs: experiments whose results it reads.
     """
 
     name: str
@@ -97,7 +97,7 @@ EXPERIMENTS: dict[str, Experiment] = {
 
 
 def listing() -> str:
-    """Return the experiments as lines for people."""
+    """Return a list of the experiments as text, one per line."""
     return "\n".join(
         f"{e.name} ({e.fixture}{', after ' + ', '.join(e.needs) if e.needs else ''}): {e.text}"
         for e in EXPERIMENTS.values()
@@ -110,7 +110,7 @@ _LARGEST_SETTINGS = 10_000  # characters
 def settings_from_yaml(text: str, kind: type) -> Any:
     """Return the settings `kind` with the values of a YAML mapping; empty text = defaults.
 
-    Raises ValueError in one sentence that names what is wrong.
+    Raises ValueError that names the wrong setting.
     """
     if len(text) > _LARGEST_SETTINGS:
         raise ValueError(f"settings are longer than {_LARGEST_SETTINGS} characters")

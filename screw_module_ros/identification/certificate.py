@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The certificate of a module: what it delivers at the handle, and how far from its limits."""
+"""The certificate of a module: delivered impedance at the handle, and margins of the gains."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ FILE = "module_certificate.yaml"
 
 
 def write(lab: Lab, result: Result, serial: str) -> None:
-    """Write the certificate into the lab's folder; gains are in it where `stability` was run.
+    """Write the certificate into the lab's folder, with gains if `stability` has a result.
 
-    result: of `delivered_impedance`; serial: of the module. The checksum is that of everything
-    before it. Raises OSError.
+    result: of `delivered_impedance`; serial: of the module. The checksum covers the text before
+    it. Raises OSError.
     """
     content: dict[str, Any] = {
         "format": "screw_module_ros/certificate",
@@ -52,7 +52,7 @@ def software() -> str:
 
 
 def _gains(lab: Lab) -> dict[str, Any]:
-    """Return the largest stable gains and their margins over the defaults, if they are known."""
+    """Return the largest stable gains and their margins over the defaults, if measured."""
     try:
         gains = lab.result(stability.NAME)
     except MissingResult:

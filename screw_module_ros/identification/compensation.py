@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the identified model is worth: feed-forward with it and with the thesis's default (6.4.2).
+"""Benefit of the identified model: feed-forward with it and with the thesis's default (6.4.2).
 
-The hand moves through the spring of 100 N/m as in figure 6-8, once with what the thesis printed
-(friction of 5.2.5, 10 N of gravity, dead zone of 0.025 Nm) and once with what was identified on
-this very module. Also without feed-forward, and with force feedback on top (6.4.4).
+The hand moves through the spring of 100 N/m as in figure 6-8, once with the thesis's printed model
+(friction of 5.2.5, 10 N of gravity, dead zone of 0.025 Nm) and once with the model identified on
+this module; also without feed-forward, and with additional force feedback (6.4.4).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _STIFFNESS = 100.0  # [N/m], thesis 6.1
 
 
 class Settings(NamedTuple):
-    """How the hand moves."""
+    """Motion of the hand, and gains."""
 
     amplitude: Annotated[float, Setting("of the virtual hand", "m", 0.02, 0.15)] = 0.15
     omega: Annotated[float, Setting("of the hand", "rad/s", 0.05, 3.0)] = 0.8
@@ -44,7 +44,7 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure both. Raises MissingResult without the module's own results, Cancelled."""
+    """Measure with both models. Raises MissingResult without the module's results, Cancelled."""
     identified = {
         "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
         "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),

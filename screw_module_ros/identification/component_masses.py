@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mass felt at the handle, summed over the components (thesis 5.3.1, Table 5.1): no trials.
 
-What turns with the screw counts with its reflected mass, I (2 pi / L)^2 (eq 5.4). The rotor is
-computed from its data sheet, the screw from the geometry of appendix A; the rest is as printed.
+Rotating parts count with their reflected mass, I (2 pi / L)^2 (eq 5.4). The rotor's is computed
+from its data sheet, the screw's from the geometry of appendix A; the others are printed values.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ _GRAVITY = 9.81
 
 
 class Settings(NamedTuple):
-    """Data of the components that are computed, and what the sums are compared with."""
+    """Data of the computed components, and measured values for comparison with the sums."""
 
     lead: Annotated[float, Setting("travel of the nut per turn", "m", 1e-4, 0.1)] = LEAD
     rotor_inertia: Annotated[float, Setting("of the motor", "kg m^2", 1e-8, 1e-2)] = 1.96e-5
@@ -62,7 +62,7 @@ class Settings(NamedTuple):
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Sum the table as printed and as computed. Raises ValueError for settings out of bounds."""
+    """Sum the table as printed and as computed. Raises ValueError for settings out of range."""
     validated(settings)
     screws = candidates(settings.inertia_across, settings.density)
     reflected = {name: screw.reflected(settings.lead) for name, screw in screws.items()}
@@ -136,15 +136,15 @@ def _notes(settings: Settings, screws: dict[str, Bar], sums) -> tuple[str, ...]:
         for name, screw in screws.items()
     )
     return (
-        "The printed contributions do add up to 6.42 kg. The rotor's is its data sheet's; carriage "
-        "(data sheet), nut, bracket and transducer (weighed) and coupling (geometry not printed) "
-        "are taken as printed.",
-        f"The screw's 3.25 kg and appendix A's {settings.inertia_across:g} kg m^2 do not belong to "
-        "one solid steel bar of the measured diameter, 15.875 mm: that bar would be "
-        f"{1e3 * screws[TABLE].diameter:.1f} mm thick. Candidates: {each}. Of the screws that keep "
-        "to the measured diameters and to appendix A's inertia the sum is nearer to the measured "
-        f"{settings.measured:g} kg, so Table 5.1's screw may be too heavy; the measurement's own "
-        f"standard deviation, {settings.measured_sd:g} kg, cannot decide it.",
-        "Uncertainties: of printed masses their rounding, of the screw the spread over the "
-        "candidates. The standard deviation of the measured mass is that of single samples.",
+        "The printed contributions add up to 6.42 kg. The rotor's is computed from its data sheet. "
+        "Carriage (data sheet), nut, bracket and transducer (weighed) and coupling (geometry not "
+        "printed) are printed values.",
+        f"The screw's 3.25 kg and appendix A's {settings.inertia_across:g} kg m^2 do not fit one "
+        "solid steel bar of the measured diameter, 15.875 mm: the bar would have a diameter of "
+        f"{1e3 * screws[TABLE].diameter:.1f} mm. Candidates: {each}. With the measured diameters "
+        "and appendix A's inertia the sum is nearer to the measured "
+        f"{settings.measured:g} kg, so the mass of Table 5.1's screw may be too large. The "
+        f"measurement's standard deviation, {settings.measured_sd:g} kg, cannot decide it.",
+        "Uncertainties: rounding for printed masses, spread over the candidates for the screw. The "
+        "standard deviation of the measured mass is that of single samples.",
     )

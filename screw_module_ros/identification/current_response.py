@@ -28,26 +28,28 @@ NAME = "current_response"
 
 
 class Settings(NamedTuple):
-    """The swept sine, and what is taken for known."""
+    """The swept sine, and assumed parameters."""
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
     count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 3, 400)] = 40
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
-    cycles: Annotated[int, Setting("at each frequency", "", 1, 100)] = 4
+    cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     torque_constant: Annotated[
-        float, Setting("published, by which a command becomes a current", "Nm/A", 1e-3, 10.0)
+        float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
     ] = 0.16
     pole: Annotated[
-        float, Setting("of the amplifier, if not measured", "Hz", 10.0, 1e5)
+        float, Setting("pole of the amplifier, if not measured", "Hz", 10.0, 1e5)
     ] = 1000.0
-    delay: Annotated[float, Setting("of the amplifier, if not measured", "s", 0.0, 1e-3)] = 60e-6
+    delay: Annotated[
+        float, Setting("delay of the amplifier, if not measured", "s", 0.0, 1e-3)
+    ] = 60e-6
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure through the measured linearization and fit.
 
-    Raises MissingResult before static_torque was run, Cancelled, NotPossible, ValueError.
+    Raises MissingResult without static_torque's result, Cancelled, NotPossible, ValueError.
     """
     frequencies = np.geomspace(settings.low, settings.high, settings.count)
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
@@ -82,11 +84,11 @@ def run(lab: Lab, settings: Settings) -> Result:
     }
     notes = (
         amplifier.note,
-        "The model is exact for held commands and instantaneous samples. Drawn with a second hold "
-        f"for the A/D card (fig C-1) it lags {1e6 * half:.0f} us more, and the fitted delay is "
-        "that much shorter. The thesis's 150 us here and 400 us from the torque differ by as much.",
-        "The simulated current has neither noise nor 60 Hz hum, so no band-stop filter is used and "
-        "the standard errors are smaller than a laboratory's.",
+        "The model is exact for held commands and instantaneous samples. With a second hold for "
+        f"the A/D card (fig C-1) it lags {1e6 * half:.0f} us more, and the fitted delay is shorter "
+        "by the same time. The thesis's 150 us here and 400 us from the torque differ by as much.",
+        "The simulated current has neither noise nor 60 Hz hum: no band-stop filter is used, and "
+        "the standard errors are smaller than in a laboratory.",
     )
     return Result(NAME, quantities, settings._asdict(), notes, data)
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Force against position for every controller mode and gain (thesis chapter 6).
 
-The hand moves the handle slowly through the commanded spring; what it feels beyond the spring is
-the offset. Figures 6-1, 6-2 (PD), 6-5 (negative damping), 6-8, 6-9 (friction model), 6-10 (force
+The hand moves the handle slowly through the commanded spring. The offset is its force minus the
+spring's. Figures 6-1, 6-2 (PD), 6-5 (negative damping), 6-8, 6-9 (friction model), 6-10 (force
 feedback), 6-12, 6-13 (the thesis's simulation).
 """
 
@@ -59,7 +59,7 @@ CURVES = (
 
 
 class Settings(NamedTuple):
-    """How the hand moves."""
+    """Motion of the hand, and selection of the curves."""
 
     centre: Annotated[float, Setting("centre of the spring", "m", 0.1, 0.25)] = 0.18
     amplitude: Annotated[float, Setting("of the virtual hand", "m", 0.02, 0.15)] = 0.14
@@ -69,12 +69,12 @@ class Settings(NamedTuple):
         float, Setting("of the hand against the spring of 1000 N/m", "N/m", 300.0, 5000.0)
     ] = 2000.0
     curves: Annotated[
-        tuple[str, ...], Setting("which", choices=())
+        tuple[str, ...], Setting("names of the curves to measure", choices=())
     ] = tuple(curve.name for curve in CURVES)
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Measure the curves. Raises ValueError for an unknown one, Cancelled, NotPossible."""
+    """Measure the curves. Raises ValueError for an unknown curve, Cancelled, NotPossible."""
     chosen = [_curve(name) for name in settings.curves]
     jobs = [
         Job(curve.name, trial_of(curve, settings), partial(reduced, stiffness=curve.stiffness))
@@ -93,7 +93,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
-    """Return the trial of one curve; those of the thesis's simulation move as it did (6.4.3)."""
+    """Return the trial of one curve; the simulated ones move as the thesis's simulation (6.4.3)."""
     law = VerticalSettings(
         stiffness=curve.stiffness, damping=curve.damping, force_gain=curve.gain
     )
@@ -110,9 +110,9 @@ def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
 
 
 def reduced(trial: MotionTrial, samples: Samples, stiffness: float) -> Part:
-    """Return the curve, thinned, and its offsets from the spring, from the whole of it.
+    """Return every eighth sample of the curve, and the offsets from the spring over all samples.
 
-    Where the law's force limits hold the spring back (fig 6-2's bulge) no offset is taken.
+    Samples at which the law's force limits act (the bulge of fig 6-2) have no offset.
     """
     spring = Spring(stiffness, trial.centre)
     free = _free(trial, samples, spring)
@@ -130,14 +130,14 @@ def reduced(trial: MotionTrial, samples: Samples, stiffness: float) -> Part:
 
 
 def _free(trial: MotionTrial, samples: Samples, spring: Spring) -> np.ndarray:
-    """Return which samples lie where spring and gravity together are within the force limits."""
+    """Return the mask of the samples at which spring and gravity are within the force limits."""
     law = trial.settings
     pull = -spring.stiffness * (samples.position - spring.centre) + law.gravity
     return (pull > -law.force_down) & (pull < law.force_up)
 
 
 def _spread(position: np.ndarray, force: np.ndarray, spring: Spring) -> float:
-    """Return the standard error of the mean offset by its scatter over eight parts [N]."""
+    """Return the standard error of the mean offset [N], from its scatter over eight parts."""
     beyond = np.abs(force - spring.stiffness * (position - spring.centre))
     parts = [part.mean() for part in np.array_split(beyond, 8)]
     return float(np.std(parts) / math.sqrt(len(parts)))
@@ -167,6 +167,6 @@ def _notes(chosen: list[Curve]) -> tuple[str, ...]:
     if not any(curve.simulated for curve in chosen):
         return ()
     return (
-        "Figures 6-12 and 6-13 are repeated with the thesis's arm and virtual trajectory, but on "
-        "this plant, which has backlash; the thesis's simulation had none.",
+        "Figures 6-12 and 6-13 use the thesis's arm and virtual trajectory, but this plant, which "
+        "has backlash; the thesis's simulation had none.",
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sampled data show of a delay (thesis 4.1.4, figs 4-13, 4-14)."""
+"""Resolution of a delay in sampled data (thesis 4.1.4, figs 4-13, 4-14)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .sampled_models import WIRE, fit_response, sampled_response
 class Held(NamedTuple):
     """A sine through a hold, a wire with a delay and a sampler, as curves.
 
-    time, sample_time [sample periods]; given, answer: what goes into the wire and comes out;
-    samples: what is read; rebuilt: these held again, over `time`.
+    time, sample_time [sample periods]; given, answer: input and output of the wire over `time`;
+    samples: at `sample_time`; rebuilt: the samples held again, over `time`.
     """
 
     time: np.ndarray
@@ -58,9 +58,10 @@ def misfit_profile(
     low: np.ndarray,
     high: np.ndarray,
 ) -> np.ndarray:
-    """Return the smallest misfit for each delay [s], everything else fitted.
+    """Return the least misfit for each delay [s], with all other parameters fitted.
 
-    model: of the other numbers and, as the last, the delay; start, low, high: of the others.
+    model: function of the other parameters and, last, the delay; start, low, high: initial values
+    and bounds of the other parameters.
     """
     found = []
     for delay in delays:
@@ -75,7 +76,7 @@ def wire_profile(
 ) -> np.ndarray:
     """Return the misfit of a wire with each of `delays` [s] to a wire with `delay`, both sampled.
 
-    It is 0 for every delay that is rounded up to the same number of periods.
+    It is 0 for all delays with the same number of periods after rounding up.
     """
     truth = sampled_response(WIRE, frequencies, rate, delay)
     off = [sampled_response(WIRE, frequencies, rate, float(d)) / truth - 1.0 for d in delays]

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Impedance that the handle delivers in each mode, and the module's certificate (thesis 7.1).
+"""Delivered impedance at the handle in each mode, and the module's certificate (thesis 7.1).
 
-A firm hand moves the handle in one sine after the other, 0.5 to 30 Hz, and the ratio of its force
-to the handle's velocity is what it feels there, Z(jw) = B + j (w M - K / w): friction included, as
-its first harmonic. On a simulated module the hand also holds still, and lets go. The certificate
-puts apparent mass, damping and stiffness of every mode beside what was asked for, the friction
-felt, hold and release, and the largest stable gains with their margins.
+A firm hand moves the handle in sines of 0.5 to 30 Hz. The ratio of its force to the handle's
+velocity is the impedance Z(jw) = B + j (w M - K / w), with friction as its first harmonic. On a
+simulated module the hand also holds still and lets go. The certificate lists apparent mass, damping
+and stiffness of every mode beside the commanded ones, the friction felt, hold and release, and the
+largest stable gains with their margins.
 """
 
 from __future__ import annotations
@@ -27,30 +27,32 @@ from .trials import Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
 RESTS = {"hold": "holding", "release": "released"}
-"""What a hand does at rest, and the trial of `force_error`."""
+"""Trials of `force_error` with a hand at rest, by name of the hand's action."""
 _FIRM = Arm(0.5, 4000.0, 150.0)
-_NO_GUARD = 50.0  # [N] a hand that shakes the handle on purpose is not to be taken for chatter
+_NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
 
 
 class Settings(NamedTuple):
-    """What the hand does."""
+    """Sines of the hand, and the commanded spring."""
 
     frequencies: Annotated[tuple[float, ...], Setting("of the sines", "Hz", 0.1, 100.0)] = (
         0.5, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0,
     )  # fmt: skip
-    speed: Annotated[float, Setting("largest of the hand's sine", "m/s", 0.01, 0.3)] = 0.12
-    acceleration: Annotated[float, Setting("largest of it", "m/s^2", 0.1, 20.0)] = 3.0
-    stiffness: Annotated[float, Setting("asked of the law", "N/m", 0.0, 5000.0)] = 100.0
+    speed: Annotated[float, Setting("peak speed of the hand's sine", "m/s", 0.01, 0.3)] = 0.12
+    acceleration: Annotated[
+        float, Setting("peak acceleration of the hand's sine", "m/s^2", 0.1, 20.0)
+    ] = 3.0
+    stiffness: Annotated[float, Setting("commanded stiffness", "N/m", 0.0, 5000.0)] = 100.0
     serial: Annotated[str, Setting("serial number of the module")] = "SIM-0001"
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every mode; write the certificate into the lab's folder.
 
-    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. Hold and release are
-    there on a simulated module alone: it knows the true force. Raises ValueError for
-    settings out of range, Cancelled, NotPossible.
+    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. Hold and release need
+    the true force of a simulated module. Raises ValueError for settings out of range, Cancelled,
+    NotPossible.
     """
     validated(settings)
     kinds = [mode for mode in modes.MODE_NAMES if mode != modes.OFF]
@@ -78,10 +80,10 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 _NOTES = (
-    "Force over velocity at the handle, first harmonic; friction shows as resistance, the more the "
-    "slower the hand. Friction felt: of Coulomb friction with that first harmonic at the slowest "
-    "sine, what the damper makes taken off. Mass: from the reactance at 4 Hz and above, with the "
-    "stiffness asked for. The chatter guard is off: it would take this for chatter.",
+    "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
+    "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "
+    "harmonic of the slowest sine, without the damper's part. Mass: from the reactance at 4 Hz and "
+    "above, with the commanded stiffness. The chatter guard is off, as it would react to the hand.",
 )
 
 
@@ -107,7 +109,7 @@ def _law(settings: Settings, mode: int) -> VerticalSettings:
 
 
 def _rests(settings: Settings, kinds: list[int]) -> dict[tuple[str, str], Job]:
-    """Return the trials at rest by name of the mode and of what the hand does."""
+    """Return the trials at rest by names of the mode and of the hand's action."""
     return {
         (modes.MODE_NAMES[mode].lower(), rest): force_error.job(
             force_error.case_of(case), mode, _law(settings, mode)
@@ -130,10 +132,10 @@ def _at_rest(rests: dict[tuple[str, str], Job], parts: dict[str, Part]) -> list[
 
 
 def friction_felt(resistance: float, damping: float, speed: float) -> float:
-    """Return the Coulomb friction [N] that has the first harmonic of a resistance [Ns/m].
+    """Return the Coulomb friction [N] equivalent to a resistance [Ns/m] at the first harmonic.
 
-    damping: of it that is asked for [Ns/m]; speed: amplitude of the sine's [m/s]. A force F that
-    turns with the velocity has the first harmonic 4 F / pi.
+    damping: the commanded part of the resistance [Ns/m]; speed: amplitude of the velocity [m/s]. A
+    force F with the sign of the velocity has the first harmonic 4 F / pi.
     """
     return math.pi / 4.0 * (resistance - damping) * speed
 
@@ -151,7 +153,7 @@ def _friction(settings: Settings, mode: int, frequencies: np.ndarray, z: np.ndar
 def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
     """Return force over velocity of the handle [Ns/m] at a frequency [Hz], over whole cycles.
 
-    Where no truth is to be had, of the nut and by the transducer.
+    On a real module: the transducer's force over the nut's velocity.
     """
     period = samples.time[1] - samples.time[0]
     count = round(_CYCLES / frequency / period)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inertia that a hand feels in the plane (thesis appendix D, fig 3), as ellipses.
+"""Inertia ellipses at the tip of the planar arm (thesis appendix D, fig 3).
 
-With joint inertia M(q) and Jacobian J the tip feels J^-T M J^-1, and a module of mass m at the tip
-adds m in every direction. The axes of the ellipse are the eigenvalues [kg], anisotropy is the ratio
-of the greater to the smaller.
+With joint inertia M(q) and Jacobian J the inertia at the tip is J^-T M J^-1; a module of mass m at
+the tip adds m in every direction. The axes of the ellipse are the eigenvalues [kg]; the anisotropy
+is the ratio of the larger to the smaller one.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class JointInertia(NamedTuple):
 APPENDIX_D = JointInertia(0.173, 0.226, 0.171)
 APPENDIX_D_ARM = MANUS._replace(base_y=-0.60)
 """Derived from appendix D, not measured: the paper prints no inertias. With its links and the base
-0.60 m behind the workspace's centre they meet every figure it does print: anisotropy 1.23 to 1.53,
-4/3 kg at most without the module, 4 kg with one of 2.7 kg."""
+0.60 m behind the workspace's centre these inertias reproduce all its printed figures: anisotropy
+1.23 to 1.53, at most 4/3 kg without the module, 4 kg with a module of 2.7 kg."""
 
 INMOTION2 = JointInertia(0.391, 0.228, 0.227)
 INMOTION2_ARM = MANUS
@@ -82,8 +82,7 @@ def anisotropy(inertia: np.ndarray) -> np.ndarray:
 
 
 def least_anisotropy(joints: JointInertia, arm: PlanarArm = MANUS) -> float:
-    """Return the least anisotropy anywhere in the arm's reach; only the reach matters, not the way
-    the arm points."""
+    """Return the least anisotropy in the arm's reach; it does not depend on the arm's direction."""
     angles = np.radians(np.linspace(1.0, 179.0, 357))
     reach = np.sqrt(
         arm.upper_arm**2 + arm.forearm**2 + 2.0 * arm.upper_arm * arm.forearm * np.cos(angles)

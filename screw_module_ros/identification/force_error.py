@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Force error at the hand in every mode, over all samples, standstill and reversals included.
 
-The thesis judges a law by its offset while the handle moves slowly (chapter 6), and so does
-`force_position`. A law can be good at that and shake a hand that holds still. Here the error is
-what the patient feels beyond the impedance asked for, his true force less K (z - z0) + B z' of the
-true handle, over all samples: moving slowly and fast, small reversals, holding still, letting go,
-resting on walls, a heavy arm, tremor; with a force sideways, which loads the bearing.
+The thesis evaluates a law by its offset during slow motion (chapter 6), as `force_position` does. A
+law with a small offset can still shake a resting hand. Here the error is the patient's true force
+minus the commanded impedance K (z - z0) + B z' at the true handle, over all samples. The trials:
+slow and fast motion, small reversals, holding still, letting go, resting on walls, a heavy arm,
+tremor; in motion with a sideways force, which loads the bearing.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from .results import Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "force_error"
-SIDE_FORCE = 8.0  # amplitude of what the hand presses sideways while it moves [N]
+SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
-_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall with the module's mass
+_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
 _WALL_MASS = 0.0  # a wall does not move
 
 
 class Case(NamedTuple):
-    """One trial of the list. name; text; trial: with mode and settings to be filled in; after:
-    samples before this time are not judged [s]."""
+    """One trial of the list. name; text: description; trial: without mode and settings; after:
+    samples before this time do not count [s]."""
 
     name: str
     text: str
@@ -42,7 +42,7 @@ class Case(NamedTuple):
 
 
 def wall(stiffness: float, ratio: float, mass: float = 5.5) -> Arm:
-    """Return a wall of a stiffness [N/m]; ratio: damping ratio with the module's mass [kg]."""
+    """Return a wall of a stiffness [N/m]; ratio: damping ratio for the module's mass [kg]."""
     return Arm(_WALL_MASS, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
 
 
@@ -80,7 +80,7 @@ CASES = (
 
 
 class Settings(NamedTuple):
-    """Which modes and trials, and the law's numbers."""
+    """Modes, trials, and the law's impedance."""
 
     modes: Annotated[
         tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
@@ -91,7 +91,7 @@ class Settings(NamedTuple):
     )
     stiffness: Annotated[float, Setting("of the spring", "N/m", 0.0, 5000.0)] = 100.0
     damping: Annotated[
-        float, Setting("of the damper; OBSERVER has what it needs at least", "Ns/m", 0.0, 500.0)
+        float, Setting("of the damper; OBSERVER has at least its minimum", "Ns/m", 0.0, 500.0)
     ] = 0.0
 
 
@@ -113,42 +113,42 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 _NOTES = (
-    "Error: the patient's true force less K (z - z0) + B z' of the true handle, over all samples; "
-    "in OBSERVER B is what the mode needs at least. Data of each trial: mean, rms, 99th percentile "
-    "and rms above 30 Hz of the error [N], its rms above 3 Hz in the last second [N], how far the "
-    "handle moves in the last second [m], share of the force gain left at the end.",
+    "Error: the patient's true force minus K (z - z0) + B z' at the true handle, over all samples; "
+    "in OBSERVER B is at least the minimum of the mode. Data of each trial: mean, rms, 99th "
+    "percentile and rms above 30 Hz of the error [N], its rms above 3 Hz in the last second [N], "
+    "travel of the handle in the last second [m], remaining share of the force gain at the end.",
     "Resting on a wall: a spring of 1e3 to 1e6 N/m holds the handle, with a damping ratio of 0.7 "
     "or 0.02 for the module's mass.",
 )
 
 
 def figures(one: Job, part: Part, where: str) -> tuple[Quantity, np.ndarray]:
-    """Return the rms of a trial, as measured `where`, and all of `ErrorOf` as an array."""
+    """Return the rms of a trial as a quantity, and `ErrorOf` as an array; where: description."""
     found = ErrorOf(**{key: float(value) for key, value in part.items()})
     rms = Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
     return rms, np.array(found)
 
 
 def where_of(mode: int, case: str) -> str:
-    """Return mode and case in words."""
+    """Return mode and case as text."""
     return f"{modes.MODE_NAMES[mode].lower()}, {case_of(case).text}"
 
 
 def law_of(settings: Settings, mode: int) -> VerticalSettings:
-    """Return the law's numbers in a mode, with the damping that it needs."""
+    """Return the law's settings in a mode, with at least the mode's least damping."""
     law = VerticalSettings(stiffness=settings.stiffness, damping=settings.damping)
     return with_damping(law, mode)
 
 
 def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
-    """Return the law with the damping that OBSERVER needs at least."""
+    """Return the law, in OBSERVER with at least its least damping."""
     if modes.uses_observer(mode):
         return law._replace(damping=max(law.damping, law.least_damping))
     return law
 
 
 def case_of(name: str) -> Case:
-    """Return a case by name. Raises ValueError that names those there are."""
+    """Return a case by name. Raises ValueError that lists the known names."""
     for case in CASES:
         if case.name == name:
             return case
@@ -163,7 +163,7 @@ def job(case: Case, mode: int, law: VerticalSettings, **given) -> Job:
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
-    """Return what `force_metric.judged` finds. Raises ValueError without the plant's truth."""
+    """Return the figures of `force_metric.judged`. Raises ValueError without the plant's truth."""
     if samples.handle is None:
         raise ValueError("the error at the handle needs its true motion: a simulated module")
     first = _after(trial)
@@ -181,7 +181,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
 
 
 def _after(trial: MotionTrial) -> float:
-    """Return when a trial begins to count [s]: a hand that rests has to get there."""
+    """Return the time from which samples count [s]: a resting hand must first arrive."""
     if math.isfinite(trial.released_after):
         return trial.released_after + 3.0
     return 3.0 if trial.way else 0.0

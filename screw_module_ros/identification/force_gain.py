@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Largest force gain without chatter, with backlash and with a preloaded nut (thesis 6.4.3).
 
-The thesis's hardware chatters for gains much above 5, "a result of the system backlash"? Its
-simulation, which had none, allowed 50. Here the handle moves as in the thesis's simulation while
-the gain is raised, then halved in on the onset. Chatter is 0.2 N rms of force above 30 Hz over the
-whole trial: three times the noise, and more than the jolts of the reversals make under PD. It comes
-in bursts where friction is low, as the thesis saw; the law's rate limit keeps them from growing
-beyond a few newtons, so the onset is looked for, not a blow-up.
+The thesis's hardware chatters at gains much above 5; the thesis supposes backlash as the cause, as
+its simulation without backlash allowed 50. Here the handle moves as in that simulation, at rising
+gains, and bisection then locates the onset of chatter. Chatter is 0.2 N rms of force above 30 Hz
+over the whole trial: three times the noise, and more than the jolts at reversals under PD. It comes
+in bursts where friction is low, as in the thesis. The law's rate limit keeps the bursts below a few
+newtons, so the criterion is the onset and not instability.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .results import Quantity, Result
 from .trials import MotionTrial, Samples
 
 NAME = "force_gain"
-_HIGH_PASS = 30.0  # [Hz]; below it lie the hand and the crossings of the backlash
+_HIGH_PASS = 30.0  # [Hz]; above the frequencies of the hand and of the backlash crossings
 _SETTLE_S = 0.5
 
 
 class Settings(NamedTuple):
-    """How the onset is looked for."""
+    """Search of the onset."""
 
-    gains: Annotated[tuple[float, ...], Setting("tried first", "", 0.0, 50.0)] = (
+    gains: Annotated[tuple[float, ...], Setting("gains of the first sweep", "", 0.0, 50.0)] = (
         0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 9.0, 12.0, 16.0, 22.0, 30.0, 40.0, 50.0,
     )  # fmt: skip
     chatter: Annotated[
@@ -71,9 +71,9 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 def onset(rows: dict[float, tuple[float, float]], chatter: float) -> tuple[float, float]:
-    """Return the largest gain below which nothing chatters and the smallest that does.
+    """Return the largest gain without chatter below the first with chatter, and that gain.
 
-    rows: gain -> (offset [N], rms above 30 Hz [N]). Infinity where no gain chatters.
+    rows: gain -> (offset [N], rms above 30 Hz [N]). The second is infinite without chatter.
     """
     bad = [gain for gain, (_, rms) in rows.items() if rms > chatter]
     high = min(bad, default=math.inf)

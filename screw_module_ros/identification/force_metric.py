@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a force error at the hand comes to, as numbers."""
+"""Figures of the force error at the hand."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from scipy import signal
 
 RAPID = 30.0  # [Hz] above it: chatter
 SWING = 3.0  # [Hz] above it, with a hand at rest: an oscillation
-SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: an oscillation to be ended
+SHAKING = 1.5  # [N] rms over `WINDOW` of the force above SWING: unacceptable oscillation
 WINDOW = 0.1  # [s]
-LAST = 1.0  # [s] at the end, in which everything should have come to rest
+LAST = 1.0  # [s] at the end of a trial, when the handle should be at rest
 
 
 class ErrorOf(NamedTuple):
@@ -20,8 +20,8 @@ class ErrorOf(NamedTuple):
 
     mean: of the absolute value, rms, p99: 99th percentile of the absolute value, rapid: rms above
     `RAPID` [N]; swing: rms above `SWING` in the last second [N]; travel: of the handle in the last
-    second [m]; share: of the force gain that is left at the end, 0 to 1; shaking: the longest time
-    for which the rms above `SWING` over a window stays above `SHAKING` [s].
+    second [m]; share: remaining share of the force gain at the end, 0 to 1; shaking: the longest
+    time for which the rms above `SWING` over a window stays above `SHAKING` [s].
     """
 
     mean: float
@@ -47,8 +47,8 @@ def judged(
     """Return the error of samples `period` [s] apart, counted from the sample `first`.
 
     position: of the handle from the spring's centre [m], velocity [m/s], force: of the patient on
-    the robot [N], share: of the force gain; stiffness [N/m], damping [Ns/m]: asked for.
-    Raises ValueError when fewer samples remain than the last second has.
+    the robot [N], share: of the force gain; stiffness [N/m], damping [Ns/m]: commanded. Raises
+    ValueError for fewer samples than one second has.
     """
     last = round(LAST / period)
     if len(force) - first < last:
@@ -73,7 +73,7 @@ def _above(corner: float, values: np.ndarray, period: float) -> np.ndarray:
 
 
 def _longest(swing: np.ndarray, window: int) -> int:
-    """Return the most samples in a row for which the rms over a window is above `SHAKING`."""
+    """Return the largest number of successive samples with a windowed rms above `SHAKING`."""
     sums = np.cumsum(np.concatenate(([0.0], swing**2)))
     over = (sums[window:] - sums[:-window]) / window > SHAKING**2
     edges = np.flatnonzero(np.diff(np.concatenate(([0], over.astype(int), [0]))))

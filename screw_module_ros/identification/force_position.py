@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far the handle is from the spring it should feel like (thesis 6.1, 6.4; figs 6-1 to 6-13).
+"""Offset of the patient's force from the commanded spring (thesis 6.1, 6.4; figs 6-1 to 6-13).
 
-A perfect impedance controller shows the patient a spring: pushing the handle to the height z takes
-K (z - z0), whichever way it moves. What is measured beyond that is the offset: friction, the
-inertia of the screw, and what compensation leaves of them. All forces are those of the patient on
-the robot, up positive.
+With a perfect impedance controller the patient feels a spring: the force at height z is
+K (z - z0), in both directions of motion. The offset is the measured force minus that of the spring:
+friction, the inertia of the screw, and the residual of their compensation. All forces are those of
+the patient on the robot, up positive.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 MOTION_THRESHOLD = 0.020
-"""Slower than this the handle counts as at rest [m/s] (the thesis's limit in 5.3)."""
+"""Below this speed the handle counts as at rest [m/s] (the thesis's limit in 5.3)."""
 
 
 class Spring(NamedTuple):
-    """The spring asked for: stiffness [N/m] about the height centre [m]."""
+    """The commanded spring: stiffness [N/m], height of its centre [m]."""
 
     stiffness: float
     centre: float
@@ -27,9 +27,9 @@ class Spring(NamedTuple):
 class Offsets(NamedTuple):
     """Offset from the desired spring while the handle moves.
 
-    mean: mean of its absolute value, both ways [N]; up, down: the same, one way each [N].
-    bias_up, bias_down: mean with its sign [N], positive where the patient must push up more.
-    samples_up, samples_down: how many samples that is. A way that never moved is NaN.
+    mean: mean of its absolute value, both directions [N]; up, down: the same per direction [N].
+    bias_up, bias_down: mean with sign [N], positive if the patient must push up more.
+    samples_up, samples_down: number of samples. A direction without motion has NaN.
     """
 
     mean: float
@@ -91,8 +91,8 @@ def offsets(
 def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the indices of the ticks that are in both arrays of tick numbers, in order of time.
 
-    Two samples of one tick were acquired at one instant, whatever device they come from. The
-    numbers may pass 2^32 once; a tick that is there twice counts once.
+    Samples with one tick number are simultaneous, also from different devices. The numbers may wrap
+    at 2^32 once; a repeated tick counts once.
     """
     origin = int(first[0]) if len(first) else 0
     counted = [(np.asarray(a, np.int64) - origin + 2**31) % 2**32 for a in (first, second)]

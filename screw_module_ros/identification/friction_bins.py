@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From one run of the positioning stage to force per bin of height (thesis 5.2.4).
+"""Reduces one run of the positioning stage to force per bin of height (thesis 5.2.4).
 
-The force is low-passed one decade above the screw's rotation by an optimal (Parks-McClellan) filter
-of order 400 with 30 Hz of "don't care" (fig 5-9), then averaged over bins of 2.5 mm. Order 400 is
-401 coefficients, whose delay is a whole number of samples and is taken out: force and position stay
-in step. What the stage does to get going, across the play and up to its speed, is left out before
-the filter, so it is not smeared into the bins; what brakes it at the end likewise.
+An optimal (Parks-McClellan) low-pass of order 400 with a transition band of 30 Hz filters the force
+one decade above the screw's rotation (fig 5-9); then it is averaged over bins of 2.5 mm. The 401
+coefficients delay by a whole number of samples, which is corrected: force and position stay
+synchronous. The stage's start (across the play and up to its speed) and its braking are removed
+before the filter, so that they do not spread into the bins.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ RANGE_MM = BIN_MM * BINS  # 355 mm, thesis 5.2.4
 CENTRES_MM = BIN_MM * (np.arange(BINS) + 0.5)
 ORDER = 400  # at the thesis's 2 kHz; the same length in time at other rates
 DONT_CARE_HZ = 30.0
-SETTLE_S = 0.03  # three time constants of what lags behind the load, after the speed is steady
+SETTLE_S = 0.03  # after the speed is steady; three time constants of the load's lag
 _DECADE = 10.0
-_LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, and gain nothing
-_RIPPLE = 1e-3  # the most a design may be off in its bands
+_LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without a benefit
+_RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]
-_LEAST_SHARE = 0.3  # of the samples a whole bin has: below, the bin counts as not measured
+_LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
 
 
 class Steady(NamedTuple):
-    """The stretch of a run at constant speed: first and last sample [index], one behind the end."""
+    """The part of a run at constant speed: index of its first sample, index after its last."""
 
     begin: int
     end: int
 
 
 def turn_rate_hz(speed: float) -> float:
-    """Return how often the screw turns at a speed [m/s] of the nut [Hz]."""
+    """Return the screw's rotation rate [Hz] at a speed [m/s] of the nut."""
     return abs(speed) / SCREW.lead
 
 
@@ -56,16 +56,16 @@ def lowpass_taps(speed: float, rate: float) -> np.ndarray:
 
 
 def cutoff_hz(speed: float) -> float:
-    """Return the filter's cutoff for a stage speed [m/s]: a decade above the screw's turns [Hz]."""
+    """Return the filter's cutoff [Hz], a decade above the rotation rate at a stage speed [m/s]."""
     return max(_DECADE * turn_rate_hz(speed), _LOWEST_CUTOFF_HZ)
 
 
 @functools.lru_cache(maxsize=64)
 def optimal_lowpass(cutoff: float, stop: float, rate: float) -> np.ndarray:
-    """Return a symmetric Parks-McClellan low-pass that passes to cutoff and stops from stop [Hz].
+    """Return a symmetric Parks-McClellan low-pass with band edges `cutoff` and `stop` [Hz].
 
-    Its order is 400 at 2 kHz; where the exchange does not converge because ripples would be lost
-    in rounding, a little less. Raises ValueError when the rate [1/s] is too low.
+    Its order is 400 at 2 kHz, or a little less if the exchange algorithm does not converge because
+    of rounding. Raises ValueError if the rate [1/s] is too low.
     """
     if not 0.0 < cutoff < stop < 0.5 * rate:
         raise ValueError(
@@ -80,15 +80,15 @@ def optimal_lowpass(cutoff: float, stop: float, rate: float) -> np.ndarray:
         frequency, gain = freqz(taps, worN=4096, fs=rate)
         wanted = np.where(frequency <= cutoff, 1.0, np.where(frequency >= stop, 0.0, np.nan))
         if np.nanmax(np.abs(np.abs(gain) - wanted)) < _RIPPLE:
-            return taps / taps.sum()  # a mean force passes as it is
+            return taps / taps.sum()  # unity gain at zero frequency
     raise ValueError(f"no low-pass from {cutoff:.3g} to {stop:.3g} Hz at {rate:g} samples a second")
 
 
 def zero_phase(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
-    """Filter an array with a symmetric filter of odd length, its delay taken out.
+    """Filter an array with a symmetric filter of odd length, without delay.
 
-    Beyond the ends the values are taken as mirrored. Raises ValueError when there are fewer values
-    than half the filter.
+    The values are mirrored beyond the ends. Raises ValueError for fewer values than half the
+    filter's length.
     """
     half = len(taps) // 2
     if len(values) <= half:
@@ -97,11 +97,11 @@ def zero_phase(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
 
 
 def steady_part(trial: StageTrial, samples: Samples) -> Steady:
-    """Find where the nut keeps pace with the stage.
+    """Return the part of a run in which the nut moves at the stage's speed.
 
-    A line of the stage's speed is laid through the middle half of the positions. The steady stretch
-    is what lies within a few counts of it, without `SETTLE_S` at its beginning.
-    Raises ValueError when the nut does not move as the stage should.
+    The reference is a line with the stage's speed through the middle half of the positions. The
+    steady part stays within a few counts of it and begins `SETTLE_S` later.
+    Raises ValueError if the nut does not move at the stage's speed.
     """
     time, position = samples.time, samples.position
     quarter = len(time) // 4
@@ -114,7 +114,8 @@ def steady_part(trial: StageTrial, samples: Samples) -> Steady:
     allowed = 4.0 * spread + 2.0 * _COUNT
     if spread > 0.5e-3:
         raise ValueError(
-            f"the nut strays {spread * 1e3:.2g} mm from {trial.speed:g} m/s: is the stage coupled?"
+            f"the nut deviates by {spread * 1e3:.2g} mm from a motion at {trial.speed:g} m/s: is "
+            "the stage coupled?"
         )
     off = np.abs(behind) > allowed
     before, after = np.flatnonzero(off[:quarter]), np.flatnonzero(off[-quarter:])
@@ -131,9 +132,9 @@ def period_of(samples: Samples) -> float:
 def binned(trial: StageTrial, samples: Samples) -> Part:
     """Reduce a stage run to its bins; for `Job`.
 
-    Returns arrays of 142: `force` mean along z [N], NaN where the bin was not measured; `count`
-    samples; `error` standard error of the mean by the sensor's noise [N]. `cutoff` [Hz].
-    Raises ValueError when there is no steady stretch.
+    Returns arrays of 142: `force` mean along z [N], NaN in a bin that was not measured; `count` of
+    samples; `error` standard error of the mean from the sensor's noise [N]; and `cutoff` [Hz].
+    Raises ValueError without a steady part.
     """
     period = period_of(samples)
     steady = steady_part(trial, samples)
@@ -146,7 +147,7 @@ def binned(trial: StageTrial, samples: Samples) -> Part:
     whole = BIN_MM / 1e3 / abs(trial.speed) / period
     enough = count >= max(_LEAST_SHARE * whole, 1.0)
     force = np.where(enough, total / np.maximum(count, 1), np.nan)
-    noise = float(1.4826 * np.median(np.abs(raw - smooth)))  # of a step, only the noise
+    noise = float(1.4826 * np.median(np.abs(raw - smooth)))  # the median ignores steps
     error = np.where(enough, noise / np.sqrt(np.maximum(count, 1)), np.nan)
     return {
         "force": force,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fit of the thesis's friction model to the measured maps (thesis 5.2.5, figs 5-24 to 5-30).
 
-`friction_refine` fits, here are maps and weight taken, the model made and judged: how much of the
-maps it hits within 2 N, and how much the thesis's own coefficients do on the same maps.
+`friction_refine` does the fit. This module reads maps and weight, makes the model and evaluates it:
+share of the maps' cells within 2 N, for the fit and for the thesis's own coefficients.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _WAYS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
-    """Of the fit; the data come from friction_map and gravity."""
+    """Settings of the fit; the data come from friction_map and gravity."""
 
     ramp_speed: Annotated[
-        float, Setting("below it the controller's model goes to zero in a line", "m/s", 1e-4, 0.02)
+        float, Setting("the controller's model is linear below this speed", "m/s", 1e-4, 0.02)
     ] = 0.002
     flip_gain: Annotated[
-        float, Setting("share of the squared error a flip must save to be kept", "", 0.0, 1.0)
+        float, Setting("least reduction of the squared error by a ripple flip", "", 0.0, 1.0)
     ] = 0.1
 
 
@@ -43,8 +43,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Fit the model; needs the results of friction_map and gravity.
 
     Data: see `friction_model_of`; `centres` [mm], `speeds` [mm/s], `force_up`, `residual_up` and
-    the same down [N], shape (speeds, bins). Raises MissingResult, ValueError for maps with too
-    little in them.
+    the same down [N], shape (speeds, bins). Raises MissingResult, ValueError for maps with too few
+    cells.
     """
     validated(settings)
     maps, weighed = lab.result(friction_map.NAME).data, lab.result(gravity.NAME)
@@ -98,7 +98,7 @@ def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
 
 
 def beyond(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
-    """Return measured minus modelled force [N] of any model on the maps of this result."""
+    """Return measured minus modelled force [N] of a model on the maps of this result."""
     velocity = dict(_WAYS)[way] * data["speeds"]
     return data[f"force_{way}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
 
@@ -164,7 +164,7 @@ def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> l
 
 
 def _ramped(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
-    """Return the residual of what the controller computes, ramp at low speed included [N]."""
+    """Return the residual of the controller's model, with its ramp at low speed [N]."""
     velocity = dict(_WAYS)[way] * data["speeds"] / 1e3
     friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
     return data[f"force_{way}"] - model.gravity - friction
@@ -173,14 +173,14 @@ def _ramped(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.n
 def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:
     slow = int((data["speeds"] < model.ramp_speed).sum())
     notes = [
-        "Residuals are those of the thesis's form. The controller's ramp to zero below "
-        f"{model.ramp_speed:g} mm/s ({slow} of {len(data['speeds'])} speeds) is left out; "
-        "within_ramped has it.",
-        "What the form cannot follow stays: the ripple of the rollers, and friction that falls with"
-        " speed in one half of the screw and rises in the other.",
-        "Standard errors take the residuals as independent; neighbouring bins are not.",
+        "The residuals are those of the thesis's form, without the controller's ramp to zero below "
+        f"{model.ramp_speed:g} mm/s ({slow} of {len(data['speeds'])} speeds); within_ramped "
+        "includes the ramp.",
+        "The form cannot represent the ripple of the rollers, nor friction that falls with speed in"
+        " one half of the screw and rises in the other.",
+        "Standard errors assume independent residuals, but neighbouring bins are correlated.",
     ]
     for way, _ in _WAYS:
         if getattr(model, way).flip_below < 0.0:
-            notes.append(f"A turned-over ripple gains nothing {way}: no flip is used.")
+            notes.append(f"Direction {way}: a ripple flip has no benefit and is not used.")
     return tuple(notes)

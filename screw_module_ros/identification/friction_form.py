@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thesis's form of the friction model over arrays, and its parameters as a vector for fits.
 
-`held_force` is the force of thesis 5.2.5 that holds a speed, gravity included. A `BranchFit` has
-the same freedom as `FrictionBranch`, as numbers of one size: Chebyshev coefficients over the range
-of heights in place of powers of millimetres, and a speed factor that is one at `REFERENCE` and
-continuous at its knee, so that no two parameters do the same.
+`held_force` is the force of thesis 5.2.5 that maintains a speed, gravity included. A `BranchFit`
+has the same degrees of freedom as `FrictionBranch`, with parameters of similar size: Chebyshev
+coefficients over the range of heights instead of powers of millimetres, and a speed factor that is
+one at `REFERENCE` and continuous at its knee, so that no parameter is redundant.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.polynomial.chebyshev import chebvander
 from ..control.friction import FrictionBranch, FrictionModel
 
 TREND, RIPPLE = 8, 6  # coefficients of the 7th and the 5th order
-REFERENCE = 40.0  # speed at which the speed factor of a fit is one [mm/s]
+REFERENCE = 40.0  # speed with a speed factor of one in a fit [mm/s]
 NO_FLIP = -1.0  # [mm], as in params/friction_thesis.yaml
 PARAMETERS = TREND + RIPPLE + 3
 # Lowest and highest: exponent, logarithm of the knee [mm/s], slope [s/mm].
@@ -43,7 +43,7 @@ def basis(z: np.ndarray, low: float, high: float, coefficients: int) -> np.ndarr
 
 
 def ripple_phase(z: np.ndarray, lead: float, phase: float, flip_below: float) -> np.ndarray:
-    """Return the ripple at amplitude one; below flip_below [mm] it is turned by pi."""
+    """Return the ripple with amplitude one; its phase is shifted by pi below flip_below [mm]."""
     return np.where(z > flip_below, 1.0, -1.0) * np.sin(2.0 * np.pi / lead * z + phase)
 
 
@@ -57,10 +57,10 @@ def speed_factor(branch: FrictionBranch, speed: np.ndarray) -> np.ndarray:
 
 
 def held_force(model: FrictionModel, z: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Return the force that holds a velocity, gravity included [N].
+    """Return the force that maintains a velocity, gravity included [N].
 
-    z [mm], velocity [mm/s], not zero, of one shape. Height and speed are held in the model's range
-    as in `control.friction`; its ramp at low speed is left out, as in the thesis.
+    z [mm], velocity [mm/s], not zero, of one shape. Height and speed are clipped to the model's
+    range as in `control.friction`; there is no ramp at low speed, as in the thesis.
     """
     z = np.clip(np.asarray(z, float), model.low, model.high)
     velocity = np.asarray(velocity, float)
@@ -93,9 +93,9 @@ def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) ->
 def branch_of(
     fit: BranchFit, speeds: np.ndarray, low: float, high: float, gravity: float
 ) -> FrictionBranch:
-    """Return the fit as the controller and the thesis have it: powers of millimetres.
+    """Return the fit in the form of controller and thesis, with powers of millimetres.
 
-    Its speed factor has the mean one over `speeds` [mm/s], so that trend and ripple are those of
+    Its speed factor has a mean of one over `speeds` [mm/s], so that trend and ripple are those of
     the mean curve, as in the thesis. low, high [mm], gravity [N].
     """
     shape = (fit.exponent, fit.knee, fit.slope)

@@ -2,9 +2,9 @@
 """Maps of the force at constant speed over height and speed (thesis 5.2.4, figs 5-10 to 5-23).
 
 The positioning stage drives the handle up and down the screw at 14 speeds, upright and upside down,
-with no torque commanded; `friction_bins` averages each run over bins of 2.5 mm. Heights, and what
-is called up, are those on the screw also upside down, as in the thesis; force is that of the stage
-on the robot, up the screw positive.
+with no torque commanded; `friction_bins` averages each run over bins of 2.5 mm. Heights and the
+direction "up" refer to the screw, also upside down, as in the thesis. The force is that of the
+stage on the robot, up the screw positive.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from .results import Quantity, Result
 from .trials import StageTrial
 
 NAME = "friction_map"
-# The thesis names 0.5, 5, 10, 20, 25, 40, 50 and 150 mm/s; the other six are ours, and 2.5 mm/s is
-# where its model changes.
+# The thesis names 0.5, 5, 10, 20, 25, 40, 50 and 150 mm/s; the other six are ours. Its model has
+# its knee at 2.5 mm/s.
 SPEEDS = (
     0.0005, 0.001, 0.0025, 0.005, 0.010, 0.015, 0.020,
     0.025, 0.040, 0.050, 0.075, 0.100, 0.125, 0.150,
@@ -32,13 +32,13 @@ _LOWER = CENTRES_MM < 0.5 * RANGE_MM
 
 
 class Settings(NamedTuple):
-    """What is driven; the stage of the thesis does 0.5 to 150 mm/s."""
+    """Speeds and range of heights; the stage of the thesis moves at 0.5 to 150 mm/s."""
 
     speeds: Annotated[
-        tuple[float, ...], Setting("of the stage, upright, rising", "m/s", 1e-4, 1.0)
+        tuple[float, ...], Setting("stage speeds, upright, ascending", "m/s", 1e-4, 1.0)
     ] = SPEEDS
     inverted_speeds: Annotated[
-        tuple[float, ...], Setting("some of these, module upside down; may be none", "m/s")
+        tuple[float, ...], Setting("some of the speeds or none, module upside down", "m/s")
     ] = SPEEDS
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
@@ -47,10 +47,10 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure the maps.
 
-    Data: `speeds` [m/s], shape (n,), rising; `centres` of the bins [mm], (142,); for each of `MAPS`
-    the force [N] `NAME`, its standard error [N] `NAME_error` and samples `NAME_count`, all
-    (n, 142), NaN where nothing was measured. Raises ValueError for settings that do not fit
-    together, and what `Lab.run` raises.
+    Data: `speeds` [m/s], shape (n,), ascending; `centres` of the bins [mm], (142,); for each of
+    `MAPS` the force [N] `NAME`, its standard error [N] `NAME_error` and samples `NAME_count`, all
+    (n, 142), NaN for bins not measured. Raises ValueError for inconsistent settings, and the errors
+    of `Lab.run`.
     """
     speeds = _checked(settings)
     jobs = _jobs(settings)
@@ -65,14 +65,14 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 def measured(data: dict[str, np.ndarray], name: str) -> np.ndarray:
-    """Return the numbers of the speeds at which a map of `MAPS` was measured."""
+    """Return the indices of the speeds at which a map of `MAPS` was measured."""
     return np.flatnonzero(np.isfinite(data[name]).any(axis=1))
 
 
 def nearest(data: dict[str, np.ndarray], name: str, speed: float) -> int:
-    """Return the number of the measured speed nearest to one [m/s].
+    """Return the index of the measured speed nearest to `speed` [m/s].
 
-    Raises ValueError when the map was not measured at all.
+    Raises ValueError if the map was not measured.
     """
     there = measured(data, name)
     if not len(there):
@@ -83,7 +83,7 @@ def nearest(data: dict[str, np.ndarray], name: str, speed: float) -> int:
 def mean_over(data: dict[str, np.ndarray], name: str, bins: np.ndarray) -> np.ndarray:
     """Return the mean force of a map over bins (a mask of 142) at each speed [N].
 
-    Only bins measured at every speed count, so that ends missing at high speed do not tilt it.
+    Only bins measured at every speed count, so that bins missing at high speed cause no trend.
     """
     force = data[name][:, bins]
     there = measured(data, name)
@@ -97,8 +97,8 @@ def mean_over(data: dict[str, np.ndarray], name: str, bins: np.ndarray) -> np.nd
 def stribeck_velocity(speeds: np.ndarray, friction: np.ndarray) -> tuple[float, float]:
     """Return the speed of least friction after its peak at low speed, and its uncertainty [m/s].
 
-    Both arrays rise with speed in step; friction: magnitude [N]. The uncertainty is half the way
-    between the neighbouring speeds. NaN when friction has no minimum between.
+    speeds [m/s], ascending; friction: magnitude [N] at these speeds. The uncertainty is a quarter
+    of the distance between the neighbouring speeds. NaN if friction has no inner minimum.
     """
     inner = np.arange(1, len(speeds) - 1)
     lows = inner[(friction[inner] < friction[inner - 1]) & (friction[inner] <= friction[inner + 1])]
@@ -115,7 +115,7 @@ def _checked(settings: Settings) -> tuple[float, ...]:
     validated(settings)
     speeds = tuple(float(speed) for speed in settings.speeds)
     if sorted(set(speeds)) != list(speeds) or not speeds:
-        raise ValueError(f"speeds = {settings.speeds}: rising speeds, each once, are wanted")
+        raise ValueError(f"speeds = {settings.speeds}: must be ascending, without repetition")
     unknown = [speed for speed in settings.inverted_speeds if speed not in speeds]
     if unknown:
         raise ValueError(f"inverted_speeds: {unknown[0]:g} m/s is not among the speeds")
@@ -188,12 +188,12 @@ def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quant
 def _notes(data: dict[str, np.ndarray]) -> tuple[str, ...]:
     notes = [
         "Up and down are directions on the screw, also upside down (thesis 5.2.4).",
-        "The uncertainty of a mean force is the sensor's noise alone, not its zero.",
+        "The uncertainty of a mean force includes the sensor's noise, but not its zero.",
     ]
     empty = np.isnan(data["up"]).sum(axis=1)
     if empty.any():
         notes.append(
-            f"Up to {int(empty.max())} of {BINS} bins of a run lie where the stage gets to its "
-            "speed or brakes; they are left empty, none is filled from its neighbours."
+            f"Up to {int(empty.max())} of {BINS} bins of a run lie where the stage accelerates or "
+            "brakes; they stay empty and are not interpolated."
         )
     return tuple(notes)

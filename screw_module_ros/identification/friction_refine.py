@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From maps of friction to the parameters of the thesis's form (thesis 5.2.5).
+"""Fits the parameters of the thesis's form to maps of friction (thesis 5.2.5).
 
-Phase and flip of the ripple are searched on a grid, on the means over the speeds as in the thesis.
-Then all cells of both directions are fitted together. Trend and ripple enter linearly, so they are
-solved for exactly inside, and the optimiser moves only the phase and the speed factors (variable
-projection: Golub and Pereyra 1973).
+A grid search finds phase and flip of the ripple on the means over the speeds, as in the thesis.
+Then all cells of both directions are fitted together. Trend and ripple are linear parameters and
+are solved for exactly in each step; the optimiser varies only the phase and the speed factors
+(variable projection: Golub and Pereyra 1973).
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from .friction_form import (
 )
 
 _LEAD = SCREW.lead * 1e3  # [mm]
-_PHASES = np.arange(36) * (np.pi / 36.0)  # beyond pi the amplitude changes its sign
+_PHASES = np.arange(36) * (np.pi / 36.0)  # phases beyond pi equal a negative amplitude
 _FLIPS = np.arange(20.0, 336.0, BIN_MM)  # [mm]
-_FIRST = (0.15, np.log(2.5), 0.003)  # exponent, knee and slope near the thesis's
+_FIRST = (0.15, np.log(2.5), 0.003)  # initial exponent, knee and slope, near the thesis's
 
 
 class Fitted(NamedTuple):
-    """branches: up and down; phase and its standard error [rad]; low, high: range of heights that
-    was measured [mm]; cost: half the sum of squared residuals [N^2]."""
+    """branches: up and down; phase and its standard error [rad]; low, high: measured range of
+    heights [mm]; cost: half the sum of squared residuals [N^2]."""
 
     branches: tuple[BranchFit, BranchFit]
     phase: float
@@ -63,8 +63,8 @@ def fit_maps(
     """Fit both directions together.
 
     z: bins [mm]; speeds [mm/s]; up, down: friction [N], up the screw positive, (speeds, bins), NaN
-    where nothing was measured; flip_gain: share of the squared error of the mean curve that a flip
-    must save to be used. Raises ValueError when there is too little to fit.
+    for cells not measured; flip_gain: least relative reduction of the mean curve's squared error
+    for which a flip is used. Raises ValueError for too few cells.
     """
     for way, force in zip(("up", "down"), (up, down), strict=True):
         if np.isfinite(force).sum() < 5 * PARAMETERS or np.isfinite(force).any(axis=1).sum() < 4:
@@ -99,13 +99,13 @@ def _cells(
 
 
 def _mean_curve(force: np.ndarray) -> np.ndarray:
-    """Return the mean over the speeds, levelled so that a speed missing at an end is not missed."""
+    """Return the mean over the speeds, normalised so that missing cells have no effect."""
     level = _mean(force, 1)
     return _mean(force / level[:, None], 0) * float(np.nanmean(level))
 
 
 def _mean(values: np.ndarray, axis: int) -> np.ndarray:
-    """Return the mean of what is not NaN, NaN where nothing is."""
+    """Return the mean over the finite values, NaN without any."""
     count = np.isfinite(values).sum(axis=axis)
     return np.where(count > 0, np.nansum(values, axis=axis) / np.maximum(count, 1), np.nan)
 
@@ -171,7 +171,7 @@ def _fitted(
 ) -> Fitted:
     """Return the fit with the upward ripple's amplitude positive on average.
 
-    A ripple turned by half a cycle with its amplitude negated is the same ripple.
+    A ripple shifted by half a cycle with negated amplitude is the same ripple.
     """
     phase = float(found.x[0])
     branches = []

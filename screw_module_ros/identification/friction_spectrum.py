@@ -18,13 +18,13 @@ NAME = "friction_spectrum"
 ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
 _WAYS = (("up", 1.0), ("down", -1.0))
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
-_LOWEST = 0.6  # of the screw's rate: slower is the trend along the screw
-_HIGHEST = 6.0  # of the screw's rate, where modes are looked for
-_ABOVE_FLOOR = 6.0  # a mode stands out of the noise so many times
+_LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
+_HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
+_ABOVE_FLOOR = 6.0  # least prominence of a mode over the noise floor
 
 
 class Settings(NamedTuple):
-    """The run."""
+    """Speed and range of the run."""
 
     speed: Annotated[float, Setting("of the stage", "m/s", 1e-3, 0.15)] = 0.020
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.2)] = 0.0
@@ -42,8 +42,8 @@ class Peak(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Find the modes, moving up and down.
 
-    Data, each way: `frequency_up` [Hz], `amplitude_up` [N]; `peaks_up` rows of `Peak`. Raises
-    ValueError for settings that do not fit together, and what `Lab.run` raises.
+    Data, per direction: `frequency_up` [Hz], `amplitude_up` [N]; `peaks_up` rows of `Peak`. Raises
+    ValueError for inconsistent settings, and the errors of `Lab.run`.
     """
     validated(settings)
     if settings.high - settings.low < 0.08:
@@ -63,12 +63,12 @@ def run(lab: Lab, settings: Settings) -> Result:
         for name, rate, what in _MODES:
             peak = nearest(found, rate * turn)
             if peak is None:
-                notes.append(f"No line of the {what} stands out, {way}.")
+                notes.append(f"The spectrum has no line of the {what}, {way}.")
                 peak = Peak(*(float("nan"),) * 3)
             quantities += _of_peak(name, what, way, peak, float(np.median(amplitude)))
     notes.append(
-        "Amplitudes are means along the screw: a ripple that grows with height, or turns over half "
-        "way, shows less than its largest swing and wider lines."
+        "Amplitudes are means along the screw. A ripple whose amplitude or phase changes along the "
+        "screw gives wider lines with less than its largest amplitude."
     )
     return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
 
@@ -84,7 +84,7 @@ def spectrum(trial: StageTrial, samples: Samples) -> Part:
 
 
 def modes(frequency: np.ndarray, amplitude: np.ndarray, turn: float) -> list[Peak]:
-    """Return the lines that stand out near the screw's rate `turn` [Hz] and its low multiples.
+    """Return the lines near the screw's rate `turn` [Hz] and its low multiples.
 
     frequency [Hz], evenly spaced; amplitude [N].
     """
@@ -100,7 +100,7 @@ def modes(frequency: np.ndarray, amplitude: np.ndarray, turn: float) -> list[Pea
 
 
 def nearest(peaks: list[Peak], frequency: float) -> Peak | None:
-    """Return the largest line within a tenth of a frequency [Hz], None when there is none."""
+    """Return the largest line within a tenth of a frequency [Hz], None without any."""
     near = [peak for peak in peaks if abs(peak.frequency - frequency) <= 0.1 * frequency]
     return max(near, key=lambda peak: peak.amplitude, default=None)
 

@@ -2,9 +2,9 @@
 """Weight of the parts that move up and down, by two methods (thesis 5.2.4, figs 5-20 to 5-23).
 
 The thesis takes half of the mean difference between runs upright and upside down in the lower half
-of the screw. That is exact only when friction is the same against gravity as with it; the thesis
-itself found that it is not, and half of the difference ends up in the weight. Ours is the weight at
-the beginning of a creeping run, while the handle crosses the play (see `play_crossing`).
+of the screw. That is exact only if friction against gravity equals friction with gravity. The
+thesis found that they differ; half of the difference is an error of its weight. Our method measures
+the weight at the beginning of a creeping run, while the handle crosses the play (`play_crossing`).
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ class Settings(NamedTuple):
         tuple[float, ...], Setting("of the stage across the play", "m/s", 1e-4, 5e-3)
     ] = (0.0005, 0.001, 0.002)
     heights: Annotated[
-        tuple[float, ...], Setting("where the runs begin; friction holds there", "m", 0.02, 0.34)
+        tuple[float, ...], Setting("start of the runs; friction holds the nut", "m", 0.02, 0.34)
     ] = (0.24, 0.27)
-    travel: Annotated[float, Setting("of a run, wider than any play", "m", 2e-4, 5e-3)] = 1e-3
-    least_play: Annotated[float, Setting("a narrower play counts as none", "m", 0.0, 1e-3)] = 1e-5
+    travel: Annotated[float, Setting("of a run; larger than the play", "m", 2e-4, 5e-3)] = 1e-3
+    least_play: Annotated[float, Setting("smaller play counts as none", "m", 0.0, 1e-3)] = 1e-5
 
 
 class ByMaps(NamedTuple):
@@ -49,8 +49,8 @@ class ByMaps(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Weigh the moving parts; needs the result of friction_map.
 
-    Quantity `gravity` is by the play where there is one, else by the maps. Raises MissingResult,
-    NotPossible when neither method has what it needs, and what `Lab.run` raises.
+    Quantity `gravity` comes from the play if there is one, else from the maps. Raises
+    MissingResult, NotPossible if neither method has its data, and the errors of `Lab.run`.
     """
     validated(settings)
     maps = lab.result(friction_map.NAME).data
@@ -60,8 +60,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     weight, by_maps = weighed(crossings), difference_of_maps(maps)
     if weight is None and by_maps is None:
         raise NotPossible(
-            "no play is crossed and friction_map has nothing upside down: the weight cannot be told"
-            " from friction; measure friction_map with inverted_speeds"
+            "the handle crosses no play, and friction_map has no run upside down: weight and "
+            "friction cannot be separated; measure friction_map with inverted_speeds"
         )
     data = {"crossings": np.array(crossings), "jobs": np.array([job.name for job in jobs])}
     for job in jobs:
@@ -79,7 +79,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 def difference_of_maps(maps: dict[str, np.ndarray]) -> ByMaps | None:
     """Return force upright minus upside down over the lower half, all speeds, both ways (5.2.4).
 
-    None when nothing was measured upside down.
+    None without runs upside down.
     """
     beyond = [
         (maps[way] - maps[f"{way}_inverted"])[:, _LOWER].ravel() for way in ("up", "down")
@@ -140,20 +140,21 @@ def _notes(weight: Weight | None, by_maps: ByMaps | None) -> tuple[str, ...]:
     notes = []
     if weight is None:
         notes.append(
-            "No play was crossed (none, or narrower than least_play): the weight is that of the "
-            "maps, off by half of the difference between friction against gravity and with it."
+            "The handle crossed no play (none, or smaller than least_play). The weight comes from "
+            "the maps, with an error of half the difference between friction against and with "
+            "gravity."
         )
     else:
         if np.isnan(weight.film):
-            notes.append("One speed and one way only: the drag of the film is in the weight.")
+            notes.append("One speed and direction only: the weight includes the film's drag.")
         if np.isnan(weight.zero):
-            notes.append("The transducer's zero is taken as the bench left it.")
+            notes.append("The transducer's zero is the one that the bench subtracted.")
     if weight and by_maps:
         bias = by_maps.mean / 2.0 - weight.weight
         notes.append(
-            f"The thesis's method is off by {bias:+.2f} N here: half of the mean difference "
-            "between friction against gravity and with it, in the lower half of the screw."
+            f"The thesis's method has an error of {bias:+.2f} N here: half of the mean difference "
+            "between friction against and with gravity, in the lower half of the screw."
         )
     if by_maps is None:
-        notes.append("Nothing was measured upside down: the thesis's method was not possible.")
+        notes.append("There are no runs upside down, which the thesis's method needs.")
     return tuple(notes)

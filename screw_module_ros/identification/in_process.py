@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bench in process: the simulated module and the vertical loop, many times real time.
+"""The in-process bench: simulated module and vertical loop, many times faster than real time.
 
 Plant, drivers' scaling and law are those of the rig and the nodes, in one compiled loop (`loop`) at
-the thesis's 2 kHz with the plant's finer substeps; buses and processes are left out.
+the thesis's 2 kHz with the plant's finer substeps, without buses and processes.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ from .trials import (
 
 THESIS_FRICTION = "params/friction_thesis.yaml"
 _CHUNK = 100_000  # ticks between two reports of progress
-_HUNG_AT = 0.25  # height at which friction holds a handle that nobody holds [m]
-_SETTLE_S = 3.0  # from a handle at rest to a spring that has faded in
+_HUNG_AT = 0.25  # height at which friction holds the free handle [m]
+_SETTLE_S = 3.0  # for the spring to fade in
 
 
 class LoopSettings(NamedTuple):
@@ -72,11 +72,11 @@ class LoopSettings(NamedTuple):
 
     rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 2000.0
     command_delay: Annotated[
-        float, Setting("from a sample to the command in answer to it (Table 3.1)", "s", 0.0, 0.02)
+        float, Setting("from a sample to its command (Table 3.1)", "s", 0.0, 0.02)
     ] = 325e-6
     rated_torque: Annotated[float, Setting("of the drive, object 6076", "Nm", 0.01, 10.0)] = 0.42
     torque_constant: Annotated[
-        float, Setting("of the motor, as its data sheet says", "Nm/A", 0.01, 10.0)
+        float, Setting("of the motor, from its data sheet", "Nm/A", 0.01, 10.0)
     ] = 0.16
     command_up: Annotated[float, Setting("largest command upward", "N", 0.0, 150.0)] = 95.0
     command_down: Annotated[float, Setting("largest command downward", "N", 0.0, 150.0)] = 75.0
@@ -86,10 +86,10 @@ class LoopSettings(NamedTuple):
 
 
 class InProcessBench:
-    """The simulated module `world` on a desk.
+    """The simulated module `world` as a `trials.Bench`.
 
-    seed: of the noise and of the transducer's zeros. A command acts in whole substeps: the delay is
-    rounded up to them, except for torque trials, whose substep is halved so that it is exact.
+    seed: of the noise and of the transducer's zeros. A command acts after a whole number of
+    substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
     """
 
     def __init__(self, world: WorldSettings, loop: LoopSettings | None = None, seed: int = 1):
@@ -102,7 +102,7 @@ class InProcessBench:
         self._run = compiled(run_ticks)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
-        """Do a trial. Raises NotPossible for a rate that does not fit, or as `on_progress` does."""
+        """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
         if isinstance(trial, AnalyzerTrial):
             return analyzer_samples(self.world, trial)
         params = self._params(trial)
@@ -121,7 +121,7 @@ class InProcessBench:
     def _moved(
         self, trial: Trial, params: LoopParams, state: LoopState, on_progress: OnProgress
     ) -> tuple[np.ndarray, LoopState]:
-        """Return the samples of the trial; a hand that lets go does so between two of them."""
+        """Return the samples of the trial; the hand lets go between two samples."""
         length = length_of(trial)
         held = min(length, getattr(trial, "released_after", math.inf))
         rows, state = self._ticks(params, state, held, on_progress)
@@ -131,7 +131,7 @@ class InProcessBench:
         return np.concatenate((rows, loose)), state
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
-        """Return what the transducer shows with nothing at the handle, a mean of half a second."""
+        """Return the transducer's reading without load, a mean of half a second."""
         own, noise = sensor_params(self.world.sensor, self.seed), seeded(self.seed)
         count = round(ZERO_S * self.rate)
         shown = np.empty((count, 6))
@@ -150,8 +150,8 @@ class InProcessBench:
         steps = round(1.0 / rate / substep)
         if abs(steps * substep * rate - 1.0) > 1e-9:
             raise NotPossible(
-                f"{rate:g} samples per second: a whole number of substeps of {substep:g} s must "
-                "make a period; choose 500, 1000, 2000 or 4000"
+                f"{rate:g} samples per second: the period must be a whole number of substeps of "
+                f"{substep:g} s; choose 500, 1000, 2000 or 4000"
             )
         arm = HumanArm("active", *trial.arm, 0.0) if isinstance(trial, MotionTrial) else w.arm
         plant = vertical_params(
@@ -195,9 +195,9 @@ class InProcessBench:
         )  # fmt: skip
 
     def _start(self, trial: Trial, params: LoopParams) -> LoopState:
-        """Return the state after power-on, the module hung where friction holds it.
+        """Return the state after power-on, with the handle held by friction.
 
-        Every trial has noise of its own, the same each time it is done.
+        Every trial has its own noise, which is the same in each repetition.
         """
         noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
         law = initial_state(params.law)
@@ -208,18 +208,18 @@ class InProcessBench:
         )  # fmt: skip
 
     def _zero(self, params: LoopParams, state: LoopState) -> tuple[float, float, LoopState]:
-        """Return the mean force [N] and torque [Nm] with nothing acting, and the state after it."""
+        """Return the mean force [N] and torque [Nm] without load, and the state after it."""
         quiet = params._replace(kind=REST)
         if params.fixture != LOCKED_ROTOR:
             hung = resting_state(self.world.vertical, _HUNG_AT, params.upright)
             quiet = quiet._replace(fixture=FREE)
             state = state._replace(module=hung)
         rows, state = self._ticks(quiet, state, 2.0 * ZERO_S)
-        calm = rows[len(rows) // 2 :]  # the first half lets filters and currents settle
+        calm = rows[len(rows) // 2 :]  # filters and currents settle in the first half
         return float(calm[:, 2].mean()), float(calm[:, 3].mean()), state
 
     def _placed(self, trial: Trial, state: LoopState) -> LoopState:
-        """Return the state with the handle at rest where the trial begins."""
+        """Return the state with the handle at rest at the trial's start."""
         position = {StageTrial: "start", MotionTrial: "centre"}.get(type(trial))
         module = state.module
         height = _HUNG_AT

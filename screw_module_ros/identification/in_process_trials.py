@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a trial means for the compiled loop, and its rows as samples."""
+"""Translates trials to parameters of the compiled loop, and its rows to samples."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from .trials import (
 )
 
 ZERO_S = 0.5  # over which the transducer's zero is averaged
-_WAY_S = 1.0  # in which a hand goes to where the trial wants it
-_SIDE_OMEGA = 2.0  # of the force sideways [rad/s]
+_WAY_S = 1.0  # time of the hand's move to the middle of its sine
+_SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 
 
 def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
-    """Return the parameters with what the trial asks for."""
+    """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
     if isinstance(trial, TorqueTrial):
         return quiet._replace(
             kind=SINE,
@@ -78,26 +78,26 @@ def hand_path(trial: MotionTrial) -> HandPath:
 
 
 def length_of(trial: Trial) -> float:
-    """Return how long the samples last [s]; a stage has to get going and to brake."""
+    """Return the duration of the samples [s], with a stage's acceleration and braking."""
     if isinstance(trial, StageTrial):
         return abs(trial.end - trial.start) / abs(trial.speed) + 0.05
     return trial.duration
 
 
 def counted(height: float) -> float:
-    """Return a height [m] as the encoder shows it."""
+    """Return a height [m] rounded to the encoder's counts."""
     return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
 
 
 def tared(params: LoopParams, force: float, torque: float) -> LoopParams:
-    """Return the parameters with this force [N] and torque [Nm] taken as the transducer's zero."""
+    """Return the parameters with this force [N] and torque [Nm] as the transducer's zero."""
     t = params.transducer
     tared = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
     return params._replace(transducer=tared)
 
 
 def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:
-    """Return the rows as samples; the zeros drifted to `force` [N] and `torque` [Nm] by the end."""
+    """Return the rows as samples, without the zeros' drift to `force` [N] and `torque` [Nm]."""
     time = np.arange(len(rows)) * params.period
     drifted = (time + 0.5 * ZERO_S) / (len(rows) * params.period + ZERO_S)
     return Samples(
@@ -112,7 +112,7 @@ def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float
 
 
 def analyzer_samples(world: WorldSettings, trial: AnalyzerTrial) -> Samples:
-    """Return command and current of the amplifier driven by an analyzer, the rest zero."""
+    """Return command and current of an amplifier on an analyser; all other samples are zero."""
     from ..plant.analyzer import analyzed
 
     command, current = analyzed(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mass that a hand at the handle moves, from back-driven oscillations (thesis 5.3, 5-32 to 5-34).
+"""Mass felt at the handle, from back-driven oscillations (thesis 5.3, figs 5-32 to 5-34).
 
-No torque is commanded. The hand swings the handle fast and far; friction and weight come from the
-model of friction_fit, whose speed factor is projected beyond the fastest speed of the maps as the
-thesis does. Two estimates, the thesis's ratio and our regression: see `mass_estimates`.
+No torque is commanded. The hand swings the handle fast and far. Friction and weight come from the
+model of friction_fit; its speed factor is extrapolated beyond the fastest speed of the maps, as in
+the thesis. There are two estimates, the thesis's ratio and our regression: see `mass_estimates`.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from .results import Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "inertia"
-_PROJECTED = 2000.0  # speed up to which the line of the speed factor is drawn on [mm/s]
-_REGRESSION_HZ = 100.0  # samples taken per second: the signals end at 30 Hz
+_PROJECTED = 2000.0  # the speed factor is extrapolated to this speed [mm/s]
+_REGRESSION_HZ = 100.0  # samples per second in the regression: the signals end at 30 Hz
 _SHOWN = 4  # every n-th sample is kept for the figures
-_STRICT = 1000.0  # 2.5 m/s^2 in place of the 2.5 mm/s^2 that is printed
+_STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
 
 
 class Settings(NamedTuple):
-    """The oscillations, one record each, and what samples count (thesis 5.3.2)."""
+    """The oscillations, one record each, and limits of usable samples (thesis 5.3.2)."""
 
     amplitudes: Annotated[tuple[float, ...], Setting("of the hand", "m", 0.005, 0.16)] = (
         0.12, 0.10, 0.08, 0.06, 0.04,
@@ -45,20 +45,20 @@ class Settings(NamedTuple):
     arm_mass: Annotated[float, Setting("of the hand and arm", "kg", 0.1, 20.0)] = 3.0
     arm_stiffness: Annotated[float, Setting("of a firm grip", "N/m", 50.0, 5000.0)] = 2000.0
     arm_damping: Annotated[float, Setting("of a firm grip", "Ns/m", 0.0, 500.0)] = 60.0
-    least_speed: Annotated[float, Setting("slower samples are left out", "m/s", 0.0, 1.0)] = 0.020
+    least_speed: Annotated[float, Setting("slower samples do not count", "m/s", 0.0, 1.0)] = 0.020
     least_acceleration: Annotated[
-        float, Setting("less is left out of the ratio", "m/s^2", 1e-4, 50.0)
+        float, Setting("samples below do not count in the ratio", "m/s^2", 1e-4, 50.0)
     ] = 0.0025
-    widest_shift: Annotated[float, Setting("tried between the curves", "s", 0.0, 0.1)] = 0.030
+    widest_shift: Annotated[float, Setting("largest shift of the curves", "s", 0.0, 0.1)] = 0.030
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Identify the mass; needs the result of friction_model.
 
     Quantity `mass` is by regression, `mass_thesis` by the thesis's ratio. Data: per record n
-    `time_n`, `acceleration_n`, `inertial_n` (force minus friction and weight), `ratio_n` (0 where
-    left out); `shifts` [s]. Raises ValueError for settings that do not fit together or a handle
-    that hardly moved, MissingResult, and what `Lab.run` raises.
+    `time_n`, `acceleration_n`, `inertial_n` (force minus friction and weight), `ratio_n` (0 for
+    excluded samples); `shifts` [s]. Raises ValueError for inconsistent settings or a handle that
+    hardly moved, MissingResult, and the errors of `Lab.run`.
     """
     jobs = _jobs(settings)
     model = friction_fit.friction_model_of(lab.result(friction_fit.NAME))
@@ -101,7 +101,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
 
 def kept(trial: MotionTrial, samples: Samples) -> Part:
-    """Reduce a record to what the estimates need; for `Job`."""
+    """Reduce a record to time, position and force; for `Job`."""
     return {"time": samples.time, "position": samples.position, "force": samples.force}
 
 
@@ -174,12 +174,12 @@ def _notes(ratios: list[Ratio], strict: list[Ratio]) -> tuple[str, ...]:
     mean, deviation = pooled(ratios)
     shifts = ", ".join(f"{r.shift * 1e3:.1f}" for r in strict if np.isfinite(r.shift)) or "no"
     return (
-        "The uncertainty of the mass holds what the load term changes and the spread when records "
-        "are left out; not an error of the sensor's gain.",
-        "The friction model's line is projected beyond the fastest speed of the maps, as in 5.3.",
+        "The uncertainty of the mass includes the effect of the load term and the spread of a "
+        "jackknife over the records, but not an error of the sensor's gain.",
+        "The friction model is extrapolated beyond the fastest speed of the maps, as in 5.3.",
         f"With accelerations from 2.5 mm/s^2, as printed, the ratio is {mean:.2f} kg with a "
-        f"standard deviation of {deviation:.3g} kg: near zero acceleration any error of the "
-        "friction is divided by next to nothing. The strict figures take 2.5 m/s^2.",
-        f"Best shifts of the strict ratio: {shifts} ms, positive where the acceleration is "
-        "moved later (thesis: 8 to 18 ms, taken as an artifact; our filters have no delay).",
+        f"standard deviation of {deviation:.3g} kg: near zero acceleration the ratio amplifies any "
+        "error of the friction. The strict figures use accelerations from 2.5 m/s^2.",
+        f"Best shifts of the strict ratio: {shifts} ms, positive for a delayed acceleration "
+        "(thesis: 8 to 18 ms, regarded as an artifact; our filters have no delay).",
     )

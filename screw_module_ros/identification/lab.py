@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where an experiment runs: a bench, a folder that keeps finished trials, a progress callback.
+"""The environment of an experiment: a bench, a folder with finished trials, a progress callback.
 
-An experiment is `run(lab, settings) -> Result`. It hands the lab its jobs, each a trial and a
-function that reduces the samples, and fits what comes back. Jobs that were finished before an
-interruption are not done again.
+An experiment is `run(lab, settings) -> Result`. It gives the lab its jobs, each a trial and a
+function that reduces the samples, and fits the reduced parts. A repeated run reuses the jobs that
+were finished before an interruption.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from .results import Result, load_result
 from .trials import Bench, Samples, Trial, duration_of
 
 Part = dict[str, np.ndarray]
-"""What is left of a trial: named arrays (numbers as arrays of no dimension)."""
+"""The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
 
 
 class Job(NamedTuple):
-    """One trial and what becomes of it.
+    """One trial and the function that reduces its samples.
 
-    name: unique within the experiment, fit for a file name; reduce: a module-level function, or a
-    `functools.partial` of one, so that a worker process can be given it.
+    name: unique within the experiment, valid as a file name; reduce: a module-level function, or a
+    `functools.partial` of one, so that it can be pickled for a worker process.
     """
 
     name: str
@@ -36,26 +36,26 @@ class Job(NamedTuple):
 
     @property
     def identity(self) -> str:
-        """What the part depends on, as text."""
+        """The inputs of the part, as text."""
         function = getattr(self.reduce, "func", self.reduce)
         given = (getattr(self.reduce, "args", ()), getattr(self.reduce, "keywords", {}))
         return repr((self.trial, function.__qualname__, given))
 
 
 class MissingResult(RuntimeError):
-    """An experiment needs the result of another that is not there."""
+    """The result of a prerequisite experiment is missing."""
 
 
 Progress = Callable[[str, float, float], None]
-"""Called with what is being done, seconds of excitation done and all there are; may raise
+"""Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
 `Cancelled`."""
 
 
 class Lab:
     """A bench, a folder, and a progress callback.
 
-    folder: where parts and results are kept; results of another bench, software or setting are not
-    used again (`fingerprint`). Raises OSError when the folder cannot be made.
+    folder: of parts and results; parts of another bench, fingerprint or setting are not reused.
+    Raises OSError if the folder cannot be made.
     """
 
     def __init__(
@@ -77,9 +77,9 @@ class Lab:
         return self.bench.rate
 
     def run(self, experiment: str, jobs: Sequence[Job]) -> dict[str, Part]:
-        """Do the jobs that are not done yet; return the parts of all by name.
+        """Do the jobs without a stored part; return the parts of all jobs by name.
 
-        Raises Cancelled, NotPossible; what is finished by then is kept.
+        Raises Cancelled, NotPossible; finished parts stay stored.
         """
         total = sum(duration_of(job.trial) for job in jobs)
         parts: dict[str, Part] = {}
@@ -111,15 +111,12 @@ class Lab:
             self.progress(experiment, done, total)
 
     def result(self, experiment: str) -> Result:
-        """Return the result of an experiment done before.
-
-        Raises MissingResult that names it and the way out.
-        """
+        """Return the stored result of an experiment. Raises MissingResult that names it."""
         try:
             return load_result(self.folder, experiment)
         except FileNotFoundError:
             raise MissingResult(
-                f"the result of {experiment} is needed and not in {self.folder}: run it first"
+                f"the result of {experiment} is missing in {self.folder}: run {experiment} first"
             ) from None
 
     def _kept(self, experiment: str, job: Job) -> Part | None:
@@ -127,7 +124,7 @@ class Lab:
             with np.load(self._file(experiment, job)) as arrays:
                 return dict(arrays)
         except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-            return None  # not there, or cut off by whatever interrupted it
+            return None  # missing, or incomplete after an interruption
 
     def _keep(self, experiment: str, job: Job, part: Part) -> None:
         file = self._file(experiment, job)

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from ..control.linearization import Linearization, torque_command, validated_linearization
 
-_GRID = np.linspace(0.01, 0.06, 11)  # joints tried before the fit [Nm]
+_GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]
 _REACH = (0.004, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
 
 
@@ -27,9 +27,10 @@ class Pieces(NamedTuple):
 def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
     """Fit line, cubic, line of command [Nm] over torque [Nm], continuous, by least squares.
 
-    For given joints the problem is linear: values and slopes of both lines at their joints, and the
-    cubic as the chord between these plus (T - low)(T - high)(p + q T). The joints are found on top.
-    Raises ValueError when the torques do not determine it or the command does not rise.
+    For fixed joints the problem is linear: values and slopes of both lines at their joints, and the
+    cubic as the chord between them plus (T - low)(T - high)(p + q T). An outer optimisation finds
+    the joints. Raises ValueError if the torques do not determine the fit or the command does not
+    increase.
     """
     reach = min(-float(torque.min()), float(torque.max()))
     if reach < 3.0 * _GRID[0]:
@@ -60,7 +61,7 @@ def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
 def _linear_part(
     joints: np.ndarray, torque: np.ndarray, command: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the six numbers for given joints, the residual and the basis."""
+    """Return the six coefficients for fixed joints, the residual and the basis."""
     low, high = joints
     share = np.clip((torque - low) / (high - low), 0.0, 1.0)
     inside = (torque > low) & (torque < high)
@@ -80,7 +81,7 @@ def _linear_part(
 
 
 def desired_torque(linearization: Linearization | None, command: np.ndarray) -> np.ndarray:
-    """Return the torque [Nm] that was asked for when `command` [Nm] went out."""
+    """Return the desired torque [Nm] that the linearization maps to `command` [Nm]."""
     if linearization is None:
         return command
     ends = [linearization.lower_joint, linearization.upper_joint]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical axis as one sampled loop in one function: what the in-process bench compiles.
+"""The vertical axis as one sampled loop, which the in-process bench compiles.
 
-One tick is one sample: encoder counts and quantised force in, the law or a sine, the amplifier's
-torque chain, and the plant's substeps, in which earlier commands act until the delay is over. The
-parts are the functions that the nodes and the simulated rig run.
+One tick is one sample: encoder counts and quantised force, the law or a sine, the amplifier's
+torque chain, and the plant's substeps, in which earlier commands act until the delay has passed.
+Nodes and simulated rig run the same functions.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from ..plant.vertical import vertical_step
 
 REST, SINE, LAW = 0, 1, 2
 # position, velocity, force, torque, command, current; truth: handle, its velocity, patient's force;
-# what is left of the force gain
+# remaining share of the force gain
 COLUMNS = 10
 
 
 class Transducer(NamedTuple):
-    """Axes z of the transducer: noise of a sample, zero, where the zero drifts to [N], [Nm];
-    drift_time [s]; counts per newton and newton metre."""
+    """Axes z of the transducer: noise of a sample, zero, final drift of the zero [N], [Nm];
+    drift_time: time constant of the drift [s]; counts per newton and newton metre."""
 
     force_noise: float
     torque_noise: float
@@ -50,13 +50,13 @@ class Transducer(NamedTuple):
 
 
 class LoopParams(NamedTuple):
-    """Everything that stays the same during a trial.
+    """Constant parameters of a trial.
 
-    chain: to the torque command; amperes: per newton metre of it, into the amplifier.
-    period: of the samples [s]; steps: substeps in it; late: those before a command acts, which may
-    be more than a period has. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode,
-    centre [m]: of the law. side_force: amplitude of the planar force on the handle [N], at
-    side_omega [rad/s].
+    chain: from force to torque command; amperes: command to the amplifier per newton metre [A/Nm].
+    period: of the samples [s]; steps: substeps per period; late: substeps before a command acts,
+    which may exceed a period. kind: REST, SINE (amplitude [Nm], omega [rad/s]) or LAW; mode, centre
+    [m]: of the law. side_force: amplitude of the planar force on the handle [N], at side_omega
+    [rad/s].
     """
 
     plant: VerticalParams
@@ -87,8 +87,8 @@ class LoopParams(NamedTuple):
 
 class LoopState(NamedTuple):
     """ticks: since the trial began; on_time: since power-on [s]; the module; the law; the
-    encoder's last position and velocity filter; heat of the motor [Nm^2]; under_way: currents
-    wanted of the bridge [A], the one in force first, one for each whole period of delay after it;
+    encoder's last position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
+    currents of the bridge [A], first the acting one, then one for each whole period of delay;
     volts: current sensor; first, second: state of the noise."""
 
     ticks: int
@@ -116,7 +116,7 @@ def run_ticks(packed_params: Any, state: LoopState, columns: np.ndarray) -> Loop
 
 
 def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
-    """Take a sample, answer it, let one period pass."""
+    """Sample, compute the command, advance the plant by one period."""
     module = s.module
     screw = p.chain.screw
     count = math.floor(module.nut / screw.lead * COUNTS_PER_TURN)
@@ -166,7 +166,7 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
 def _answer(
     p: LoopParams, s: LoopState, position: float, velocity: float, force: float
 ) -> tuple[float, VerticalState, float]:
-    """Return the torque command [Nm] in answer to a sample, the law's next state and the heat."""
+    """Return the torque command [Nm] for a sample, the law's next state and the heat [Nm^2]."""
     if p.kind == LAW:
         inp = VerticalInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
         output, law = law_step(p.law, p.friction, s.law, inp, p.period)
@@ -180,10 +180,10 @@ def _answer(
 def _period(
     p: LoopParams, s: LoopState, before: float, after: float
 ) -> tuple[ModuleState, CurrentSensorState, float]:
-    """Return the module and the current sensor [V] one period on.
+    """Return the states of module and current sensor after one period, and the sensor's volts.
 
-    before, after: currents of the bridge [A] until and from the moment when a command arrives.
-    The hand moves along its path in a straight line within a period.
+    before, after: currents of the bridge [A] before and after the arrival of a command. Within a
+    period the hand moves at constant velocity.
     """
     module, sensor, volts = s.module, s.sensor, s.volts
     dt, arrives = p.plant.dt, p.late % p.steps

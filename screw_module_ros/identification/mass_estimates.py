@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mass from back-driven motion, by the thesis's ratio (5.3) and by regression (ours).
 
-Force of the hand minus modelled friction and weight should be mass times acceleration. The thesis
-divides the two curves sample by sample after shifting one until the ratio spreads least. Ours fits
-mass, and what the friction model may be off by, to all samples at once, robustly: no division, no
-shift. The model may be off by a part that grows with speed, one that turns with the direction, a
-constant, and a share of the load: friction depends on it (5.2.4), and the hand pushes harder here
-than the stage did.
+Force of the hand minus modelled friction and weight should equal mass times acceleration. The
+thesis shifts one curve against the other for the least spread of their ratio, and divides sample
+by sample. Ours is a robust regression over all samples for the mass and the errors of the friction
+model, without division and shift. The errors are a viscous part, a Coulomb part, a constant, and a
+part proportional to the load: friction depends on the load (5.2.4), and the hand pushes harder here
+than the stage.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .friction_bins import optimal_lowpass, zero_phase
 CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
 _CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
 _LEAST_S = 1.0  # of a record, several periods and the filter's ends
-_EDGE_S = 0.25  # where the filter sees mirrored samples
+_EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
 
 
 class Motion(NamedTuple):
@@ -42,8 +42,8 @@ Record = tuple[Motion, np.ndarray]
 
 
 class Ratio(NamedTuple):
-    """The thesis's result of one record: shift of the acceleration, later positive [s]; mass at
-    each sample, NaN where left out [kg]."""
+    """The thesis's result of one record: shift of the acceleration, positive = delayed [s]; mass at
+    each sample [kg], NaN for excluded samples."""
 
     shift: float
     mass: np.ndarray
@@ -51,7 +51,7 @@ class Ratio(NamedTuple):
 
 class Regression(NamedTuple):
     """mass [kg]; viscous [N s/m], coulomb [N], constant [N], load (share of the force beyond that
-    of the maps): what the friction model is short of; rms of what remains [N]."""
+    of the maps): errors of the friction model; rms of the residual [N]."""
 
     mass: float
     viscous: float
@@ -64,13 +64,15 @@ class Regression(NamedTuple):
 def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
     """Differentiate a record as in 5.3.2: centre difference, low-pass, and both again.
 
-    time [s], evenly spaced, position [m], force [N]. The ends, where the filter knows half of its
-    samples only, are cut off. Raises ValueError when too little is left.
+    time [s], evenly spaced, position [m], force [N]. The result lacks the ends, where the filter
+    has only half of its samples. Raises ValueError for a record that is too short.
     """
     period = (time[-1] - time[0]) / (len(time) - 1)
     taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, 1.0 / period)
     if len(time) * period < _LEAST_S:
-        raise ValueError(f"a record of {len(time) * period:.2g} s: {_LEAST_S:g} s or more wanted")
+        raise ValueError(
+            f"a record of {len(time) * period:.2g} s is too short: {_LEAST_S:g} s are needed"
+        )
     velocity = zero_phase(_centre_difference(position, period), taps)
     acceleration = zero_phase(_centre_difference(velocity, period), taps)
     smooth = zero_phase(zero_phase(force, taps), taps)
@@ -100,8 +102,8 @@ def ratio(
 ) -> Ratio:
     """Return the thesis's mass: inertial force over acceleration, best shift of the two.
 
-    inertial: force minus friction and weight [N]. The shift is the one, up to widest_shift [s]
-    either way, at which the ratio has the least standard deviation; NaN without usable samples.
+    inertial: force minus friction and weight [N]. The shift, at most widest_shift [s] in either
+    direction, gives the ratio's least standard deviation; NaN without usable samples.
     """
     period = (record.time[-1] - record.time[0]) / (len(record.time) - 1)
     widest = round(widest_shift / period)
@@ -126,8 +128,8 @@ def regression(
 ) -> Regression:
     """Fit F - F_f = M a + b v + c sign(v) + d + l (|F| - |F_f|) sign(v) over all records.
 
-    F is the smooth force. least_speed [m/s]: slower samples are left out; every: take each n-th
-    sample, neighbours say the same; loaded: False leaves the last term out, l = 0.
+    F is the filtered force. least_speed [m/s]: slower samples do not count; every: use each n-th
+    sample, as neighbours are correlated; loaded: False omits the last term, l = 0.
     Raises ValueError without samples.
     """
     rows, wanted = [], []
@@ -140,7 +142,7 @@ def regression(
         wanted.append(force - held)
     terms, force = np.concatenate(rows, axis=1).T, np.concatenate(wanted)
     if len(force) < 10 * terms.shape[1]:
-        raise ValueError("too few samples of the motion are fast enough to tell a mass")
+        raise ValueError("too few samples of the motion are fast enough to determine a mass")
     start, *_ = np.linalg.lstsq(terms, force, rcond=None)
     found = least_squares(
         lambda x: terms @ x - force, start, jac=lambda x: terms.copy(), loss="soft_l1"
@@ -150,9 +152,9 @@ def regression(
 
 
 def jackknife(records: list[Record], least_speed: float, every: int) -> float:
-    """Return the standard error of the mass [kg] by leaving out one record after the other.
+    """Return the standard error of the mass [kg] by a jackknife over the records.
 
-    The samples of one record share the friction model's errors, so their number says little.
+    Samples of one record share the friction model's errors, so they are not independent.
     NaN with fewer than three records.
     """
     n = len(records)

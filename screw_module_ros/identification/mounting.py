@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compliant mounting of the screw (thesis appendix A, figs A-2, A-3, A-4, A-7): no trials.
 
-The nut, at the height z above the screw's centre, is the pivot; springs k1 at the top and k2 at the
-bottom hold the ends, l1 from the centre. Case 1: motor and flange ride on the screw (eqs A.1, A.2).
-Case 2: they are grounded. Case 3: they stand on a spring k3 of their own between k1 and ground, a
-tuned absorber (eq A.3). All frequencies are those of small rotations about the nut.
+The nut, at height z above the screw's centre, is the pivot. Springs k1 at the top and k2 at the
+bottom hold the ends, l1 from the centre. Case 1: motor and flange move with the screw (eqs A.1,
+A.2). Case 2: they are grounded. Case 3: a spring k3 connects them to ground as a tuned absorber
+(eq A.3). All frequencies are those of small rotations about the nut.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NAME = "compliant_mounting"
 
 
 class Settings(NamedTuple):
-    """What appendix A prints, and which screw is taken for what it does not print."""
+    """Values printed in appendix A, and the candidate for the screw's missing data."""
 
     screw: Annotated[str, Setting("candidate for the screw", choices=NAMES)] = GROOVED
     inertia_across: Annotated[
@@ -52,7 +52,7 @@ class Settings(NamedTuple):
     damping_bottom: Annotated[float, Setting("b2 of case 3", "N s/m", 0.0, 1e6)] = 0.0
     damping_ground: Annotated[float, Setting("b3 of case 3", "N s/m", 0.0, 1e6)] = 0.0
     case3_nut: Annotated[float, Setting("z of case 3", "m", -1.0, 1.0)] = 0.0
-    wanted: Annotated[float, Setting("least natural frequency", "Hz", 1.0, 1e5)] = 500.0
+    wanted: Annotated[float, Setting("required natural frequency", "Hz", 1.0, 1e5)] = 500.0
 
 
 class Profile(NamedTuple):
@@ -77,8 +77,8 @@ def profile(
 def absorber(screw: Bar, settings: Settings) -> signal.StateSpace:
     """Return case 3: torque on the screw about the nut [Nm] -> its angular velocity [rad/s].
 
-    States: that velocity, the velocity of the top mass and the forces in k1, k2, k3. Derived from
-    the forces on either mass; eq A.3 in our text lacks a square in its first and b1 in its second
+    States: angular velocity, velocity of the top mass, forces in k1, k2, k3. Derived from the force
+    balance of both masses. Eq A.3 in our text lacks a square in its first and b1 in its second
     element, and its inertia is that about the nut only at z = 0.
     """
     up = screw.half_length - settings.case3_nut
@@ -115,17 +115,17 @@ def antiresonances(system: signal.StateSpace) -> np.ndarray:
 def response(system: signal.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Return the complex frequency response of a case 3 at omega [rad/s], in rad/s per Nm.
 
-    By poles and zeros: polynomials of this system are badly conditioned.
+    Computed from poles and zeros, as polynomials of this system are ill-conditioned.
     """
     gain = float((system.C @ system.B)[0, 0])
     return signal.freqs_zpk(_zeros(system), linalg.eigvals(system.A), gain, omega)[1]
 
 
 def half_length_for(settings: Settings) -> float:
-    """Return the l1 [m] at which case 1 has just the frequency wanted at its worst position.
+    """Return the l1 [m] with which case 1 has the required frequency at its worst position.
 
-    The screw is taken for thin: its mass is 3 I / l1^2. Raises ValueError when no l1 between half
-    the travel and 1 m gives it.
+    The screw is modelled as a thin bar: its mass is 3 I / l1^2. Raises ValueError if no l1 between
+    half the travel and 1 m fulfils it.
     """
     z = positions(settings)
 
@@ -160,7 +160,7 @@ def case2(screw: Bar, z: np.ndarray, settings: Settings) -> Profile:
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Evaluate the three cases. Raises ValueError for settings out of bounds."""
+    """Evaluate the three cases. Raises ValueError for settings out of range."""
     validated(settings)
     screws = candidates(settings.inertia_across, settings.density)
     z = positions(settings)
@@ -206,11 +206,11 @@ def _zeros(system: signal.StateSpace) -> np.ndarray:
 
 
 def _oscillating(roots: np.ndarray) -> np.ndarray:
-    """Return the moduli of the roots in the upper half plane, ascending; rounding left out."""
+    """Return the moduli of the roots in the upper half plane, ascending, with a rounding margin."""
     scale = float(np.abs(roots).max(initial=0.0))
     return np.sort(np.abs(roots[roots.imag > 1e-6 * scale]))
 
 
 def _two(values: np.ndarray) -> np.ndarray:
-    """Return the first two values, NaN where there is none: damping can leave fewer."""
+    """Return the first two values, NaN for missing ones: damping can remove some."""
     return np.append(values, [np.nan, np.nan])[:2]

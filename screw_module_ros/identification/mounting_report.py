@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values and sentences about the compliant mounting; `mounting.py` does the mechanics."""
+"""Quantities and notes about the compliant mounting; `mounting.py` computes the mechanics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _PRINTED_DIP = 200.0  # rad/s (thesis A.4)
 def quantities(
     settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
 ) -> tuple[Quantity, ...]:
-    """Return what the experiment reports; `half_length`: l1 for the frequency wanted [m].
+    """Return the experiment's quantities; `half_length`: l1 for the required frequency [m].
 
     Uncertainties are the spread (one standard deviation) over the candidates for the screw.
     """
@@ -81,7 +81,7 @@ def quantities(
 def notes(
     settings, screws: dict[str, Bar], data: dict[str, np.ndarray], half_length: float
 ) -> tuple[str, ...]:
-    """Return what a reader must know; `half_length`: l1 for the frequency wanted [m]."""
+    """Return the notes for the report; `half_length`: l1 for the required frequency [m]."""
     lines = [
         f"screw '{name}' ({DESCRIPTIONS[name]}): {screw.mass:.3f} kg, {screw.length:.4f} m, "
         f"diameter of the equal cylinder {1e3 * screw.diameter:.2f} mm, reflects "
@@ -97,21 +97,21 @@ def notes(
     stiffness = settings.case3_top + settings.case3_ground
     dip = math.sqrt(stiffness / settings.top_mass)
     return (
-        f"The thesis prints neither the screw's mass and length nor l1. Taken: '{settings.screw}', "
-        "l1 half its length. The default is the candidate that reaches the thesis's 500 Hz in "
-        "case 1 with the least to spare ('the most compliance possible'); the uncertainties are "
-        "the spread over the candidates. "
-        f"Exactly {settings.wanted:g} Hz asks for l1 = {half_length:.4f} m "
+        "The thesis prints neither the screw's mass and length nor l1. Assumed: candidate "
+        f"'{settings.screw}', with l1 half its length. The default is the candidate that reaches "
+        "the thesis's 500 Hz in case 1 with the least margin ('the most compliance possible'); the "
+        "uncertainties are the spread over the candidates. "
+        f"Exactly {settings.wanted:g} Hz requires l1 = {half_length:.4f} m "
         f"({half_length / 0.0254:.2f} in).",
         *lines,
         f"Case 3: undamped, the dip lies at sqrt((k1 + k3) / M_top) = {dip:.0f} rad/s "
-        f"({dip / 2 / math.pi:.0f} Hz) whatever the screw is. The printed 'close to 200 rad/sec' "
-        f"would take k1 + k3 = {_PRINTED_DIP**2 * settings.top_mass:.3g} N/m instead of "
+        f"({dip / 2 / math.pi:.0f} Hz) for any screw. The printed 'close to 200 rad/sec' "
+        f"would require k1 + k3 = {_PRINTED_DIP**2 * settings.top_mass:.3g} N/m instead of "
         f"{stiffness:.3g} N/m; 2000 is probably meant.",
         "Eq A.3 in our text of the thesis (by OCR) lacks the square in b1 (l1 - z)^2 of its "
         "first element and the factor b1 in its second; its inertia is about the screw's centre, "
-        "which is right at z = 0 only. "
-        "Derived anew here. With b = 0 that second element would make the system very "
-        "slightly unstable (real parts of +-0.17 rad/s with the default screw); peaks and dip "
-        "stay where they are.",
+        "which is correct only at z = 0. "
+        "Here the equation is derived again. With b = 0 the printed second element would make the "
+        "system very slightly unstable (real parts of +-0.17 rad/s with the default screw), "
+        "without a change of peaks and dip.",
     )

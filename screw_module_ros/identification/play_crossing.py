@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The weight seen across the play (ours; the thesis had no such measurement).
+"""The weight measured across the play (our method, not in the thesis).
 
-A handle at rest hangs on one side of the play. When the stage creeps away towards the other side,
-there is no contact with the nut for the width of the play: the transducer carries the weight of the
-moving parts and the drag of the grease film, which is proportional to the speed, and no friction of
-the screw at all. The encoder sits on the nut, which stands still meanwhile, so stage travel minus
-nut travel shows when the crossing begins and ends, and how wide it is.
+At rest the handle touches the nut on one side of the play. While the stage creeps to the other
+side, handle and nut have no contact: the transducer measures the weight of the moving parts and the
+drag of the grease film, which is proportional to the speed, but no friction of the screw. The
+encoder measures the nut, which stands still during the crossing, so stage travel minus nut travel
+shows its begin, its end and its width.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from .trials import Samples, StageTrial
 
 _INNER = (0.2, 0.8)  # of the play: clear of the contacts at both sides
 _FEWEST = 8  # samples that make a plateau
-_UNEVEN = 0.5  # change of the force across a plateau that contact would explain, not noise [N]
+_UNEVEN = 0.5  # change of the force across a plateau that indicates contact [N]
 
 
 class Crossing(NamedTuple):
-    """What one run shows.
+    """Result of one run.
 
     sign: +1 upright, -1 upside down; way: +1 up, -1 down the screw; speed: of the stage [m/s];
-    width: handle against nut, from rest to steady motion [m]; rate: the handle's speed relative to
-    the nut during the crossing [m/s]; force: mean meanwhile [N], and its standard error [N]; both
-    NaN where nothing was crossed.
+    width: handle relative to nut, from rest to steady motion [m]; rate: the handle's speed relative
+    to the nut during the crossing [m/s]; force: its mean during the crossing [N]; error: standard
+    error of that mean [N]; both NaN without a crossing.
     """
 
     sign: float
@@ -47,7 +47,7 @@ class Crossing(NamedTuple):
 
 class Weight(NamedTuple):
     """weight [N] with its standard error; film: drag [N s/m]; zero: of the transducer [N], NaN
-    where the runs do not determine it; spread: of the forces about the fit, in their standard
+    if the runs do not determine it; spread: of the forces about the fit, relative to their standard
     errors.
     """
 
@@ -60,7 +60,7 @@ class Weight(NamedTuple):
 
 
 def traced(trial: StageTrial, samples: Samples) -> Part:
-    """Reduce a creeping run to `gap` (handle against nut, from the start [m]) and `force` [N]."""
+    """Reduce a creeping run to `gap` (handle relative to nut [m]), `force` [N] and `time` [s]."""
     way = np.sign(trial.speed)
     stage = abs(trial.speed) * samples.time
     gap = stage - way * (samples.position - samples.position[0])
@@ -69,7 +69,7 @@ def traced(trial: StageTrial, samples: Samples) -> Part:
 
 
 def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
-    """Evaluate a run reduced by `traced`; least: a narrower play is none [m]."""
+    """Evaluate a run reduced by `traced`; least: smaller play counts as none [m]."""
     gap, force, time = part["gap"], part["force"], part["time"]
     width = float(np.median(gap[-max(len(gap) // 4, 1) :]))
     way = float(np.sign(trial.speed))
@@ -90,11 +90,11 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
 
 
 def weighed(crossings: list[Crossing]) -> Weight | None:
-    """Return the weight that all crossings agree on best, None without any.
+    """Return the best fit of the weight to all crossings, None without any.
 
-    force = sign weight + way film rate + zero, weighted least squares. Where the runs do not
-    determine all three (one orientation, one speed), the zero counts as subtracted by the bench,
-    then the film as without drag.
+    force = sign weight + way film rate + zero, weighted least squares. If the runs do not determine
+    all three (one orientation, one speed), the fit omits the zero, which the bench has subtracted,
+    and then the film.
     """
     seen = [c for c in crossings if c.seen]
     if not seen:
@@ -123,10 +123,10 @@ def weighed(crossings: list[Crossing]) -> Weight | None:
 
 
 def play_width(crossings: list[Crossing], resolution: float) -> tuple[float, float]:
-    """Return the play and its standard error [m], from the widths of what was crossed.
+    """Return the play and its standard error [m], from the widths of the crossings.
 
-    A line over speed takes out what a late start of the stage adds. resolution: of the encoder [m].
-    NaN when nothing was crossed.
+    The fit of a line over the speed removes the effect of a late start of the stage. resolution: of
+    the encoder [m]. NaN without a crossing.
     """
     seen = [c for c in crossings if c.seen]
     if not seen:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lab with a simulated bench in each of several processes: a sweep uses all cores."""
+"""A lab with several worker processes, each with a simulated bench, which uses all cores."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _bench: dict[str, InProcessBench] = {}  # of a worker process
 class PoolLab(Lab):
     """A lab whose jobs run in worker processes, the longest first.
 
-    pool: from `worker_pool`; it may be shared by several labs. Everything else as `Lab`.
+    pool: from `worker_pool`; several labs may share it. The other arguments as in `Lab`.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class PoolLab(Lab):
     def _done(
         self, experiment: str, jobs: Sequence[Job], done: float, total: float
     ) -> Iterator[tuple[Job, Part]]:
-        """Yield each job with its part as they are finished; on an error the rest is dropped."""
+        """Yield each finished job with its part; an error cancels the remaining jobs."""
         given = (self.bench.world, self.bench.loop, self.bench.seed)
         ordered = sorted(jobs, key=lambda job: -duration_of(job.trial))
         futures: dict[Future, Job] = {
@@ -55,7 +55,7 @@ class PoolLab(Lab):
 
 
 def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """Return a pool of processes, by default one per core this process may use."""
+    """Return a pool of processes, by default one per available core."""
     count = workers or len(os.sched_getaffinity(0))
     return ProcessPoolExecutor(
         count, mp_context=multiprocessing.get_context("spawn"), initializer=_prepare
@@ -63,7 +63,7 @@ def worker_pool(workers: int | None = None) -> ProcessPoolExecutor:
 
 
 def _prepare() -> None:
-    """Leave Ctrl-C to the parent: it lets what has begun finish, and ends the pool."""
+    """Ignore Ctrl-C; the parent handles it, waits for running jobs and ends the pool."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Evaluates a recorded session: force against position in each part of it, and its timing.
+"""Evaluates a recorded session: force against position in each part, and timing.
 
 The arrays come from a bag as `recording.reader.columns` gives them, one dict of columns per topic.
 """
@@ -51,9 +51,9 @@ class Path3D(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """What a session shows; traces, offsets and paths are in the order of its parts.
+    """Result of a session; traces, offsets and paths are in the order of its parts.
 
-    timing: from the first part's begin to the last one's end.
+    timing: from the begin of the first part to the end of the last one.
     """
 
     traces: list[Trace]
@@ -78,7 +78,7 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate each part of a session.
 
-    Raises BagReadError naming the part of which something was not recorded.
+    Raises BagReadError naming the part that lacks samples, ValueError without parts.
     """
     if not parts:
         raise ValueError("no parts to evaluate")
@@ -90,9 +90,9 @@ def evaluate(
 
 
 def trace(encoder: Columns, force: Columns, part: Part) -> Trace:
-    """Join encoder and force samples of one part by their tick numbers; faulty ones are left out.
+    """Join the valid encoder and force samples of one part by their tick numbers.
 
-    Raises BagReadError when nothing is left.
+    Raises BagReadError without a common tick.
     """
     encoder = _within(encoder, part, "homed")
     force = _within(force, part)
@@ -104,7 +104,7 @@ def trace(encoder: Columns, force: Columns, part: Part) -> Trace:
 
 
 def path(endpoint: Columns, part: Part) -> Path3D:
-    """Return the handle's path in one part; samples with an invalid axis are left out."""
+    """Return the handle's path in one part, from the samples with three valid axes."""
     rows = _within(endpoint, part)
     valid = rows["valid"].all(axis=1)
     points = [rows[f"position.{axis}"][valid] for axis in "xyz"]
@@ -112,7 +112,7 @@ def path(endpoint: Columns, part: Part) -> Path3D:
 
 
 def drive_timing(drive: Columns, part: Part) -> Timing:
-    """Return the timing of the commands in one part. Raises BagReadError when it is not there."""
+    """Return the timing of the commands in one part. Raises BagReadError without samples."""
     rows = _within(drive, part)
     names = ("log_time", "commands", "late", "lost", "latency_p50", "latency_p99")
     try:
@@ -126,7 +126,7 @@ def _within(topic: Columns, part: Part, *flags: str) -> dict[str, np.ndarray]:
     time = topic["log_time"]
     chosen = (time >= part.begin_ns) & (time <= part.end_ns)
     if not chosen.any():
-        raise BagReadError(f"{part.name}: nothing was recorded of a topic that is needed")
+        raise BagReadError(f"{part.name}: a required topic has no message in this part")
     for flag in flags:
         chosen &= topic[flag].astype(bool)
     return {name: values[chosen] for name, values in topic.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How alike two runs of the stage at one speed are, bin by bin (thesis 5.2.4, fig 5-15)."""
+"""Repeatability of two runs of the stage at one speed, bin by bin (thesis 5.2.4, fig 5-15)."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from .results import Quantity, Result
 from .trials import StageTrial
 
 NAME = "repeatability"
-_WHOLE = 0.9  # of the samples of a bin: one that a run filled in part is not compared
+_WHOLE = 0.9  # least share of a bin's samples for the comparison
 _WAYS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
-    """The two runs, each way."""
+    """The two runs in each direction."""
 
     speed: Annotated[float, Setting("of the stage", "m/s", 1e-4, 0.5)] = 0.050
     low: Annotated[float, Setting("lowest height of the handle", "m", 0.0, 0.3)] = 0.0
     high: Annotated[float, Setting("highest height of the handle", "m", 0.05, 0.36)] = 0.36
     apart: Annotated[
-        float, Setting("the second run begins this much further in", "m", 0.0, 0.01)
+        float, Setting("offset of the second run's start", "m", 0.0, 0.01)
     ] = 0.001
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Compare two runs up, and two down.
 
-    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN where not measured. Raises
-    ValueError for settings that do not fit together, and what `Lab.run` raises.
+    Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises
+    ValueError for inconsistent settings, and the errors of `Lab.run`.
     """
     validated(settings)
     if settings.high - settings.low < 0.03:
@@ -47,8 +47,8 @@ def run(lab: Lab, settings: Settings) -> Result:
         data[way] = np.array([first["force"], second["force"]])
         quantities += _compared(way, first, second)
     notes = (
-        "On a simulated module friction repeats exactly: what differs is the transducer's noise "
-        "and zero. On a real one this is the floor of every map.",
+        "On a simulated module friction repeats exactly; only the transducer's noise and zero "
+        "differ. On a real module the difference limits the accuracy of every map.",
     )
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment found: values with units and uncertainties, and the data behind a figure."""
+"""Results of an experiment: values with units and uncertainties, and the data of the figures."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LARGEST_FILE = 1_000_000  # bytes; of the text, the arrays are beside it
 class Quantity(NamedTuple):
     """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
 
-    unit: SI symbol, empty for a number; text: what it is, for a table.
+    unit: SI symbol, empty for a pure number; text: description for a table.
     """
 
     name: str
@@ -30,10 +30,10 @@ class Quantity(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What one experiment found.
+    """Result of one experiment.
 
-    experiment: its name in the catalogue; quantities; settings: plain values it ran with;
-    notes: sentences a reader must know; data: arrays for figures and for later experiments.
+    experiment: its name in the catalogue; quantities; settings: their plain values; notes:
+    sentences for the report; data: arrays for figures and for later experiments.
     """
 
     experiment: str
@@ -43,11 +43,11 @@ class Result(NamedTuple):
     data: dict[str, np.ndarray] = {}
 
     def value(self, name: str) -> float:
-        """Return the value of the quantity of that name. Raises KeyError naming those there are."""
+        """Return the value of a quantity by name. Raises KeyError that lists the names."""
         return self.quantity(name).value
 
     def quantity(self, name: str) -> Quantity:
-        """Return the quantity of that name. Raises KeyError naming those there are."""
+        """Return a quantity by name. Raises KeyError that lists the names."""
         for quantity in self.quantities:
             if quantity.name == name:
                 return quantity
@@ -55,7 +55,7 @@ class Result(NamedTuple):
         raise KeyError(f"{self.experiment} has no {name!r}; there are {known}")
 
     def as_yaml(self) -> str:
-        """Return everything but the data as YAML."""
+        """Return the result without the data as YAML."""
         return yaml.safe_dump(
             {
                 "experiment": self.experiment,
@@ -84,7 +84,7 @@ class Result(NamedTuple):
 
 
 def load_result(folder: Path, experiment: str) -> Result:
-    """Read what `Result.save` wrote. Raises OSError, ValueError when it is damaged."""
+    """Read a result from the files of `Result.save`. Raises OSError, ValueError if damaged."""
     text = folder / f"{experiment}.yaml"
     content = load_plain_yaml(read_regular(text, _LARGEST_FILE).decode())
     try:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force error without a calibration, with it, and on the same rig when it has changed since.
+"""Force error without a calibration, with it, and after a change of the calibrated rig.
 
-A calibration holds for the rig that it was made on. Then grease and wear change the friction,
-rollers slip to another phase, somebody fits another handle (`plant.settings.changed_later`). What
-the modes that use friction model, weight and mass are worth before and after that is judged as in
-`force_error`: over all samples, standstill and reversals included.
+A calibration is valid for the state of the rig at that time. Later, grease and wear change the
+friction, rollers slip to another phase, an operator mounts another handle
+(`plant.settings.changed_later`). This experiment measures the modes that use friction model, weight
+and mass before and after such a change, as `force_error` does: over all samples, with standstill
+and reversals.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ STATES = {
 
 
 class Settings(NamedTuple):
-    """Which modes and trials, and which change."""
+    """Modes, trials, and seed of the change."""
 
     modes: Annotated[
         tuple[int, ...], Setting("control modes, as in ForceCommand", choices=())
@@ -35,14 +36,14 @@ class Settings(NamedTuple):
     cases: Annotated[tuple[str, ...], Setting("trials of force_error by name", choices=())] = (
         "slow", "fast", "small", "holding", "released",
     )  # fmt: skip
-    change: Annotated[int, Setting("seed of what changes", "", 1, 2**31 - 1)] = 1
+    change: Annotated[int, Setting("seed of the rig's change", "", 1, 2**31 - 1)] = 1
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every case in every mode and state.
 
-    Data: as `force_error`, by mode, case and state. Raises MissingResult without the calibration's
-    results, ValueError for an unknown case or mode, NotPossible on a real module, Cancelled.
+    Data: as in `force_error`, by mode, case and state. Raises MissingResult without the results of
+    the calibration, ValueError for unknown cases or modes, NotPossible on a real module, Cancelled.
     """
     validated(settings)
     unknown = set(settings.modes) - set(modes.MODE_NAMES)
@@ -85,14 +86,14 @@ def _result(
 
 _NOTES = (
     "Not calibrated: the thesis's friction and dead zone, 10 N of weight, 5.5 kg. Calibrated: "
-    "friction, dead zone, weight and mass as identified on this very rig.",
+    "friction, dead zone, weight and mass identified on this rig.",
     "Changed: level and phase of the friction, phase of the rollers, weight of the handle and play "
-    "are others than when the calibration was made; the transducer was tared again.",
+    "differ from those at the calibration; the transducer was tared again.",
 )
 
 
 def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
-    """Return the rms error [N] in each of `STATES`. Raises KeyError for what was not measured."""
+    """Return the rms error [N] in each of `STATES`. Raises KeyError for a trial not measured."""
     name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
     uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
     return uncalibrated, calibrated, changed

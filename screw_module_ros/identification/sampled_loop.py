@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical loop as a linear sampled system, contact included: is a gain stable? (thesis 7.1)
+"""Stability of the vertical loop as a linear sampled system with contact (thesis 7.1).
 
-Nut and handle are two masses with the contact between them, closed: no play, no friction. The
-environment, an arm or a wall, is a mass, a spring and a damper at the handle. Amplifier pole and
-transducer filter are continuous; sampling, hold and any delay are exact. Spectral radius below one:
-stable. Friction only helps and play only hurts, so what it says is neither a lower nor an upper
-bound of the real gain, but where the linear mechanism ends.
+Nut and handle are two masses in permanent contact, without play and friction. The environment, an
+arm or a wall, is a mass, a spring and a damper at the handle. Amplifier pole and transducer filter
+are continuous; sampling, hold and delay are exact. The loop is stable if the spectral radius is
+below one. Friction stabilises and play destabilises the real loop, so the result is neither a lower
+nor an upper bound of the real gain, but the limit of the linear loop.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Mechanism(NamedTuple):
 
 
 class Environment(NamedTuple):
-    """What holds the handle: mass [kg], stiffness [N/m], damping [Ns/m]."""
+    """Load on the handle: mass [kg], stiffness [N/m], damping [Ns/m]."""
 
     mass: float = 3.0
     stiffness: float = 300.0
@@ -62,8 +62,8 @@ class Feedback(NamedTuple):
 
 class Observer(NamedTuple):
     """OBSERVER of `control.observer`. gain; cutoff [Hz]; bandwidth [rad/s]; mass [kg], delay [s]
-    that it assumes; stiffness [N/m], damping [Ns/m]; inertia: share of the mass left that is
-    carried too, all of it, as for a hand that holds firmly.
+    assumed by the observer; stiffness [N/m], damping [Ns/m]; inertia: share of the remaining mass
+    that the law carries, without the reduction for a hand that does not hold firmly.
     """
 
     gain: float
@@ -89,7 +89,7 @@ def _radius(plant: tuple, sampling: Sampling, law: Feedback | Observer) -> float
     command = np.zeros(size)
     command[:n] = d @ outputs
     command[n : n + m] = c
-    # The newest command is the first of those waiting; the last two act within this period.
+    # The first waiting command is the newest; the last two act within this period.
     closed[:n, :n] = step
     late = np.zeros(size)
     late[n + m + waiting - 1] = 1.0
@@ -108,8 +108,8 @@ def sampled(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (A, B before, B after, C) over one period; outputs: nut's height [m], force [N].
 
-    A command arrives the delay's part of a period after a sample: before, after are the inputs of
-    the command in force until then and of the one that comes.
+    A command arrives a part of a period (the delay modulo the period) after a sample; B before and
+    B after are the input matrices of the commands before and after the arrival.
     """
     dynamics, push = _continuous(mechanism, environment)
     period = 1.0 / sampling.rate
@@ -238,9 +238,10 @@ def largest_gain(
     law: Feedback | Observer,
     most: float = 100.0,
 ) -> float:
-    """Return the largest gain up to which the loop is stable, 0 when it is at none.
+    """Return the largest gain with a stable loop, 0 without any.
 
-    law: its gain is replaced; most: looked for up to it; infinite when that is stable too.
+    law: its gain is varied; most: largest gain of the search; the result is infinite if it is
+    stable.
     """
 
     plant = sampled(mechanism, environment, sampling)

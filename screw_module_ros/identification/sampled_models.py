@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frequency response of a continuous chain between a D/A and an A/D converter (thesis appendix C).
 
-The command is held over a sample period, comes `delay` late to a chain of poles, and the chain's
-output is sampled. What is sampled at w is the sum over all v = w + n ws that fold onto it
-(thesis eq 4.2): (1/Ts) sum over n of G(j v) exp(-j v delay) (1 - exp(-j v Ts)) / (j v).
-`sampled_response` has it in closed form.
+The command is held over a sample period and passes, with a `delay`, through a chain of poles; the
+chain's output is sampled. The response at w is the sum over all aliases v = w + n ws (thesis
+eq 4.2): (1/Ts) sum over n of G(j v) exp(-j v delay) (1 - exp(-j v Ts)) / (j v).
+`sampled_response` computes it in closed form.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def first_order(bandwidth: float) -> Chain:
 
 
 def second_order(inertia: float, damping: float, stiffness: float) -> Chain:
-    """Return K / (J s^2 + B s + K) (C.3): the torque a transducer reads of a rotor locked to it.
+    """Return K / (J s^2 + B s + K) (C.3): torque at the transducer that locks the rotor.
 
     inertia J [kg m^2], damping B [Nm s/rad], stiffness K [Nm/rad].
     """
@@ -84,9 +84,9 @@ def sampled_response(
 ) -> np.ndarray:
     """Return the exact response between held commands and samples, frequencies [Hz].
 
-    rate: samples per second [1/s]; delay: from a sample to the command that answers it, plus what
-    delay the chain has [s]. Sample k is taken just before a command without delay acts.
-    Raises ValueError for a delay below zero.
+    rate: samples per second [1/s]; delay: from a sample to its command, plus the delay of the chain
+    [s]. Sample k is taken just before a command without delay acts. Raises ValueError for a
+    negative delay.
     """
     if not delay >= 0.0:
         raise ValueError(f"delay = {delay!r} s: zero or more is wanted")
@@ -111,9 +111,9 @@ def sampled_response(
 def held_twice_response(
     chain: Chain, frequencies: np.ndarray, rate: float, delay: float
 ) -> np.ndarray:
-    """Return the thesis's block diagram read as it is drawn (fig C-1), without folding.
+    """Return the response of the thesis's block diagram as drawn (fig C-1), without aliasing.
 
-    It has a hold for the D/A and another for the A/D: half a period more lag than samples show.
+    It has a hold for the D/A and another for the A/D: half a period more lag than in the samples.
     """
     frequencies = np.asarray(frequencies, float)
     return continuous_response(chain, frequencies, delay) * _hold(frequencies, rate) ** 2
@@ -126,10 +126,11 @@ def fit_response(
     low: Sequence[float],
     high: Sequence[float],
 ) -> Fit:
-    """Fit a model's numbers to a measured response, each frequency counting alike.
+    """Fit a model's parameters to a measured response, with equal weights of the frequencies.
 
-    model: numbers -> complex response; start, low, high: of the numbers. The standard errors are
-    those of the scatter of measured about model.
+    model: parameters -> complex response; start, low, high: initial values and bounds of the
+    parameters. The standard errors come from the scatter of the measurement about the model. Raises
+    ValueError for too few frequencies.
     """
     count = len(start)
     unknowns = 2 * len(measured) - count
@@ -157,7 +158,7 @@ def _hold(frequencies: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _apart(poles: tuple[complex, ...]) -> tuple[complex, ...]:
-    """Return the poles with equal ones moved apart a little: the partial fractions need it."""
+    """Return the poles with equal ones slightly separated, as the partial fractions require."""
     kept: list[complex] = []
     for pole in poles:
         while any(abs(pole - other) < _APART * abs(pole) for other in kept):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the screw may have been: the thesis prints neither its mass nor its length.
+"""Candidates for the screw, whose mass and length the thesis does not print.
 
-Printed are its moment of inertia across its axis (appendix A), its diameters and its groove (3.1.1)
-and the mass it reflects to the handle (Table 5.1). Each candidate is a uniform steel bar whose
-length follows from the first. Mass and inertia about the axis are those of the bar per metre times
-its length L, and its inertia across the axis is m L^2 / 12 + I_axis / 2.
+The thesis prints the moment of inertia across the axis (appendix A), diameters and groove (3.1.1)
+and the reflected mass at the handle (Table 5.1). Each candidate is a uniform steel bar whose length
+follows from the moment of inertia. Its mass and its inertia about the axis are proportional to its
+length L; its inertia across the axis is m L^2 / 12 + I_axis / 2.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ INERTIA_ACROSS = 0.011125
 STEEL = 7850.0
 """Density [kg/m^3]."""
 OUTER_DIAMETER, INNER_DIAMETER, EFFECTIVE_DIAMETER = 0.015875, 0.0127, 0.0142875
-"""Of the shaft, of the bottom of the groove, of the roller's track [m] (thesis 3.1.1)."""
+"""Diameters of the shaft, of the groove's bottom, of the roller's track [m] (thesis 3.1.1)."""
 GROOVE_AT_INNER, GROOVE_AT_OUTER = 0.0030, 0.0040
 """Width of the groove [m] at the two diameters (thesis 3.1.1)."""
 LEAD = 0.01905
@@ -84,7 +84,7 @@ def cylinder(diameter: float, inertia_across: float, density: float = STEEL) -> 
 
 
 def candidates(inertia_across: float = INERTIA_ACROSS, density: float = STEEL) -> dict[str, Bar]:
-    """Return the screws that have this inertia across the axis [kg m^2], by name."""
+    """Return the candidates with this inertia across the axis [kg m^2], by name."""
 
     def reflects_too_much(diameter: float) -> float:
         return cylinder(diameter, inertia_across, density).reflected() - REFLECTED
@@ -98,7 +98,7 @@ def candidates(inertia_across: float = INERTIA_ACROSS, density: float = STEEL) -
 
 
 def _grooved(inertia_across: float, density: float) -> Bar:
-    """Return the bar of the outer diameter without its one groove, which runs along a helix."""
+    """Return the bar of the outer diameter minus its helical groove."""
     solid = density * math.pi * OUTER_DIAMETER**2 / 4.0
     depth = (OUTER_DIAMETER - INNER_DIAMETER) / 2.0
     section = depth * (GROOVE_AT_INNER + GROOVE_AT_OUTER) / 2.0

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-_WORST_CONDITION = 1e5  # of the fit: above it two of its unknowns cannot be told apart
+_WORST_CONDITION = 1e5  # of the fit: above it two parameters are not distinguishable
 
 
 class Sine(NamedTuple):
     """Part of a signal at one frequency: Re(amplitude exp(j w t)).
 
     error: standard error of the real and of the imaginary part; offset: mean of the signal;
-    residual: standard deviation of what is left. Units are the signal's.
+    residual: standard deviation of the residual. Units are the signal's.
     """
 
     amplitude: complex
@@ -25,10 +25,10 @@ class Sine(NamedTuple):
 
 
 class Response(NamedTuple):
-    """Answer over input at one frequency.
+    """Output over input at one frequency.
 
-    error: standard error of the real and of the imaginary part, so of the magnitude, and divided by
-    the magnitude, of the phase [rad].
+    error: standard error of the real and of the imaginary part; it is also that of the magnitude
+    and, divided by the magnitude, of the phase [rad].
     """
 
     value: complex
@@ -64,10 +64,10 @@ def fit_sine(
 def response(
     time: np.ndarray, given: np.ndarray, answer: np.ndarray, frequency: float, drift: bool = False
 ) -> Response:
-    """Return answer over input from samples of both at the same times; arguments as `fit_sine`.
+    """Return output over input from samples of both at the same times; arguments as `fit_sine`.
 
-    The input is taken as exact: what is not a sine in it is no noise of the measurement.
-    Raises ValueError when there is no input of that frequency.
+    The input counts as exact: its deviation from a sine is not measurement noise. Raises ValueError
+    without an input at that frequency.
     """
     source = fit_sine(time, given, frequency, drift).amplitude
     found = fit_sine(time, answer, frequency, drift)
@@ -96,4 +96,4 @@ def _columns(
 
 
 def _undetermined(frequency: float, count: int) -> str:
-    return f"{count} samples do not determine a sine of {frequency:g} Hz: a longer record is wanted"
+    return f"{count} samples do not determine a sine of {frequency:g} Hz: record for longer"

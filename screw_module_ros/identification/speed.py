@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many times real time the in-process loop runs: part of `make bench`.
+"""Speed of the in-process loop relative to real time: part of `make bench`.
 
-Plant, drivers' scaling, law and arm at 2 kHz samples with the plant's substeps, compiled, after a
-warm-up run; medians of several runs, on one core and on all of them at once.
+Compiled plant, drivers' scaling, law and arm at 2 kHz samples with the plant's substeps, after a
+warm-up run; medians of several runs, on one core and on all cores in parallel.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TRIALS: dict[str, Trial] = {
 
 
 class Speed(NamedTuple):
-    """Simulated over real time, of each run, in rising order; cores: how many ran at once."""
+    """Simulated over real time of each run, ascending; cores: number of parallel processes."""
 
     trial: str
     cores: int
@@ -41,7 +41,7 @@ class Speed(NamedTuple):
 
 
 def speeds(runs: int, pool: ProcessPoolExecutor, cores: int) -> list[Speed]:
-    """Measure every trial on one core and on `cores` at once; runs: of each."""
+    """Measure every trial on one core and on `cores` in parallel; runs: number of each."""
     found = []
     for name in TRIALS:
         alone = [pool.submit(one_run, name).result() for _ in range(runs)]
@@ -56,7 +56,7 @@ def speeds(runs: int, pool: ProcessPoolExecutor, cores: int) -> list[Speed]:
 
 
 def one_run(name: str) -> float:
-    """Return simulated over real time of one run, after a short one that warms up."""
+    """Return simulated over real time of one run, after a short warm-up run."""
     bench, trial = InProcessBench(load_world()), TRIALS[name]
     bench.record(_shortened(trial), lambda share: None)
     begun = time.perf_counter()

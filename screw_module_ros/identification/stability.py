@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Largest stable force gain predicted, what limits it, and the onset in simulation (thesis 7.1).
+"""Predicted largest stable force gain, its limiting factor, and the onset in simulation (7.1).
 
-A designer's question before metal is cut: how much force feedback will mass, contact, delay, rate,
-filters and the hand allow? The linear sampled loop (`sampled_loop`) answers in milliseconds; each
-limit is taken away in turn to see what it costs. Where the bench is a simulated module, the gain is
-also raised in simulation, without play, until the handle chatters, to hold the prediction against.
+The linear sampled loop (`sampled_loop`) predicts the force feedback that mass, contact, delay,
+rate, filters and the hand allow. The effect of each limiting factor is the gain without it. On a
+simulated module without play the experiment also raises the gain until the handle chatters, for
+comparison with the prediction.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 
 
 class Settings(NamedTuple):
-    """The loop and the mechanism; a simulated module brings its own."""
+    """The loop and the mechanism; a simulated module overrides them."""
 
     rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 1000.0
     delay: Annotated[
@@ -47,11 +47,11 @@ class Settings(NamedTuple):
     contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
     contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
     cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
-    simulated: Annotated[bool, Setting("also look for the onset in simulation")] = True
+    simulated: Annotated[bool, Setting("also find the onset in simulation")] = True
 
 
 def run(lab: Lab, settings: Settings) -> Result:
-    """Predict, and simulate where the module is simulated. Raises ValueError, Cancelled."""
+    """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     validated(settings)
     mechanism, sampling = _of(lab, settings)
     quantities, data, notes = [], {}, []
@@ -77,9 +77,9 @@ def run(lab: Lab, settings: Settings) -> Result:
             quantities.append(_found(name, text, low, high))
     data |= _curves(mechanism, sampling, settings.cutoff)
     notes.append(
-        "Numbers after each limit: the gain with that one taken away, over the gain as it is. The "
-        "linear loop has neither friction, which helps, nor play, which hurts. The hand formula "
-        "takes the environment as a mass alone and says nothing of a wall."
+        "Factor of each limit: largest gain without this limit over the largest gain with it. The "
+        "linear loop has neither friction, which stabilises, nor play, which destabilises. The "
+        "hand formula models the environment as a mass and does not apply to walls."
     )
     return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
 
@@ -87,14 +87,14 @@ def run(lab: Lab, settings: Settings) -> Result:
 def limits(
     mechanism: Mechanism, environment: Environment, sampling: Sampling, law: Feedback | Observer
 ) -> dict[str, float]:
-    """Return by what factor the largest gain grows when each limit is taken away, by name.
+    """Return the largest gain without each limit over the largest gain with it, by name.
 
-    Raises ValueError when no gain is stable.
+    Raises ValueError if no gain is stable.
     """
     now = largest_gain(mechanism, environment, sampling, law)
     if now <= 0.0:
-        raise ValueError("no gain is stable: nothing can be said of what limits it")
-    # A shorter period also shortens what the delay has of it, so the delay is kept.
+        raise ValueError("no gain is stable: its limits cannot be determined")
+    # The delay stays constant when the period changes.
     without = {
         "the delay": (mechanism, environment, sampling._replace(delay=1e-6), law),
         "the sampling rate": (mechanism, environment, sampling._replace(
@@ -116,12 +116,12 @@ def limits(
 def hand_formula(
     mechanism: Mechanism, environment: Environment, sampling: Sampling, cutoff: float
 ) -> float:
-    """Return the largest gain by hand: phase 180 degrees at wp, where filter and delay meet.
+    """Return the largest gain by the hand formula, from the phase of 180 degrees at wp.
 
     Kf = (M + me) / me sqrt(1 + (wp / wf)^2) (1 - (wp / wr)^2) with atan(wp / wf) + wp tau = pi; tau
-    is half a period more than the delay and the amplifier's lag. NaN where the contact's resonance
-    wr lies below wp, without a mass in the environment, and where the environment's spring, late by
-    filter and delay, outweighs its damper: then the loop swings on that spring at far less gain.
+    is the delay, plus the amplifier's lag, plus half a period. NaN if the contact's resonance wr is
+    below wp, if the environment has no mass, or if its spring, delayed by filter and delay, exceeds
+    its damper: then the loop oscillates on that spring at a much smaller gain.
     """
     if environment.mass <= 0.0:
         return math.nan
@@ -147,7 +147,7 @@ def _by_hand(
     name: str, text: str, mechanism: Mechanism, environment: Environment, sampling: Sampling,
     cutoff: float,
 ) -> list[Quantity]:  # fmt: skip
-    """Return the formula's figure beside the exact one, nothing where it does not hold."""
+    """Return the formula's gain, nothing if the formula does not apply."""
     gain = hand_formula(mechanism, environment, sampling, cutoff)
     if math.isnan(gain):
         return []
@@ -156,7 +156,7 @@ def _by_hand(
 
 
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling]:
-    """Return mechanism and sampling, of the simulated module where there is one."""
+    """Return mechanism and sampling, those of a simulated module if the bench is one."""
     world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))
     if world is None or loop is None:
         return (
@@ -186,7 +186,7 @@ def _costs_text(costs: dict[str, float]) -> str:
 def _onset(
     lab: Lab, name: str, environment: Environment, predicted: float, cutoff: float
 ) -> tuple[float, float]:
-    """Return the largest gain tried without chatter and the smallest with it, inf for none."""
+    """Return the largest tested gain without chatter and the smallest with it, inf for none."""
     gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
     jobs = [
         Job(

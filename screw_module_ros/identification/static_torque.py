@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Dead zone, torque constant and linearization of the amplifier (thesis 4.1.1, figs 4-2 to 4-4).
 
-The rotor is locked to the transducer. A slow sine of command gives command against torque, which is
-fitted with line, cubic, line; a second sine goes through that fit and shows what is left.
+The rotor is locked to the transducer. A slow sine of the command gives command over torque, which
+is fitted with line, cubic, line. A second sine through that fit shows the residual.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ORDER = 4
 
 
 class Settings(NamedTuple):
-    """The sine and how the torque is smoothed."""
+    """The sine and the filter of the torque."""
 
     amplitude: Annotated[
         float, Setting("torque command, at most the motor's continuous torque", "Nm", 0.1, 0.8)
@@ -37,10 +37,10 @@ class Settings(NamedTuple):
         float, Setting("zero-phase low pass on the torque, for the fit", "Hz", 1.0, 100.0)
     ] = 20.0
     line_from: Annotated[
-        float, Setting("torque beyond which the dead zone's curve is a line", "Nm", 0.02, 0.5)
+        float, Setting("the curve is a line above this torque", "Nm", 0.02, 0.5)
     ] = 0.1
     torque_constant: Annotated[
-        float, Setting("published, by which a command becomes a current", "Nm/A", 1e-3, 10.0)
+        float, Setting("published torque constant: command to current", "Nm/A", 1e-3, 10.0)
     ] = 0.16
 
 
@@ -85,7 +85,7 @@ def reduced(trial: TorqueTrial, samples: Samples) -> Part:
 
 
 def linearization_of(result: Result) -> Linearization:
-    """Return the linearization a result found. Raises KeyError, ValueError when it is damaged."""
+    """Return the linearization of a result. Raises KeyError, ValueError if it is damaged."""
     v = result.value
     return validated_linearization(
         Linearization(
@@ -99,7 +99,7 @@ def linearization_of(result: Result) -> Linearization:
 def _smoothed(raw: Part, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
     """Return smoothed torque and command [Nm] of whole periods in the middle of the record.
 
-    What lags then counts alike on the way up and down, and the filter's ends are left out.
+    So a lag has equal effects on rising and falling torque, and the filter's ends do not count.
     """
     time = raw["time"]
     sections = butter(_ORDER, settings.cutoff, fs=_rate(raw), output="sos")
@@ -115,9 +115,9 @@ def _rate(raw: Part) -> float:
 
 
 def _fewer(raw: Part, settings: Settings) -> float:
-    """Return by what standard errors grow because neighbouring smoothed samples say the same.
+    """Return the factor of the standard errors for the correlation of filtered samples.
 
-    About 2 x cutoff samples a second count.
+    About 2 x cutoff samples per second are independent.
     """
     return math.sqrt(max(_rate(raw) / (2.0 * settings.cutoff), 1.0))
 
@@ -132,13 +132,13 @@ def _asymptotes(
 ) -> tuple[Quantity, ...]:
     """Return torque constant and dead zone from the straight ends of the curve.
 
-    The lines of the three pieces begin where the curve still bends: both would come out small.
+    The lines of the three pieces begin where the curve still bends and would give smaller values.
     """
     ends = []
     for side in (torque < -settings.line_from, torque > settings.line_from):
         if np.count_nonzero(side) < 10:
             raise ValueError(
-                f"line_from = {settings.line_from:g} Nm: the torque hardly comes beyond it"
+                f"line_from = {settings.line_from:g} Nm: too few samples have a larger torque"
             )
         (slope, offset), covariance = np.polyfit(torque[side], command[side], 1, cov="unscaled")
         off = command[side] - slope * torque[side] - offset
@@ -214,12 +214,12 @@ def _notes(fit: Pieces, settings: Settings) -> tuple[str, ...]:
         )
     ]
     return (
-        "Judge the linearization by its largest error at the handle: a correlation of 0.9999 still "
-        "has room for more than a newton of it.",
-        f"The torque is smoothed at {settings.cutoff:g} Hz forwards and backwards for the fits: "
-        "its noise would flatten a fit of command over torque.",
+        "The largest error at the handle is the relevant figure: a correlation of 0.9999 still "
+        "allows an error of more than a newton.",
+        f"For the fits the torque is filtered at {settings.cutoff:g} Hz forwards and backwards: "
+        "its noise would reduce the slope of a fit of command over torque.",
         f"The slope steps by {steps[0]:.1%} and {steps[1]:.1%} at the joints (thesis: about 10 %); "
-        "the joints are fitted too, not taken as +-0.025 Nm.",
-        "Standard errors count the scatter about the fit, of which the pieces' own misfit of the "
-        f"dead zone is part: {1000.0 * fit.residual:.2g} mNm of command.",
+        "the joints are fitted, too, instead of fixed at +-0.025 Nm.",
+        "Standard errors come from the scatter about the fit, which includes the misfit of the "
+        f"three pieces to the dead zone: {1000.0 * fit.residual:.2g} mNm of command.",
     )

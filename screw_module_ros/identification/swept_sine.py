@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frequency response by one sine after the other: what the experiments of thesis 4.1 share."""
+"""Frequency response with a stepped sine: shared functions of the experiments of thesis 4.1."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .sine_fit import response
 from .trials import Samples, TorqueTrial
 
 SETTLE_S = 0.05
-"""Left out at the start of each sine: many times the slowest pole, 221 Hz."""
+"""Excluded start of each sine [s]: many time constants of the slowest pole, 221 Hz."""
 
 
 class Sweep(NamedTuple):
-    """What a swept sine found: frequencies [Hz], response, standard error of its parts."""
+    """Result of a swept sine: frequencies [Hz], response, standard error of real and imaginary."""
 
     frequencies: np.ndarray
     values: np.ndarray
@@ -29,7 +29,7 @@ class Sweep(NamedTuple):
 
 
 class Amplifier(NamedTuple):
-    """What is taken for known of the amplifier: pole [Hz], delay [s], and where it is from."""
+    """Assumed amplifier: pole [Hz], delay [s], and a note about their source."""
 
     pole: float
     delay: float
@@ -91,7 +91,7 @@ def sweep_of(parts: Mapping[str, Part]) -> Sweep:
 
 
 def known_amplifier(lab: Lab, pole: float, delay: float) -> Amplifier:
-    """Return the amplifier as measured in this lab, else with the pole [Hz] and delay [s] given."""
+    """Return the amplifier as measured in this lab, else with this pole [Hz] and delay [s]."""
     try:
         found = lab.result(amplifier_response.NAME)
     except MissingResult:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a run kept its time, from the counters the drive's node publishes (design section 5)."""
+"""Timing of a run, from the counters that the drive's node publishes (design section 5)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Timing(NamedTuple):
     duration [s]; rate: commands written per second [1/s].
     commands: written; late: of these, written more than one period after their SYNC; lost: ticks
     without a command.
-    p50, p99: latency SYNC -> drive write [s], median over the seconds of the stretch of each
-    second's own percentile; worst_p99: the worst second's [s].
+    p50, p99: latency SYNC -> drive write [s]: median over time of the percentiles of each second;
+    worst_p99: largest p99 of a second [s].
     """
 
     duration: float
@@ -44,8 +44,8 @@ def timing(
 ) -> Timing:
     """Evaluate states of the drive's node, in order of `time_ns` [ns].
 
-    `commands`, `late`, `lost` count from the start of the node; `p50`, `p99` [s] are of the last
-    second at each state. Raises ValueError with fewer than two states, or where the counters fall
+    `commands`, `late`, `lost` count from the start of the node; `p50`, `p99` [s] are those of the
+    second before each state. Raises ValueError for fewer than two states, or if a counter decreases
     because the node was restarted.
     """
     if len(time_ns) < 2:
@@ -54,7 +54,7 @@ def timing(
     grown = {}
     for name, values in counts.items():
         if (np.diff(np.asarray(values, np.int64)) < 0).any():
-            raise ValueError(f"the count of {name} falls: the drive's node was restarted meanwhile")
+            raise ValueError(f"the count of {name} decreases: the drive's node was restarted")
         grown[name] = int(values[-1]) - int(values[0])
     duration = (int(time_ns[-1]) - int(time_ns[0])) * 1e-9
     return Timing(

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Damping and delay of the locked rotor, and what they show of a delay (thesis 4.1.3, 4.1.4).
+"""Damping and delay of the locked rotor, and resolution of the delay (thesis 4.1.3, 4.1.4).
 
 Figures 4-9 to 4-14. The rotor (J) on the transducer (K) has an undamped frequency of 3600 Hz, which
-2 kHz samples fold to 400 Hz.
+appears at 400 Hz in samples at 2 kHz.
 """
 
 from __future__ import annotations
@@ -38,33 +38,37 @@ from .swept_sine import (
 from .trials import TorqueTrial
 
 NAME = "torque_response"
-_STARTS = (0.3, 3.0, 10.0)  # damping [Nm s/rad]: light and heavy can look alike at first
-_LIGHT = 0.005  # damping that lets the resonance be seen [Nm s/rad]
+_STARTS = (0.3, 3.0, 10.0)  # initial damping [Nm s/rad]: the misfit can have several minima
+_LIGHT = 0.005  # damping with a visible resonance [Nm s/rad]
 _LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
 _PROFILE = np.linspace(0.0, 1e-3, 101)
 
 
 class Settings(NamedTuple):
-    """The swept sine, and what is taken for known."""
+    """The swept sine, and assumed parameters."""
 
     low: Annotated[float, Setting("lowest frequency", "Hz", 0.1, 1000.0)] = 1.0
     high: Annotated[float, Setting("highest frequency", "Hz", 1.0, 1000.0)] = 200.0
     count: Annotated[int, Setting("frequencies, evenly on a log scale", "", 4, 400)] = 40
     amplitude: Annotated[float, Setting("of the commanded torque, 2.2 A", "Nm", 0.05, 0.8)] = 0.352
-    cycles: Annotated[int, Setting("at each frequency", "", 1, 100)] = 4
+    cycles: Annotated[int, Setting("cycles at each frequency", "", 1, 100)] = 4
     slow_rate: Annotated[
-        float, Setting("second sampling rate (fig 4-12), 0 = leave it out", "Hz", 0.0, 4000.0)
+        float, Setting("second sampling rate (fig 4-12), 0 = none", "Hz", 0.0, 4000.0)
     ] = 1000.0
     stiffness: Annotated[float, Setting("K of the transducer", "Nm/rad", 10.0, 1e6)] = 10_000.0
     inertia: Annotated[float, Setting("J of the rotor", "kg m^2", 1e-7, 1e-2)] = 1.96e-5
-    pole: Annotated[float, Setting("of the amplifier, if not measured", "Hz", 10.0, 1e5)] = 1000.0
-    delay: Annotated[float, Setting("of the amplifier, if not measured", "s", 0.0, 1e-3)] = 60e-6
+    pole: Annotated[
+        float, Setting("pole of the amplifier, if not measured", "Hz", 10.0, 1e5)
+    ] = 1000.0
+    delay: Annotated[
+        float, Setting("delay of the amplifier, if not measured", "s", 0.0, 1e-3)
+    ] = 60e-6
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure through the measured linearization, at both rates, and fit.
 
-    Raises MissingResult before static_torque was run, Cancelled, NotPossible, ValueError.
+    Raises MissingResult without static_torque's result, Cancelled, NotPossible, ValueError.
     """
     frequencies = np.geomspace(settings.low, settings.high, settings.count)
     trial = TorqueTrial(0.0, settings.amplitude, 0.0, measured_linearization(lab))
@@ -157,7 +161,7 @@ def _drawn(fit: Fit) -> tuple[Quantity, ...]:
 def _limit(
     model: Model, sweep: Sweep, fit: Fit, rate: float, amplifier: Amplifier
 ) -> dict[str, np.ndarray]:
-    """Return how well each delay fits: with the rotor's dynamics, and for a wire."""
+    """Return the misfit over the delay: with the rotor's dynamics, and for a wire."""
     gain, damping, delay = fit.values
     total = float(amplifier.delay + delay)
     return {
@@ -174,7 +178,7 @@ def _limit(
 def _folded(
     settings: Settings, amplifier: Amplifier, fit: Fit, rate: float
 ) -> dict[str, np.ndarray]:
-    """Return the rotor with little damping and with what was found, sampled and not."""
+    """Return responses of the rotor with light and with identified damping, sampled and not."""
     frequencies = np.linspace(5.0, 0.4999 * rate, 800)
     wide = np.linspace(5.0, 2.5 * rate, 2000)
     amplifier_pole = first_order(amplifier.pole)
@@ -205,15 +209,16 @@ def _notes(
         amplifier.note,
         f"B = {damping.value:.3g} Nm s/rad is a damping ratio of {ratio:.1f}. "
         + (
-            f"Overdamped, the mode's slow pole K/B at {corner:.0f} Hz makes magnitude and phase "
-            "fall, and there is no resonance to see; a lightly damped one is drawn where it folds."
+            f"The mode is overdamped: its slow pole K/B at {corner:.0f} Hz lowers magnitude and "
+            "phase, without a resonance. A figure shows the alias of a lightly damped resonance."
             if ratio > 1.0
-            else "The mode resonates, and the resonance is seen folded."
+            else "The mode resonates; the samples show an alias of the resonance."
         ),
-        "A wire sampled at its own holds hides any delay within a sample (4.1.4). Known dynamics "
-        f"do not: the scatter leaves {1e6 * delay.uncertainty:.1f} us here, and 5 % in the "
-        f"amplifier's pole would shift it by {0.05e6 / (2.0 * math.pi * amplifier.pole):.0f} us. "
-        "The thesis's limit is that of a plant without dynamics, not of sampled data.",
-        f"Drawn with a hold for the A/D card too (fig C-1) the model lags {1e6 * half:.0f} us "
-        "more, and the delay that fits is shorter.",
+        "In the samples of a wire, a delay shorter than a sample is not visible (4.1.4). With "
+        f"known dynamics it is: the standard error here is {1e6 * delay.uncertainty:.1f} us, and "
+        "an error of 5 % of the amplifier's pole would shift the delay by "
+        f"{0.05e6 / (2.0 * math.pi * amplifier.pole):.0f} us. The thesis's limit applies to a "
+        "plant without dynamics, not to sampled data in general.",
+        f"With a second hold for the A/D card (fig C-1) the model lags {1e6 * half:.0f} us more, "
+        "and the fitted delay is shorter.",
     )

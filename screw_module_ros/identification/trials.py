@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done to the module in one go, and what is measured meanwhile.
+"""Trials (one excitation of the module each), their samples, and the interface of a bench.
 
 An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
 live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
 node `characterize`) turns it into samples.
 
-Every bench takes the zero of the transducer before and after a trial, with the handle untouched or
-no torque on the rotor, and subtracts the straight line between the two: drift is not friction.
+Every bench measures the zero of the transducer before and after a trial, without load on handle or
+rotor, and subtracts the straight line between the two, so that drift does not appear as friction.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ OnProgress = Callable[[float], None]
 
 
 class Cancelled(Exception):
-    """The experiment is to end; the bench has taken all torque away."""
+    """The experiment was cancelled; the bench has switched the torque off."""
 
 
 class NotPossible(RuntimeError):
-    """The bench cannot do this trial; the text says what is missing and the way out."""
+    """The bench cannot do this trial; the message names the missing condition and the way out."""
 
 
 class TorqueTrial(NamedTuple):
     """Rotor locked to ground through the transducer: one sine of motor torque (thesis 4.1).
 
     frequency [Hz]; amplitude: of the commanded torque [Nm]; duration: of the sine [s];
-    linearization: undoes the amplifier's dead zone, None = the command goes out as it is;
-    rate: samples per second [1/s], 0 = the bench's own.
+    linearization: compensates the amplifier's dead zone, None = no compensation; rate: samples per
+    second [1/s], 0 = the bench's own.
     """
 
     frequency: float
@@ -89,11 +89,10 @@ class MotionTrial(NamedTuple):
     where the spring's set point stays (centre); duration [s], after the handle has come to rest at
     the centre; preloaded: with a nut that has no backlash, as thesis 6.4.3 suggests.
 
-    way: how far the middle of the sine lies from the centre, reached within a second [m];
-    side_force: amplitude of what the hand presses sideways, at 2 rad/s [N]; tremor: of the hand
-    [m]; released_after: when the hand lets go [s]; changed: seed of what has become of the rig
-    since it was calibrated (`plant.settings.changed_later`), 0 = nothing. These and `preloaded`
-    need a simulated module.
+    way: distance of the sine's middle from the centre, reached within a second [m]; side_force:
+    amplitude of the hand's sideways force, at 2 rad/s [N]; tremor: of the hand [m]; released_after:
+    time at which the hand lets go [s]; changed: seed of the rig's change since its calibration
+    (`plant.settings.changed_later`), 0 = no change. These and `preloaded` need a simulated module.
     """
 
     mode: int
@@ -117,16 +116,16 @@ Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial
 
 
 class Samples(NamedTuple):
-    """What was measured: float arrays of one length, evenly spaced in time.
+    """Measured samples: float arrays of one length, evenly spaced in time.
 
-    time: since the excitation began [s]; position: of the nut, by the encoder [m]; velocity: back
-    difference through the 30 Hz filter [m/s]; force: along z, of the patient or stage on the robot,
-    zero taken off [N]; torque: about z [Nm]; command: torque commanded to the amplifier in answer
-    to this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN where nothing
-    measures it, for a TorqueTrial through the current sensor of thesis C.2 and in volts.
+    time: since the start of the excitation [s]; position: of the nut, by the encoder [m]; velocity:
+    backward difference through the 30 Hz filter [m/s]; force: along z, of the patient or stage on
+    the robot, zero subtracted [N]; torque: about z [Nm]; command: torque command to the amplifier
+    for this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN if not measured; for
+    a TorqueTrial the output of the current sensor of thesis C.2 [V].
 
-    What no sensor shows, None on a real module: handle [m], handle_velocity [m/s], true_force: of
-    the patient on the robot [N]. share: of the force gain that the chatter guard leaves, 0 to 1.
+    True values, None on a real module: handle [m], handle_velocity [m/s], true_force: of the
+    patient on the robot [N]; share: remaining force gain after the chatter guard, 0 to 1.
     """
 
     time: np.ndarray
@@ -143,7 +142,7 @@ class Samples(NamedTuple):
 
 
 class Bench(Protocol):
-    """Whatever can do trials. rate: its samples per second [1/s]; name: for people."""
+    """Interface of a bench. rate: samples per second [1/s]; name: for reports."""
 
     rate: float
     name: str
@@ -152,7 +151,7 @@ class Bench(Protocol):
         """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""
 
     def zero(self) -> tuple[float, float, float, float, float, float]:
-        """Return what the transducer shows with nothing at the handle: force [N], torque [Nm]."""
+        """Return the transducer's reading without load: forces [N], torques [Nm], x to z."""
 
 
 def duration_of(trial: Trial) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions as rosbag2 bags (MCAP): written without ROS, safe against kill -9, audited."""
+"""Recording of sessions as rosbag2 bags (MCAP): without ROS, safe against kill -9, audited."""
 
 from .audit import Counts
 from .bag import BagWriter, Topic

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts what is missing from a topic, from the tick numbers and the middleware's own numbers.
+"""Counts the missing messages of a topic, from tick numbers and from the middleware's numbers.
 
-Two things are distinguished. `lost`: tick numbers (`sequence`, design section 5) that never came,
-be it that the sensor missed them, that the publisher skipped them or that they were lost on the
-way. `missed`: messages that were published but did not reach the recorder, from the number the
-middleware gives each message of a publisher. A bag with lost but not missed shows what happened on
-the robot; missed ones are the recorder's own.
+There are two counts. `lost`: tick numbers (`sequence`, design section 5) that never arrived,
+because the sensor or the publisher skipped them or the transport lost them. `missed`: messages that
+were published but did not reach the recorder, from the middleware's number of each message of a
+publisher. Lost messages without missed ones are losses on the robot; missed ones are losses of the
+recorder.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ NO_SEQUENCE, FLAT, HEADER = 0, 1, 2
 _MASK = 0xFFFFFFFF
 _RESTART = 100_000  # ticks; a larger step is a restart of the counter, not a gap
 _MANY = 256  # different steps; a topic with more has no period
-_COMMON = 0.25  # least share of the commonest step in a topic with a period
-_REGULAR = 0.75  # least share of steps that are whole multiples of the commonest
+_COMMON = 0.25  # least share of the most frequent step in a topic with a period
+_REGULAR = 0.75  # least share of steps that are integer multiples of the most frequent one
 
 
 class Counts(NamedTuple):
-    """What is known about one topic.
+    """Counts of one topic.
 
     messages: recorded.
-    stride: ticks from one message to the next, as known or else learned; 0 when there is no
-        sequence or no period.
-    gaps: places where messages are missing.
-    lost: messages missing there, at that stride.
-    duplicates: messages with the tick number of the one before.
-    out_of_order: messages older than one before them.
+    stride: ticks from one message to the next, known or else estimated; 0 without a sequence or
+        without a period.
+    gaps: number of gaps in the sequence.
+    lost: messages missing in the gaps, at that stride.
+    duplicates: messages with the tick number of the previous one.
+    out_of_order: messages older than an earlier one.
     restarts: steps too large for a gap (node restarted with another period, clock reset).
-    missed: messages published but not received, by the middleware's numbers; -1 when they cannot
-        be counted: several publishers share the topic, whose numbers do not line up.
+    missed: messages published but not received, by the middleware's numbers; -1 if they cannot be
+        counted, because several publishers with separate numbers share the topic.
     dropped: messages received but not written (cache full, disk full).
     """
 
@@ -56,14 +56,14 @@ class Counts(NamedTuple):
         return not (self.lost or self.missed > 0 or self.dropped or self.out_of_order)
 
     def as_text(self) -> str:
-        """Return the counts as JSON, as they are written into the bag."""
+        """Return the counts as JSON, in the form of the bag."""
         return json.dumps(self._asdict())
 
 
 def layout(definition: str) -> int:
-    """Say where `uint32 sequence` stands in messages of this definition.
+    """Return the position of `uint32 sequence` in messages of this definition.
 
-    FLAT: right after a stamp. HEADER: right after a std_msgs/Header. Else NO_SEQUENCE.
+    FLAT: directly after a stamp. HEADER: directly after a std_msgs/Header. Else NO_SEQUENCE.
     """
     first = fields(definition)[:2]
     if len(first) < 2 or first[1] != ("uint32", "sequence"):
@@ -72,7 +72,7 @@ def layout(definition: str) -> int:
 
 
 def byte_order(data: bytes) -> Literal["little", "big"]:
-    """Return the byte order that a CDR message names; one without content names any."""
+    """Return the byte order in a CDR message's encapsulation, "big" for an empty message."""
     return "little" if data[1:2] and data[1] & 1 else "big"
 
 
@@ -88,7 +88,7 @@ def sequence_of(data: bytes, where: int) -> int:
 
 
 def _after_header(data: bytes) -> int:
-    """Return where the number after a std_msgs/Header begins [B from the encapsulation's end]."""
+    """Return the offset of the number after a std_msgs/Header [B from the encapsulation's end]."""
     text = int.from_bytes(data[12:16], byte_order(data))
     return 12 + (text + 3 & ~3)
 
@@ -96,7 +96,7 @@ def _after_header(data: bytes) -> int:
 def monotonic_of(data: bytes, where: int) -> int:
     """Return the `int64 monotonic_ns` that follows the sequence in a CDR message [ns].
 
-    All types of ours that have a sequence of their own ticks have it there, aligned to 8.
+    It is aligned to 8 bytes in all our message types with a sequence.
     """
     order = byte_order(data)
     start = 20 if where == FLAT else 4 + (_after_header(data) + 4 + 7 & ~7)
@@ -106,7 +106,7 @@ def monotonic_of(data: bytes, where: int) -> int:
 class TopicAudit:
     """Counts for one topic, one cheap `update` per message.
 
-    stride: ticks from one message to the next where they are known, 0 = learned from the data.
+    stride: ticks from one message to the next if known, 0 = estimated from the data.
     """
 
     def __init__(self, where: int, stride: int = 0):
@@ -123,7 +123,7 @@ class TopicAudit:
         self.single_publisher = True
 
     def update(self, data: bytes, number: int) -> None:
-        """Take in one message and the number its publisher's middleware gave it (0 = none)."""
+        """Count one message; number: its publisher's middleware number (0 = none)."""
         self.messages += 1
         if number:
             step = number - self._number
@@ -165,7 +165,7 @@ class TopicAudit:
             messages=self.messages,
             stride=stride,
             gaps=gaps,
-            # A late message was counted as lost when it was passed over.
+            # A late message was first counted as lost.
             lost=max(0, lost - self._late),
             duplicates=self._steps.get(0, 0),
             out_of_order=self._late,
@@ -176,7 +176,7 @@ class TopicAudit:
 
 
 def _learned(steps: dict[int, int]) -> int:
-    """Return the commonest step when most others are whole multiples of it, else 0."""
+    """Return the most frequent step if most others are integer multiples of it, else 0."""
     if not steps or len(steps) > _MANY:
         return 0
     stride = max(steps, key=lambda step: (steps[step], -step))

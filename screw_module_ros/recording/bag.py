@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A rosbag2 bag being written: folder, MCAP files, metadata.yaml, audit of the sequences.
+"""Writes a rosbag2 bag: folder, MCAP files, metadata.yaml, audit of the sequences.
 
-What `ros2 bag record -s mcap` of Jazzy leaves, plus the audit and the recorder's own metadata, each
-both as an MCAP metadata record and in metadata.yaml's `custom_data` (as JSON, so that a file torn
-by a power failure does not take them along).
+The format is that of `ros2 bag record -s mcap` of Jazzy, plus the audit and the recorder's own
+metadata. Both are stored twice: as MCAP metadata records and as JSON in the `custom_data` of
+metadata.yaml, which survives a file torn by a power failure.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from .storage import StorageSettings
 PREFIX = "screw_module_ros/"
 AUDIT = PREFIX + "audit"
 STATE = PREFIX + "state"
-REFUSED = "not recorded"  # topics that were asked for, and why they are not in the bag
+REFUSED = "not recorded"  # section with the requested topics that are not recorded, and reasons
 RECORDING, CLOSED, RECOVERED = "recording", "closed", "recovered"
 METADATA_FILE = "metadata.yaml"
 
 
 class Topic(NamedTuple):
-    """A topic to be recorded.
+    """A topic to record.
 
     name: full name. type: `package/msg/Type`. definition: see `definitions.Definitions`. type_hash:
     RIHS01 hash that the publishers announce, empty for the definition's own. qos: what its
@@ -52,8 +52,7 @@ class BagWriter:
     def __init__(self, folder: Path | str, settings: StorageSettings | None = None):
         """Create the bag's folder with an empty, complete bag in it.
 
-        Raises BagExistsError when there is something at `folder`, BagFolderError when it cannot
-        be made or written.
+        Raises BagExistsError if `folder` exists, BagFolderError if it cannot be made or written.
         """
         self.folder = Path(folder)
         self._settings = settings or StorageSettings()
@@ -78,7 +77,7 @@ class BagWriter:
             raise self._impossible(str(error)) from None
 
     def _impossible(self, why: str) -> BagFolderError:
-        """Take away what a bag that never held anything left behind."""
+        """Remove the folder of a bag that could not be started; return the error to raise."""
         for path in self.folder.glob("*"):
             path.unlink()
         self.folder.rmdir()
@@ -104,7 +103,7 @@ class BagWriter:
         return file.add_channel(topic.name, schema, metadata)
 
     def add_topic(self, topic: Topic) -> int:
-        """Add a topic, return the channel for its messages."""
+        """Add a topic; return its channel."""
         self._topics.append(topic)
         self._hashes.append(topic.type_hash or topic.definition.type_hash)
         self._qos.append(qos_yaml(topic.qos))
@@ -113,16 +112,16 @@ class BagWriter:
         return self._declare(self._file, len(self._topics) - 1)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Keep `values` in the bag under `name`, in place of earlier ones of that name.
+        """Store `values` in the bag under `name`; they replace earlier ones.
 
-        Each value is noted with its hash, see `seal`.
+        Each value is stored with its hash, see `seal`.
         """
         self._values[PREFIX + name] = dict(values)
         sections = {key.removeprefix(PREFIX): kept for key, kept in self._values.items()}
         self._values[PREFIX + HASHES] = sealed(sections)
 
     def write(self, messages: Iterable[Message]) -> None:
-        """Append messages, oldest first. Raises BagWriteError when the disk refuses them."""
+        """Append messages, oldest first. Raises BagWriteError if writing fails."""
         audits = self._audits
         kept = list(messages)
         for message in kept:
@@ -133,17 +132,17 @@ class BagWriter:
             raise self._failure(error) from None
 
     def dropped(self, channel: int, number: int) -> None:
-        """Say how many messages of a topic were received and not written, altogether."""
+        """Set the total number of received messages of a topic that were not written."""
         self._audits[channel - 1].dropped = number
 
     def several_publishers(self, channel: int) -> None:
-        """Say that a topic has more than one publisher: their own numbers do not line up."""
+        """Note that a topic has several publishers, with separate message numbers."""
         self._audits[channel - 1].single_publisher = False
 
     def flush(self) -> None:
-        """Make everything written so far safe on the disk, metadata.yaml included.
+        """Write all messages so far and metadata.yaml to the disk.
 
-        Raises BagWriteError when the disk refuses; the bag is then what it was a flush before.
+        Raises BagWriteError on failure; the bag then has the state of the previous flush.
         """
         try:
             self._file.close_chunk()
@@ -165,7 +164,7 @@ class BagWriter:
         where = error.filename or self._file.path
         text = f"{where}: {error.strerror}"
         if lost:
-            text += f"; {lost} messages of the last moment are not in the bag, all before them are"
+            text += f"; the last {lost} messages are not in the bag, all earlier ones are"
         return BagWriteError(text)
 
     def _split_when_long(self) -> None:
@@ -184,9 +183,9 @@ class BagWriter:
         self.flush()
 
     def close(self, state: str = CLOSED) -> None:
-        """Flush, mark the bag as closed, and close it; a second time it does nothing.
+        """Flush, mark the bag as closed, and close it; a second call does nothing.
 
-        Raises BagWriteError when the last flush fails; after such a failure it only lets go.
+        Raises BagWriteError if the last flush fails; after a failed write it only closes the file.
         """
         if self._closed:
             return
@@ -208,7 +207,7 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages safe on the disk."""
+        """Number of messages on the disk."""
         return self._file.saved + sum(self._done_counts)
 
     def _information(self) -> str:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which channel of a file is which topic, from what is left of the records.
+"""Maps the channels of a file to topics, from the readable records.
 
-A channel is declared in the first chunk that needs it, and again in the index at the file's end. In
-a damaged bag one or both may be lost; then the bag's other files give it (a topic has the same
-channel in each of them), or metadata.yaml, whose topics stand in the order of their channels.
+A channel is declared in the first chunk that needs it, and again in the index at the file's end. If
+damage has destroyed both, the bag's other files have the declaration (a topic has the same channel
+in all files), or metadata.yaml, which lists the topics in the order of their channels.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ Declarations = dict[int, Declared]  # by the channel's id
 
 
 class Gatherer:
-    """Joins schemas and channels as they come."""
+    """Joins schemas and channels to declarations."""
 
     def __init__(self) -> None:
         self.found: Declarations = {}
         self._schemas: dict[int, Schema] = {}
 
     def take(self, schemas: Iterable[Schema], channels: Iterable[Channel]) -> None:
-        """Take in declarations; later ones of an id count."""
+        """Add declarations; a later one replaces an earlier one of the same id."""
         self._schemas.update((schema.id, schema) for schema in schemas)
         for channel in channels:
             if channel.schema_id in self._schemas:
                 self.found[channel.id] = Declared(channel, self._schemas[channel.schema_id])
 
     def take_outside(self, records: Iterable[Outside]) -> None:
-        """Take in what is declared outside of chunks."""
+        """Add declarations from outside of chunks."""
         for found in records:
             if isinstance(found.record, Schema):
                 self.take([found.record], ())
@@ -63,14 +63,14 @@ def resolved(
     topics: Sequence[TopicLine],
     used: Iterable[int],
 ) -> Declarations:
-    """Return a file's channels: its `own`, and the next best for those that have messages only.
+    """Return a file's channels: its `own`, and the best substitute for undeclared ones.
 
-    others: of the bag's other files. topics: of metadata.yaml. used: ids that messages name.
+    others: of the bag's other files. topics: of metadata.yaml. used: channel ids of messages.
     """
     found = dict(own)
     known = {**others, **own}
     if any(known[n].channel.topic != t.name for n, t in enumerate(topics, 1) if n in known):
-        topics = ()  # somebody sorted them
+        topics = ()  # the list was sorted: its order is not that of the channels
     for number in used:
         if number in found:
             continue
@@ -93,11 +93,11 @@ def _from_noted(number: int, topic: TopicLine) -> Declared:
 
 
 def _adopted(new: Declared, known: Mapping[int, Declared]) -> Declared:
-    """Return `new` with a schema that fits to those `known`: the one of its type, or a free id."""
+    """Return `new` with the known schema of its type, or with its own under a free id."""
     schemas = {declared.schema.name: declared.schema for declared in known.values()}
     schema = schemas.get(new.schema.name)
     if schema is None:
-        # Not one that a lost declaration of this file may have had: those count from 1.
+        # From the top, as lost declarations of this file have low ids (from 1).
         used = {schema.id for schema in schemas.values()}
         free = next(number for number in range(0xFFFF, 0, -1) if number not in used)
         schema = Schema(free, new.schema.data, new.schema.encoding, new.schema.name)
@@ -108,7 +108,7 @@ def _adopted(new: Declared, known: Mapping[int, Declared]) -> Declared:
 
 
 def _installed(topic: TopicLine) -> Definition:
-    """Return the definition installed here when it is the one that was recorded."""
+    """Return the installed definition if it has the recorded type hash, else UNKNOWN."""
     try:
         found = Definitions().find(topic.type)
     except (DefinitionError, UnicodeDecodeError):

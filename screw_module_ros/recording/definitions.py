@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions as rosbag2 stores them: the .msg text with all it depends on.
+"""Message definitions in rosbag2's form: the .msg text with all its dependencies.
 
 The texts come from `share/PACKAGE/msg` of the prefixes in AMENT_PREFIX_PATH; the layout (a line of
 80 `=`, `MSG: package/Type`, the text) is what rosbag2, rosbags, mcap and Foxglove parse.
@@ -26,11 +26,11 @@ _FEEDBACK = "_FeedbackMessage"
 
 
 class Definition(NamedTuple):
-    """What a schema record holds.
+    """Content of a schema record.
 
-    encoding: `ros2msg`, or empty when the type's text is not known.
-    text: the definition with everything it depends on.
-    type_hash: RIHS01 hash of the type, empty when not known.
+    encoding: `ros2msg`, empty if the type's text is unknown.
+    text: the definition with all its dependencies.
+    type_hash: RIHS01 hash of the type, empty if unknown.
     """
 
     encoding: str
@@ -42,17 +42,17 @@ UNKNOWN = Definition("", "", "")
 
 
 class Definitions:
-    """Finds definitions in installed packages; remembers what it read."""
+    """Finds and caches definitions of installed packages."""
 
     def __init__(self, packages: Mapping[str, Path] | None = None):
-        """Look in AMENT_PREFIX_PATH, and first in `packages` (name -> folder that holds msg/)."""
+        """Search `packages` (name -> folder with msg/), then AMENT_PREFIX_PATH."""
         self._packages = dict(packages or {})
         self._texts: dict[str, str] = {}
 
     def find(self, type_name: str) -> Definition:
         """Return the full definition of `pkg/msg/Type`.
 
-        Raises DefinitionError when its package or that of a dependency is not installed.
+        Raises DefinitionError if its package or that of a dependency is not installed.
         """
         package, _, _ = _split(type_name)
         parts = [self._text(type_name)]
@@ -85,7 +85,7 @@ class Definitions:
             raise DefinitionError(f"no definition of {name}: {error}") from None
 
     def _read_feedback(self, name: str, package: str, base: str) -> None:
-        """Derive the topic type of an action's feedback, which has no file of its own."""
+        """Derive the topic type of an action's feedback, which has no .msg file."""
         if not base.endswith(_FEEDBACK):
             raise DefinitionError(f"no definition of {name}: only an action's feedback is a topic")
         action = base.removesuffix(_FEEDBACK)
@@ -107,13 +107,13 @@ class Definitions:
                 return share
         raise DefinitionError(
             f"no definition of {name}: package {package} is in no prefix of AMENT_PREFIX_PATH; "
-            "source the workspace that holds it"
+            "source the workspace that contains it"
         )
 
     def type_hash(self, name: str) -> str:
-        """Return the RIHS01 hash from the type's installed description, empty when there is none.
+        """Return the RIHS01 hash from the type's installed description, empty without one.
 
-        A running graph announces the hash too (endpoint information); this serves without one.
+        A running graph announces the hash, too (endpoint information).
         """
         package, kind, base = _split(name)
         folder = self._share(package, name) / (kind or "msg")
@@ -127,7 +127,7 @@ class Definitions:
 def _split(name: str) -> tuple[str, str, str]:
     match = _TYPE_NAME.match(name)
     if match is None:
-        raise DefinitionError(f"{name!r} is no message type: package/msg/Type is wanted")
+        raise DefinitionError(f"{name!r} is not a message type: the form is package/msg/Type")
     return match[1], match[2] or "", match[3]
 
 

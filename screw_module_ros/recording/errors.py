@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong with a bag, as one tree.
+"""Errors of bags, as one tree.
 
 BagError
 ├── BagFolderError      the folder cannot be made or written to
-│   └── BagExistsError  there is a bag of that name: nothing is ever overwritten
-├── BagWriteError       writing failed in mid-recording (disk full, quota); what was there is kept
-├── BagBusyError        another process is recording into that bag right now
-├── BagReadError        not a bag, or an unfinished one: the sentence says what to do
-└── DefinitionError     no text of a message type's definition on this machine
+│   └── BagExistsError  a bag of that name exists: the recorder never overwrites
+├── BagWriteError       writing failed while recording (disk full, quota); earlier data are kept
+├── BagBusyError        another process is recording into that bag
+├── BagReadError        not a bag, or an unfinished one: the message says what to do
+└── DefinitionError     the definition of a message type is not installed
 
 Every message names the path or the type, and the way out.
 """
 
 
 class BagError(Exception):
-    """Anything wrong with a bag."""
+    """Base class of the errors of bags."""
 
 
 class BagFolderError(BagError):
@@ -26,11 +26,11 @@ class BagExistsError(BagFolderError):
 
 
 class BagWriteError(BagError):
-    """Writing failed, for instance a full disk; the bag on the disk is complete up to then."""
+    """Writing failed, for instance on a full disk; the bag is complete up to that time."""
 
 
 class BagBusyError(BagError):
-    """The bag is being recorded by another process, so it must not be repaired."""
+    """Another process is recording the bag, so it must not be repaired."""
 
 
 class BagReadError(BagError):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag should hold by the table of the graph and the parameters noted in it, not by its data.
+"""Expected content of a bag, from the table of the graph and the parameters stored in the bag.
 
-A stride learned from the data hides a loss that is regular: with every second sample gone the rest
-looks like a topic of half the rate. So the topics that follow a node's ticks (design section 5) are
-held against what is known of them.
+A stride estimated from the data hides a regular loss: without every second sample a topic looks
+like one of half the rate. So the topics that follow a node's ticks (design section 5) are compared
+with their known stride and rate.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from typing import Any
 from ..graph import TOPICS
 from .metadata import decoded
 
-_LEAST_S = 1.0  # a shorter recording tells no rate
-_FASTEST_HZ = 1e9  # a rate beyond it is none
+_LEAST_S = 1.0  # a shorter recording does not determine a rate
+_FASTEST_HZ = 1e9  # larger rates are invalid
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
 
 Parameters = Mapping[str, str]  # per node, its parameters as JSON
 
 
 TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
-"""Topics whose messages follow ticks, by type: types outlive the remapping of a name."""
+"""Topics whose messages follow ticks, by type, as names can be remapped."""
 
 
 def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
-    """Return the ticks from one message of a type to the next, 0 when only the data show it.
+    """Return the ticks from one message of a type to the next, 0 if unknown.
 
-    parameters: as noted in the bag; without them a type whose stride is a parameter gives 0.
+    parameters: those stored in the bag; a type whose stride is a parameter needs them.
     """
     ticked = TICKED.get(type_name)
     if ticked is None:
@@ -40,9 +40,9 @@ def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
 
 
 def wrong_rate(type_name: str, ticks: int, duration: float, parameters: Parameters) -> str:
-    """Say how the ticks that went by differ from the rate noted, empty when they fit.
+    """Return the difference of the tick rate from the node's parameter, empty if they agree.
 
-    ticks: from the first message to the last. duration: between them, by their own stamps [s].
+    ticks: from the first message to the last. duration: between their stamps [s].
     """
     ticked = TICKED.get(type_name)
     if ticked is None or duration < _LEAST_S:
@@ -59,7 +59,7 @@ def wrong_rate(type_name: str, ticks: int, duration: float, parameters: Paramete
 
 
 def absent(types: Collection[str], parameters: Parameters) -> Iterator[str]:
-    """Say which nodes were there while no topic of theirs is in a bag with these types."""
+    """Yield a sentence for each node with parameters in the bag, but without its topic."""
     for type_name, ticked in TICKED.items():
         nodes = [name for name in parameters if name.rpartition("/")[2] == ticked.publisher]
         if nodes and type_name not in types:
@@ -67,7 +67,7 @@ def absent(types: Collection[str], parameters: Parameters) -> Iterator[str]:
 
 
 def _values(parameters: Parameters, node: str) -> dict[str, Any]:
-    """Return the parameters of the one node of this name, in whatever namespace; else none."""
+    """Return the parameters of the only node of this name in any namespace, else none."""
     found = [text for name, text in parameters.items() if name.rpartition("/")[2] == node]
     if len(found) != 1:
         return {}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of a bag, opened with checks: each may be damaged, or no file at all.
+"""Access to files of a bag, with checks: each may be damaged or not a regular file.
 
-A FIFO would block who opens it and a device may act on it, so anything but a regular file is
-refused before it is opened. A file is read piece by piece and not mapped into memory: a mapped file
-that another process shortens ends this one.
+Opening a FIFO would block and a device may react, so everything except a regular file is refused
+before it is opened. Files are read in blocks and not mapped into memory: if another process
+truncated a mapped file, this process would end.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _BLOCK = 2**20  # B copied at a time
 
 
 class Source:
-    """An open file: bytes by position, never more than the file holds. A context manager."""
+    """An open file for reading by position; a context manager. stamp, size [B]: when opened."""
 
     def __init__(self, path: Path):
-        """Open `path` for reading. Raises BagReadError when it is no file that can be read."""
+        """Open `path` for reading. Raises BagReadError if it is not a readable file."""
         self.path = path
         try:
             refuse_special(path)
@@ -45,9 +45,9 @@ class Source:
         os.close(self.descriptor)
 
     def read(self, start: int, length: int) -> bytes:
-        """Return the bytes from `start` on, as many of `length` as there are.
+        """Return at most `length` bytes from `start` on, fewer at the end of the file.
 
-        Raises BagReadError when the disk does not give them.
+        Raises BagReadError if reading fails.
         """
         if not 0 <= start < self.size:
             return b""
@@ -57,9 +57,9 @@ class Source:
             raise BagReadError(f"{self.path} cannot be read: {error.strerror}") from None
 
     def check_unchanged(self) -> None:
-        """Raise BagBusyError when the file is another than when it was opened."""
+        """Raise BagBusyError if the file has changed since it was opened."""
         if _stamp(os.stat(self.path)) != self.stamp:
-            raise BagBusyError(f"{self.path} has changed meanwhile: it was left alone")
+            raise BagBusyError(f"{self.path} has changed meanwhile: it was not modified")
 
 
 def _stamp(status: os.stat_result) -> tuple[int, int, int]:
@@ -67,7 +67,7 @@ def _stamp(status: os.stat_result) -> tuple[int, int, int]:
 
 
 def refuse_special(path: Path) -> None:
-    """Raise BagReadError for anything but a file, OSError when there is nothing."""
+    """Raise BagReadError for anything but a regular file, OSError if it does not exist."""
     try:
         regular = stat.S_ISREG(path.stat().st_mode)
     except FileNotFoundError:
@@ -81,7 +81,7 @@ def refuse_special(path: Path) -> None:
 def read_text(path: Path, limit: int) -> str:
     """Return a file's text of at most `limit` bytes.
 
-    Raises BagReadError when it cannot be read, is longer, or is no UTF-8.
+    Raises BagReadError if it cannot be read, is longer, or is not UTF-8.
     """
     with Source(path) as source:
         if source.size > limit:
@@ -89,13 +89,13 @@ def read_text(path: Path, limit: int) -> str:
         try:
             return source.read(0, limit).decode()
         except UnicodeDecodeError:
-            raise BagReadError(f"{path} is no text in UTF-8") from None
+            raise BagReadError(f"{path} is not UTF-8 text") from None
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Return the MCAP files of a bag in the order they were recorded.
+    """Return the MCAP files of a bag in the order of recording.
 
-    Raises BagReadError when there is none.
+    Raises BagReadError without any.
     """
     numbers = {}
     for path in folder.glob("*.mcap"):
@@ -108,9 +108,9 @@ def files_of(folder: Path) -> list[Path]:
 
 
 def check_at_rest(source: Source, quiet: float) -> None:
-    """Raise BagBusyError when another process records, copies or has just changed this file.
+    """Raise BagBusyError if another process records, copies or has just changed this file.
 
-    quiet: how long ago the last change must be [s]; 0 asks only who has it open.
+    quiet: least time since the last change [s]; 0 = only check whether it is open for writing.
     """
     try:
         fcntl.flock(source.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -121,20 +121,20 @@ def check_at_rest(source: Source, quiet: float) -> None:
         raise BagBusyError(f"{source.path} is being written by another process: still copied?")
     for path in (source.path, source.path.parent):
         age = time.time() - path.stat().st_mtime
-        if 0 <= age < quiet:  # one from the future tells of a clock that was set, not of a copy
+        if 0 <= age < quiet:  # a negative age is due to a changed clock, not to a copy
             raise BagBusyError(
-                f"{path} was changed {age:.0f} s ago, it may still be copied: when it is whole, "
+                f"{path} was changed {age:.0f} s ago, it may still be copied: when it is complete, "
                 f"run: session recover {source.path.parent}"
             )
 
 
 def _open_for_writing(descriptor: int) -> bool:
-    """Whether any process has the file open for writing: then Linux grants no read lease.
+    """Whether any process has the file open for writing, in which case Linux grants no read lease.
 
-    False too where the file system or the rights do not allow to ask.
+    Also False if the file system or missing rights prevent the check.
     """
     try:
-        # Who opens the file in this moment makes the kernel signal us; SIGIO would end the process.
+        # If a process opens the file now, the kernel signals us; SIGIO would end this process.
         fcntl.fcntl(descriptor, fcntl.F_SETSIG, signal.SIGURG)
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
         fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
@@ -146,10 +146,10 @@ def _open_for_writing(descriptor: int) -> bool:
 
 
 def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
-    """Copy the bytes from `start` to `end` into a new file `name` beside `source`, onto the disk.
+    """Copy the bytes from `start` to `end` into a new file `name` beside `source`; return its path.
 
-    A name that is taken gets a number, unless it holds the same. Raises OSError when there is no
-    room; nothing is left then.
+    An existing file with the same content is reused; otherwise the name gets a number. Raises
+    OSError if writing fails, and removes the incomplete file.
     """
     for number in count(1):
         target = source.path.with_name(f"{name}_{number}" if number > 1 else name)
@@ -157,7 +157,7 @@ def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
             file = target.open("xb")
             break
         except FileExistsError:
-            if _holds(target, source, start, end):  # a recovery that failed later left it
+            if _holds(target, source, start, end):  # from an earlier recovery that failed later
                 return target
     try:
         with file:
@@ -184,7 +184,7 @@ def _holds(target: Path, source: Source, start: int, end: int) -> bool:
 
 
 def write_all(descriptor: int, data: bytes, offset: int) -> None:
-    """Write `data` at `offset`. Raises OSError when the disk takes no more."""
+    """Write `data` at `offset`. Raises OSError, for instance on a full disk."""
     view = memoryview(data)
     while view:
         written = os.pwrite(descriptor, view, offset)
@@ -193,7 +193,7 @@ def write_all(descriptor: int, data: bytes, offset: int) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk."""
+    """Write a folder's directory entries to the disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
@@ -202,9 +202,9 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_atomically(path: Path, text: str) -> None:
-    """Replace `path` by `text` in one step: a reader sees the old or the new, never a half."""
+    """Replace `path` by `text` atomically: a reader sees the old or the new content."""
     temporary = path.with_name(f".{path.name}.new")
-    temporary.unlink(missing_ok=True)  # whatever lies there is not written through
+    temporary.unlink(missing_ok=True)  # never write through an existing file or link
     try:
         with temporary.open("x", encoding="utf-8") as file:
             file.write(text)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file that is complete after every flush, so that a killed recorder leaves a good file.
+"""Writes one MCAP file that is complete after every flush, also if the recorder is killed.
 
-MCAP (https://mcap.dev/spec) puts index and footer at the end; a writer that is killed before it
-writes them leaves a file that most readers refuse. Here each flush writes the new chunks over the
-previous end of the file, followed at once by metadata, index and footer. When the disk is full the
-previous end is put back, so the file stays complete then too. Only a write torn by a power failure
-leaves an unfinished file: `recovery.recover` completes it.
+MCAP (https://mcap.dev/spec) has index and footer at the end; most readers refuse a file without
+them. Here each flush writes the new chunks over the previous end of the file, followed immediately
+by metadata, index and footer. On a full disk the previous end is restored, so the file stays
+complete. Only a write torn by a power failure leaves an unfinished file, which `recovery.recover`
+completes.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ HEAD = MAGIC + encoded(Header(PROFILE, LIBRARY))
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIXED = 22  # bytes of a message record's content before the data
-_PENDING_LIMIT = 8 * 2**20  # B; closed chunks are written early beyond this
+_PENDING_LIMIT = 8 * 2**20  # B; with more pending data, closed chunks are written before a flush
 
 
 class Message(NamedTuple):
-    """One message as it goes into the file.
+    """One message of the file.
 
-    channel: id as `McapFile.add_channel` gave it.
-    log_time: when it was received [ns since the epoch].
-    publish_time: when it was published [ns since the epoch].
-    sequence: the publisher's number of it, 0 when unknown.
-    data: CDR bytes with the four bytes of encapsulation in front.
+    channel: id from `McapFile.add_channel`.
+    log_time: time of reception [ns since the epoch].
+    publish_time: time of publication [ns since the epoch].
+    sequence: the publisher's message number, 0 if unknown.
+    data: CDR bytes, with the four bytes of encapsulation first.
     """
 
     channel: int
@@ -69,8 +69,7 @@ class McapFile:
     def __init__(self, path: Path, settings: StorageSettings, create: bool = True):
         """Open `path`; `create` a new file, else the caller restores the state of an old one.
 
-        Raises OSError when the file cannot be opened and BagBusyError when another process
-        writes it.
+        Raises OSError if the file cannot be opened, BagBusyError if another process writes it.
         """
         self.path = path
         self._settings = settings
@@ -114,14 +113,14 @@ class McapFile:
         return self.data_end + len(self._tail)
 
     def add_schema(self, name: str, encoding: str, text: str) -> int:
-        """Add a schema, return its id."""
+        """Add a schema; return its id."""
         schema = Schema(id=len(self.schemas) + 1, data=text.encode(), encoding=encoding, name=name)
         self.schemas.append(schema)
         self._unwritten.append(schema)
         return schema.id
 
     def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
-        """Add a channel for `topic` with messages in CDR, return its id."""
+        """Add a channel for `topic` with messages in CDR; return its id."""
         number = len(self.channels) + 1
         channel = Channel(
             id=number, topic=topic, message_encoding="cdr", schema_id=schema, metadata=metadata
@@ -158,12 +157,12 @@ class McapFile:
         self.write_early()
 
     def _declare(self) -> None:
-        """Put new schemas and channels in front of the first message that may need them."""
+        """Write new schemas and channels before the first message that may need them."""
         self._chunk += encoded(*self._unwritten)
         self._unwritten.clear()
 
     def close_chunk(self) -> None:
-        """Close the chunk in hand, so that the counts hold every message."""
+        """Close the current chunk, so that the counts include every message."""
         if not self._index:
             return
         records = bytes(self._chunk)
@@ -182,7 +181,7 @@ class McapFile:
         self._index = {}
 
     def _note_chunk(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> bytes:
-        """Count a chunk that stands at `offset`; return the message indexes that follow it.
+        """Count a chunk at `offset`; return the message indexes that follow it.
 
         index: per channel, log time [ns] and offset in the chunk of each message, alternating.
         """
@@ -212,32 +211,32 @@ class McapFile:
         return indexes
 
     def declare(self, schemas: Iterable[Schema], channels: Iterable[Channel], write: bool) -> None:
-        """Take over declarations with their ids; `write` them in front of the chunks; recovery."""
+        """Set declarations with their ids, for recovery; `write`: also before the chunks."""
         self.schemas, self.channels = list(schemas), list(channels)
         self.counts = {channel.id: self.counts.get(channel.id, 0) for channel in self.channels}
         if write:
             self._pending += encoded(*self.schemas, *self.channels)
 
     def resume(self, chunk: Chunk, offset: int, index: Mapping[int, list[int]]) -> None:
-        """Go on behind a chunk that stands at `offset`, with its indexes; for recovery."""
+        """Continue after an existing chunk at `offset`, with its indexes; for recovery."""
         self._pending = bytearray(self._note_chunk(chunk, offset, index))
         self.data_end = offset + chunk_length(chunk)
 
     def keep(self, chunk: Chunk, index: Mapping[int, list[int]]) -> None:
-        """Append a whole chunk; many wait for the disk until `flush`."""
+        """Append a complete chunk; it stays in memory until `flush` or `write_early`."""
         offset = self.data_end + len(self._pending)
         self._pending += encoded(chunk)
         self._pending += self._note_chunk(chunk, offset, index)
 
     def write_early(self) -> None:
-        """Bring closed chunks to the disk when they are many. Raises OSError like `flush`."""
+        """Write closed chunks to the disk if they exceed a limit. Raises OSError like `flush`."""
         if len(self._pending) > _PENDING_LIMIT:
             self._write()
 
     def flush(self) -> None:
-        """Bring everything to the disk and leave a complete file that carries `metadata`.
+        """Write everything to the disk as a complete file with `metadata`.
 
-        Raises OSError when it cannot be written; the file is then as it was before.
+        Raises OSError if it cannot be written; the file then keeps its previous state.
         """
         self.close_chunk()
         self._write()
@@ -257,7 +256,7 @@ class McapFile:
         self.saved = self.message_count
 
     def _put_back(self) -> None:
-        """Make the file what it was: its blocks are still allocated, so this needs no space."""
+        """Restore the previous end; its blocks are still allocated, so this needs no space."""
         write_all(self.descriptor, self._tail, self.data_end)
         os.ftruncate(self.descriptor, self.data_end + len(self._tail))
 
@@ -292,7 +291,7 @@ class McapFile:
         )
 
     def close(self) -> None:
-        """Close the file as it stands on the disk; call `flush` before to keep the rest."""
+        """Close the file without a flush."""
         if self.descriptor >= 0:
             os.close(self.descriptor)
             self.descriptor = -1

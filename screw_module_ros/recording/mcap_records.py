@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pieces of an MCAP file as bytes: records, and the end with index and footer."""
+"""Parts of an MCAP file as bytes: records, and the end with index and footer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 
 def chunk_head(chunk: Chunk) -> bytes:
-    """Return a chunk's record as it stands in a file, up to its data."""
+    """Return the bytes of a chunk's record up to its data."""
     name = chunk.compression.encode()
     return (
         struct.pack(
@@ -53,7 +53,7 @@ def chunk_length(chunk: Chunk) -> int:
 
 
 def encoded(*records: McapRecord) -> bytes:
-    """Return records as they stand in a file, one after the other."""
+    """Return the bytes of records, one after the other."""
     builder = RecordBuilder()
     for record in records:
         record.write(builder)
@@ -61,7 +61,7 @@ def encoded(*records: McapRecord) -> bytes:
 
 
 def summary_section(groups: Mapping[Opcode, bytes], start: int) -> bytes:
-    """Return summary, summary offsets, footer and magic for a summary that begins at `start`."""
+    """Return summary, summary offsets, footer and magic of a summary at the offset `start`."""
     summary = b"".join(groups.values())
     offsets = b""
     position = start

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""metadata.yaml of a bag, version 9 as rosbag2 of Jazzy writes it.
+"""metadata.yaml of a bag, version 9 as in rosbag2 of Jazzy.
 
-Written as text, key by key in rosbag2's order: it is refreshed about once a second while
-recording, and a YAML library would cost more than the recording itself.
+The text is composed key by key in rosbag2's order: the recorder writes it about once a second, and
+a YAML library would take more time than the recording itself.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 VERSION = 9
 DISTRIBUTION = "jazzy"
-NOT_YET = 2**63 - 1  # rosbag2's starting time of a bag without messages
+NOT_YET = 2**63 - 1  # rosbag2's start time of a bag without messages
 _INFINITE = (9_223_372_036, 854_775_807)  # rmw's infinite duration [s, ns]
 
 
 class Qos(NamedTuple):
-    """Quality of service one publisher offers, in rosbag2's words.
+    """Quality of service that one publisher offers, in rosbag2's terms.
 
     deadline, lifespan, lease: (seconds, nanoseconds); the default is infinite.
     """
@@ -56,7 +56,7 @@ def _duration(name: str, value: tuple[int, int]) -> tuple[str, ...]:
 
 
 def qos_yaml(offers: Sequence[Qos]) -> str:
-    """Return the offers of a topic's publishers as the YAML list that rosbag2 stores."""
+    """Return the offers of a topic's publishers as rosbag2's YAML list."""
     return "\n".join(offer.as_yaml() for offer in offers) if offers else "[]"
 
 
@@ -110,7 +110,7 @@ def information(
 
 
 def document(text: str) -> str:
-    """Return the content of metadata.yaml for what `information` returned."""
+    """Return the content of metadata.yaml from the text of `information`."""
     return "rosbag2_bagfile_information:\n" + _indented(text, 2)
 
 
@@ -149,7 +149,7 @@ def _indented(text: str, by: int) -> str:
 
 
 def decoded(text: str) -> dict[str, Any]:
-    """Return a JSON object; empty when it is none."""
+    """Return the JSON object in `text`, empty if there is none."""
     try:
         values = json.loads(text)
     except (TypeError, ValueError, RecursionError):
@@ -158,5 +158,5 @@ def decoded(text: str) -> dict[str, Any]:
 
 
 def _quoted(text: str) -> str:
-    """Return a double-quoted YAML scalar: JSON's escapes are a part of YAML's."""
+    """Return a double-quoted YAML scalar; YAML includes JSON's escapes."""
     return json.dumps(text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The content of metadata.yaml, checked piece by piece: it may be damaged or edited."""
+"""Reads metadata.yaml with checks of every part, as it may be damaged or edited."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from .errors import BagReadError
 from .files import read_text
 from .metadata import TopicLine, decoded
 
-_LIMIT = 2 * 2**20  # B; of the parameters of every node there are some 50 kB
+_LIMIT = 2 * 2**20  # B; the parameters of all nodes take about 50 kB
 
 
 class Noted(NamedTuple):
     """The content of metadata.yaml.
 
-    topics: as listed, in the order of their channels' ids (1, 2, ...). files: their names.
-    custom: custom_data, what the recorder and others noted.
+    topics: as listed, in the order of their channel ids (1, 2, ...). files: their names. custom:
+    custom_data of the recorder and of others.
     """
 
     topics: tuple[TopicLine, ...] = ()
@@ -32,16 +32,16 @@ class Noted(NamedTuple):
 
     @property
     def state(self) -> str:
-        """The recorder's word for how the recording ended, empty when it did not write the bag."""
+        """State of the recording, by the recorder; empty if another program wrote the bag."""
         return self.custom.get(STATE, "")
 
     @property
     def sections(self) -> dict[str, dict[str, str]]:
-        """The recorder's sections without prefix; one that cannot be read is empty."""
+        """The recorder's sections without prefix; an unreadable one is empty."""
         return {name: _strings(text) for name, text in own(self.custom).items()}
 
     def audit(self, topic: str) -> Counts:
-        """Return the recorder's own last counts of a topic, zeros when they cannot be read."""
+        """Return the recorder's last counts of a topic, zeros if they cannot be read."""
         values = decoded(self.custom.get(AUDIT, "")).get(topic)
         if not isinstance(values, dict):
             return Counts()
@@ -49,7 +49,7 @@ class Noted(NamedTuple):
 
 
 def read_noted(folder: Path) -> Noted:
-    """Read metadata.yaml of the bag in `folder`. Raises BagReadError with a sentence."""
+    """Read metadata.yaml of the bag in `folder`. Raises BagReadError."""
     content = parsed(read_text(folder / METADATA_FILE, _LIMIT), METADATA_FILE)
     if not isinstance(content, dict):
         raise BagReadError(f"{METADATA_FILE} is no mapping")
@@ -57,7 +57,7 @@ def read_noted(folder: Path) -> Noted:
 
 
 def parsed(text: str, name: str) -> Any:
-    """Return the content of a YAML text. Raises BagReadError that calls it `name`."""
+    """Return the content of a YAML text; name: for messages. Raises BagReadError."""
     try:
         return load_plain_yaml(text, _LIMIT)
     except PlainYamlError as error:
@@ -65,8 +65,7 @@ def parsed(text: str, name: str) -> Any:
 
 
 def noted_from(information: Any) -> Noted:
-    """Return the content of the mapping `information`. Raises BagReadError for what it must have.
-    """
+    """Return the content of the mapping `information`. Raises BagReadError for missing keys."""
     if not isinstance(information, dict):
         raise BagReadError(f"{METADATA_FILE} has no rosbag2_bagfile_information")
     custom = information.get("custom_data")
@@ -96,7 +95,7 @@ def _list(value: Any) -> list[Any]:
 
 
 def _is_text(value: Any) -> bool:
-    """Whether this is a string, and one that can be written."""
+    """Whether this is a string that can be encoded."""
     return isinstance(value, str) and _writable(value)
 
 
@@ -114,7 +113,7 @@ def _strings(text: str) -> dict[str, str]:
 
 
 def own(custom: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the recorder's own notes among `custom`, without their prefix."""
+    """Return the recorder's own entries of `custom`, without their prefix."""
     return {
         key.removeprefix(PREFIX): value
         for key, value in custom.items()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads bags for figures, reports and audits; rosbags decodes.
+"""Reads bags for figures, reports and audits, with rosbags as decoder.
 
-`columns` is for figures: every number of a topic as an array over time. `read_bag` walks through
-the messages one by one. `raw_messages` leaves them as bytes.
+`columns` is for figures: every field of a topic as an array over time. `read_bag` yields decoded
+messages. `raw_messages` yields them as bytes.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from .noted import read_noted
 class BagMessage(NamedTuple):
     """One message of a bag.
 
-    topic, type: as recorded. log_time: when it was received [ns since the epoch].
-    message: decoded, its fields as attributes, fixed and variable arrays of numbers as numpy.
+    topic, type: as recorded. log_time: time of reception [ns since the epoch]. message: decoded,
+    with fields as attributes and arrays of numbers as numpy arrays.
     """
 
     topic: str
@@ -56,15 +56,15 @@ class TopicSummary(NamedTuple):
 
 @contextmanager
 def open_bag(path: Path | str) -> Iterator[AnyReader]:
-    """Give rosbags' reader for the bag folder (or .mcap file) `path`.
+    """Open the bag folder (or .mcap file) `path` with rosbags' reader.
 
-    Raises BagReadError when there is no readable bag.
+    Raises BagReadError if it is not a readable bag.
     """
     path = Path(path)
     try:
         reader = AnyReader([path])
         reader.open()
-    except Exception as error:  # of a damaged bag it raises whatever it stumbles over
+    except Exception as error:  # rosbags raises various exceptions on a damaged bag
         hint = f"; if it was cut off, run: session recover {path}" if path.exists() else ""
         raise BagReadError(f"cannot read {path} as a bag: {error}{hint}") from None
     try:
@@ -74,7 +74,7 @@ def open_bag(path: Path | str) -> Iterator[AnyReader]:
 
 
 def topics(path: Path | str) -> dict[str, TopicSummary]:
-    """Return what the bag holds, by topic name."""
+    """Return the summary of each topic of the bag, by name."""
     with open_bag(path) as reader:
         return {
             c.topic: TopicSummary(c.msgtype, c.msgcount, str(c.msgdef.data))
@@ -83,9 +83,10 @@ def topics(path: Path | str) -> dict[str, TopicSummary]:
 
 
 def metadata(path: Path | str) -> dict[str, Any]:
-    """Return what the recorder noted in a bag folder: state, audit, configuration and so on.
+    """Return the recorder's metadata of a bag folder: state, audit, configuration and so on.
 
-    Keys lack the recorder's prefix. A bag recorded by rosbag2 gives an empty dict.
+    Keys are without the recorder's prefix. A bag of rosbag2 gives an empty dict. Raises
+    BagReadError.
     """
     try:
         custom = read_noted(Path(path)).custom
@@ -123,9 +124,9 @@ def read_bag(path: Path | str, names: Collection[str] | None = None) -> Iterator
 def columns(path: Path | str, topic: str) -> dict[str, np.ndarray]:
     """Return every field of `topic` as an array over the messages, in order of log time.
 
-    Fields of fields are named with dots (`position.x`); arrays of numbers of one length become
-    two-dimensional; texts are arrays of objects. `log_time` is added [ns since the epoch]. SI units
-    as in the message definitions. Raises BagReadError when the bag lacks the topic.
+    Nested fields have dotted names (`position.x`); arrays of numbers with constant length become
+    two-dimensional; texts become arrays of objects. `log_time` is added [ns since the epoch]. Units
+    as in the message definitions (SI). Raises BagReadError if the bag lacks the topic.
     """
     times: list[int] = []
     messages: list[Any] = []

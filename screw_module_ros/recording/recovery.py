@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Completes a bag whose recorder did not live to close it, or that was damaged since.
+"""Completes a bag whose recorder ended without closing it, or that was damaged later.
 
-A killed recorder leaves a complete bag (see `mcap_file`); what is left to do then is to note it.
-After a power failure the last write may be torn, and a disk may have flipped a bit anywhere. Every
-whole chunk is kept, and what cannot be read is cut out and kept in a file beside. Index, footer and
-metadata.yaml are written anew. A torn end is cut off in place, which needs space for no more than
-index and torn end; a file damaged before its end is written anew beside and then replaced.
+A killed recorder leaves a complete bag (see `mcap_file`); recovery then only notes the state. After
+a power failure the last write may be torn, and a disk may change a bit anywhere. Recovery keeps
+every whole chunk, moves unreadable bytes to separate files, and writes index, footer and
+metadata.yaml again. It removes a torn end in place, which needs space only for the index and the
+torn end; it rewrites a file that is damaged before its end to a new file, which replaces the old.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from .repair import Repair
 from .scan import has_sound_head, summary_start
 from .survey import Survey, chunks, survey
 
-QUIET_S = 10.0  # a torn bag that was changed since is taken for one that is still being copied
+QUIET_S = 10.0  # a torn bag with a more recent change may still be being copied
 
 
 class Recovered(NamedTuple):
-    """What `recover` did: files repaired, messages now in the bag, bytes cut out, kept where."""
+    """Result of `recover`: repaired files, messages in the bag, bytes cut out, files with them."""
 
     files: int
     messages: int
@@ -45,7 +45,7 @@ class Recovered(NamedTuple):
         text = f"{self.messages} messages in the bag; "
         text += done.get(self.files, f"{self.files} files completed")
         if self.cut:
-            text += f", {self.cut} bytes that cannot be read cut out"
+            text += f", {self.cut} unreadable bytes cut out"
         if self.kept:
             text += "; kept beside: " + ", ".join(path.name for path in self.kept)
         return text
@@ -60,9 +60,9 @@ class _Part(NamedTuple):
 
 
 def is_torn(folder: Path) -> bool:
-    """Whether a bag of this recorder needs `recover` before it can be read; cheap.
+    """Whether a bag of this recorder needs `recover` before it can be read; a fast check.
 
-    Raises BagReadError when its files are none or cannot be read.
+    Raises BagReadError if its files cannot be read.
     """
     try:
         files = files_of(folder)
@@ -80,9 +80,9 @@ def is_torn(folder: Path) -> bool:
 
 
 def recover_all(parent: Path) -> dict[Path, Recovered | BagError]:
-    """Recover every torn bag right below `parent`; return what became of each.
+    """Recover every torn bag directly below `parent`; return the result of each.
 
-    It never raises: one damaged bag must not keep others from being recorded.
+    It never raises: a damaged bag must not prevent further recordings.
     """
     found: dict[Path, Recovered | BagError] = {}
     for folder in _folders(parent):
@@ -91,13 +91,13 @@ def recover_all(parent: Path) -> dict[Path, Recovered | BagError]:
                 found[folder] = recover(folder, QUIET_S)
         except BagError as error:
             found[folder] = error
-        except Exception as error:  # a defect of ours must not cost the next recording either
+        except Exception as error:  # nor must a defect of the recovery
             found[folder] = BagReadError(f"{type(error).__name__}: {str(error)[:80]}")
     return found
 
 
 def _folders(parent: Path) -> list[Path]:
-    """Return the folders right below `parent`; links lead to what is not ours to repair."""
+    """Return the folders directly below `parent`, without links, which lead elsewhere."""
     try:
         with os.scandir(parent) as entries:
             return sorted(Path(e.path) for e in entries if e.is_dir(follow_symlinks=False))
@@ -106,11 +106,11 @@ def _folders(parent: Path) -> list[Path]:
 
 
 def recover(folder: Path | str, quiet: float = 0.0) -> Recovered:
-    """Complete the bag in `folder` and rewrite its metadata.yaml; a complete one is left alone.
+    """Complete the bag in `folder` and rewrite its metadata.yaml; keep a complete bag unchanged.
 
-    quiet: how long ago its last change must be [s]. Raises BagReadError when it is no bag of this
-    recorder, BagBusyError when it is being recorded or copied right now, BagWriteError when it
-    cannot be written; it is then as it was, or can be recovered again.
+    quiet: least time since its last change [s]. Raises BagReadError if it is not a bag of this
+    recorder, BagBusyError if it is being recorded or copied, BagWriteError if it cannot be written;
+    the bag is then unchanged, or can be recovered again.
     """
     folder = Path(folder)
     try:
@@ -167,7 +167,7 @@ def _noted(folder: Path) -> tuple[Noted, bool]:
 
 def _looked_at(path: Path, noted: Noted, quiet: float, stack: ExitStack) -> _Part:
     if path.is_symlink():
-        raise BagReadError(f"{path} is a link: recover the bag that it leads to")
+        raise BagReadError(f"{path} is a link: recover the bag that it points to")
     source = stack.enter_context(Source(path))
     check_at_rest(source, quiet)
     return _Part(source, survey(source, bool(noted.state)))
@@ -199,9 +199,10 @@ def _with_channels(parts: list[_Part], noted: Noted) -> list[_Part]:
 
 
 def _lines(parts: list[_Part], noted: Noted) -> list[TopicLine]:
-    """Return every topic with the number of its messages, those noted first and in their order.
+    """Return every topic with the number of its messages, those of metadata.yaml first.
 
-    A topic noted that no file declares has no message, and readers want its definition: left out.
+    A topic of metadata.yaml that no file declares is omitted: it has no message, and readers need
+    its definition.
     """
     declared = {d.channel.topic for part in parts for d in part.channels.values()}
     lines = {line.name: line._replace(messages=0) for line in noted.topics}
@@ -235,7 +236,7 @@ def _kept(parts: list[_Part]) -> Iterator[Path]:
 
 
 def _kept_metadata(folder: Path) -> Iterator[Path]:
-    """Keep a copy of metadata.yaml: its counts show what was there before."""
+    """Copy metadata.yaml, whose counts show the content before the recovery."""
     path = folder / METADATA_FILE
     if path.exists():
         with Source(path) as old:
@@ -243,9 +244,9 @@ def _kept_metadata(folder: Path) -> Iterator[Path]:
 
 
 def _counted(parts: list[_Part], repairs: list[Repair | None], noted: Noted) -> dict[str, Counts]:
-    """Count anew, and hand the chunks to the repairs on the way.
+    """Count all messages again, and pass the chunks to the repairs.
 
-    What only the recorder knew is taken from its own last audit.
+    Dropped messages and several publishers are known only from the recorder's last audit.
     """
     audits: dict[str, TopicAudit] = {}
     for part, repair in zip(parts, repairs, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes one damaged MCAP file good again from its whole chunks."""
+"""Repairs one damaged MCAP file from its whole chunks."""
 
 from __future__ import annotations
 
@@ -21,15 +21,14 @@ from .survey import Survey
 
 
 class Repair:
-    """A file under repair; a context manager, without `finish` the file stays what it was.
+    """A file under repair; a context manager. Without `finish` the file stays unchanged.
 
-    Where nothing but the end is torn, the end is cut off in place. Else the chunks go into a new
-    file that takes the place of the old one, as no chunk can be moved in place without a moment
-    in which it is nowhere.
+    If only the end is torn, it is cut off in place. Else the chunks are written to a new file,
+    which replaces the old one: moving chunks in place could lose them in a power failure.
     """
 
     def __init__(self, source: Source, found: Survey, channels: Declarations):
-        """Open the file for writing. Raises OSError, BagBusyError when that cannot be."""
+        """Open the file for writing. Raises OSError, BagBusyError."""
         self.path = source.path
         self._in_place = found.orderly and all(damage.end == source.size for damage in found.cut)
         target = self.path
@@ -52,11 +51,11 @@ class Repair:
     ) -> None:
         self._file.close()
         if not self._in_place:
-            with contextlib.suppress(FileNotFoundError):  # it took the place of the old one
+            with contextlib.suppress(FileNotFoundError):  # it has replaced the old one
                 self._file.path.unlink()
 
     def take(self, found: ScannedChunk) -> None:
-        """Keep a whole chunk; in order. Raises OSError when the disk refuses it."""
+        """Keep a whole chunk, in order. Raises OSError if writing fails."""
         if self._in_place:
             self._file.resume(found.chunk, found.offset, found.index)
         else:
@@ -64,9 +63,9 @@ class Repair:
             self._file.write_early()
 
     def finish(self, information: str, noted: Noted) -> None:
-        """Write what follows the chunks. Raises OSError when the disk refuses it.
+        """Write metadata, index and footer after the chunks. Raises OSError if writing fails.
 
-        information: of the whole bag, as in metadata.yaml; `noted` is the same.
+        information: of the whole bag, as text of metadata.yaml; noted: the same as an object.
         """
         self._file.metadata = {
             "rosbag2": {"serialized_metadata": information},
@@ -76,7 +75,7 @@ class Repair:
         self._file.flush()
         if not self._in_place:
             shutil.copymode(self.path, self._file.path)
-            with contextlib.suppress(PermissionError):  # only root gives files away
+            with contextlib.suppress(PermissionError):  # only root may change the owner
                 status = self.path.stat()
                 os.chown(self._file.path, status.st_uid, status.st_gid)
             os.replace(self._file.path, self.path)

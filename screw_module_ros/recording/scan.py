@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Walks through an MCAP file of this recorder, whole, cut off or damaged anywhere.
+"""Scans an MCAP file of this recorder, which may be whole, cut off or damaged anywhere.
 
-Readers of libraries want index and footer; repairing and auditing a bag must do without. A chunk
-counts as whole when its records fit their checksum. All else about it (lengths, times, the message
-indexes behind it) follows from the records and is never a reason to lose them.
+The readers of libraries need index and footer; repair and audit work without them. A chunk is whole
+if its records match their checksum. All its other data (lengths, times, the message indexes after
+it) follow from the records, and damage to them does not lose the records.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _CANDIDATE = re.compile(rb"(?s)\x06.{4}\x00{4}.{28}[\x00\x04]\x00{3}")
 _LOOK_AHEAD = 64  # B, more than a chunk's header
 _BLOCK = 2**20  # B searched at a time
-_MOST = 2**30  # B; no chunk and no record outside of one is longer
+_MOST = 2**30  # B; largest length of a chunk or of a record outside of chunks
 _MOST_RATIO = 2**15  # zstd: a block of 128 KiB takes at least 4 bytes
-_FEW = 4  # different bytes; the header of another recorder differs in more
+_FEW = 4  # different bytes of a damaged header; that of another recorder differs in more
 _MALFORMED = (McapError, struct.error, ValueError, OverflowError, MemoryError)
 _KINDS = (Opcode.SCHEMA, Schema), (Opcode.CHANNEL, Channel), (Opcode.METADATA, Metadata)
 _OUTSIDE = {opcode: kind.read for opcode, kind in _KINDS}
@@ -45,10 +45,10 @@ _OUTSIDE = {opcode: kind.read for opcode, kind in _KINDS}
 class ScannedChunk(NamedTuple):
     """One whole chunk.
 
-    offset: where it stands in the file. end: of the chunk and of the indexes after it [B].
-    chunk: as it should stand there. schemas, channels: declared in it. messages: in it.
-    index: per channel, log time [ns] and offset in the chunk of each message, alternating.
-    sound: whether its head is as it was written. indexed: whether the indexes are.
+    offset: in the file [B]. end: of the chunk and of the indexes after it [B]. chunk: its correct
+    content. schemas, channels: declared in it. messages: in it. index: per channel, log time [ns]
+    and offset in the chunk of each message, alternating. sound: whether its head is undamaged.
+    indexed: whether its indexes are undamaged.
     """
 
     offset: int
@@ -63,14 +63,14 @@ class ScannedChunk(NamedTuple):
 
 
 class Damage(NamedTuple):
-    """Bytes of the file, from `start` to `end`, in which nothing can be read."""
+    """Unreadable bytes of the file, from `start` to `end`."""
 
     start: int
     end: int
 
 
 class Outside(NamedTuple):
-    """A record outside of the chunks: its opcode, where it ends, and itself where it is read."""
+    """A record outside of the chunks: opcode, end [B], content if its type is decoded."""
 
     opcode: int
     end: int
@@ -78,10 +78,10 @@ class Outside(NamedTuple):
 
 
 def has_sound_head(source: Source, vouched: bool) -> bool:
-    """Whether the file begins as this recorder begins a file; False when that much is damaged.
+    """Whether the file has this recorder's header; False if the header is damaged.
 
-    vouched: whether something else, like metadata.yaml, shows that this recorder wrote the file.
-    Raises BagReadError when it did not.
+    vouched: whether other evidence, like metadata.yaml, shows that this recorder wrote the file.
+    Raises BagReadError if another program wrote it.
     """
     head = source.read(0, len(HEAD))
     if head == HEAD:
@@ -93,7 +93,7 @@ def has_sound_head(source: Source, vouched: bool) -> bool:
         other = f"recorded by {library[:80]!r}, not by this recorder: try `mcap recover`"
         raise BagReadError(f"{source.path}: {other}")
     if not vouched:
-        raise BagReadError(f"{source.path}: no MCAP file: the first bytes are not those of one")
+        raise BagReadError(f"{source.path}: not an MCAP file: its first bytes are not MCAP's magic")
     return False
 
 
@@ -108,9 +108,9 @@ def _library(source: Source) -> str:
 
 
 def parts(source: Source) -> Iterator[ScannedChunk | Damage]:
-    """Yield what is whole and what is not, from the first chunk to the end of the last.
+    """Yield whole chunks and damaged parts, from the first chunk to the end of the last.
 
-    What follows a sound last chunk (metadata, index, footer) is not part of it when it is sound.
+    An undamaged end of the file (metadata, index, footer) is not yielded.
     """
     summary = summary_start(source)
     position = data_start(source)
@@ -135,9 +135,9 @@ def parts(source: Source) -> Iterator[ScannedChunk | Damage]:
 
 
 def data_start(source: Source) -> int:
-    """Return where the first chunk should be: behind the header and what was declared there.
+    """Return the expected offset of the first chunk: after the header and its declarations.
 
-    It is 0 where the header is damaged and may have lost or won bytes: there is only searching.
+    It is 0 if the header is damaged and its length is unknown: the scan then searches from there.
     """
     end = len(HEAD)
     if source.read(0, end) != HEAD and chunk_at(source, end) is None:
@@ -150,7 +150,7 @@ def data_start(source: Source) -> int:
 
 
 def outside(source: Source, position: int) -> Iterator[Outside]:
-    """Yield the records from `position` on, up to the footer or one that is malformed."""
+    """Yield the records from `position` on, up to the footer or a malformed record."""
     while (place := _record_at(source, position)) is not None:
         opcode, start, position = place
         if opcode in (0, Opcode.FOOTER):
@@ -165,7 +165,7 @@ def outside(source: Source, position: int) -> Iterator[Outside]:
 
 
 def summary_start(source: Source) -> int:
-    """Return where the index begins, -1 when it or the footer is not sound: the file is torn."""
+    """Return the offset of the index, -1 if it or the footer is damaged: the file is torn."""
     start = source.size - FOOTER_BYTES
     footer = source.read(start, FOOTER_BYTES)
     if start < len(HEAD) or footer[-len(MAGIC) :] != MAGIC:
@@ -180,7 +180,7 @@ def summary_start(source: Source) -> int:
 
 
 def _is_end(source: Source, position: int, summary: int) -> bool:
-    """Whether nothing but metadata stands between `position` and a sound index."""
+    """Whether only metadata lie between `position` and an undamaged index."""
     if summary < 0:
         return False
     for found in outside(source, position):
@@ -192,7 +192,7 @@ def _is_end(source: Source, position: int, summary: int) -> bool:
 
 
 def _record_at(source: Source, position: int) -> tuple[int, int, int] | None:
-    """Return (opcode, start of the content, end) of a record, None when it is cut off."""
+    """Return (opcode, start of the content, end) of a record, None if it is cut off."""
     head = source.read(position, _RECORD.size)
     if len(head) < _RECORD.size:
         return None
@@ -206,7 +206,7 @@ def _stream(content: bytes) -> ReadDataStream:
 
 
 def _next_chunk(source: Source, position: int) -> int:
-    """Return where the next whole chunk begins, the end of the file when there is none."""
+    """Return the offset of the next whole chunk, the end of the file without one."""
     while position < source.size:
         block = source.read(position, _BLOCK + _LOOK_AHEAD)
         place = 0
@@ -219,7 +219,7 @@ def _next_chunk(source: Source, position: int) -> int:
 
 
 def _promising(block: bytes, place: int) -> bool:
-    """Whether it is worth reading on: bytes that look like the head of a chunk are everywhere."""
+    """Whether a candidate can be a chunk: many bytes resemble the head of one."""
     _, length, _, _, _, _, name = _CHUNK.unpack_from(block, place)
     start = place + _CHUNK.size + name
     if name:
@@ -228,9 +228,9 @@ def _promising(block: bytes, place: int) -> bool:
 
 
 def chunk_at(source: Source, position: int) -> ScannedChunk | None:
-    """Return the chunk that begins at `position`, without its indexes; None when it is not whole.
+    """Return the chunk at `position`, without its indexes; None if it is not whole.
 
-    Damage to its opcode, times, compression, size or one of its two lengths is made good.
+    Damage to its opcode, times, compression, size or one of its two lengths is corrected.
     """
     head = source.read(position, _LOOK_AHEAD)
     if len(head) < _CHUNK.size + 12:
@@ -253,7 +253,7 @@ def chunk_at(source: Source, position: int) -> ScannedChunk | None:
 
 def _uncompressed(data: bytes) -> bytes | None:
     try:
-        # The frame's own word, as the chunk's may be damaged; what no frame can hold is refused.
+        # The frame states its size, as the chunk's may be damaged; impossible sizes are refused.
         if not 0 < zstandard.frame_content_size(data) <= min(_MOST, _MOST_RATIO * len(data)):
             return None
         return zstandard.ZstdDecompressor().decompress(data, allow_extra_data=False)

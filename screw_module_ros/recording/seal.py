@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hashes over what the recorder notes in a bag: configuration, parameters, calibration identities.
+"""Hashes of the recorder's metadata in a bag: configuration, parameters, calibration identities.
 
-Each value has a SHA-256 of its own, so that `session verify` can say which one was altered. The
-values stand in the bag twice, in metadata.yaml and inside the last MCAP file, and what the messages
-themselves say of their calibration is a third witness. All this guards against accidents and edits
-by hand, not against forgery.
+Each value has its own SHA-256, so that `session verify` can name an altered one. The bag has the
+values twice, in metadata.yaml and in the last MCAP file; the messages also name their calibration.
+The hashes detect accidents and manual edits, but not forgery.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ Sections = Mapping[str, Mapping[str, str]]
 
 HASHES = "hashes"
 PARAMETERS, CALIBRATION = "parameters", "calibration"
-NO_ANSWER = "no answer"  # in place of the parameters of a node that did not tell them
+NO_ANSWER = "no answer"  # in place of the parameters of a node that did not answer
 
 
 def sealed(sections: Sections) -> dict[str, str]:
@@ -32,9 +31,9 @@ def sealed(sections: Sections) -> dict[str, str]:
 
 
 def broken(noted: Sections, inside: Sections | None) -> Iterator[str]:
-    """Say what in the noted values does not fit its hash, or what stands `inside`.
+    """Yield a sentence for each value that does not match its hash or the values `inside`.
 
-    noted: from metadata.yaml. inside: from the last file, None when it is cut off.
+    noted: from metadata.yaml. inside: from the last file, None if it is cut off.
     """
     hashes = noted.get(HASHES, {})
     found = sealed(noted)
@@ -42,20 +41,20 @@ def broken(noted: Sections, inside: Sections | None) -> Iterator[str]:
         if name not in hashes:
             yield f"{name}: has no hash: it was added, or recorded by an older version"
         elif name not in found:
-            yield f"{name}: was noted when it was recorded and is missing now"
+            yield f"{name}: was recorded and is missing now"
         elif found[name] != hashes[name]:
-            yield f"{name}: was altered: it does not fit the hash it was recorded with"
+            yield f"{name}: was altered: it does not match its recorded hash"
     if inside is not None:
         for name in sorted({*noted, *inside}):
             if dict(noted.get(name, {})) != dict(inside.get(name, {})):
                 yield f"{name}: metadata.yaml and the last file of the bag differ"
     for node, values in noted.get(PARAMETERS, {}).items():
         if values == NO_ANSWER:
-            yield f"{PARAMETERS}: {node}: it did not tell its parameters"
+            yield f"{PARAMETERS}: {node}: the node did not report its parameters"
 
 
 def disowned(noted: Sections, newest: Mapping[str, bytes]) -> Iterator[str]:
-    """Say which topics name another calibration in their last message than noted.
+    """Yield a sentence for each topic whose last message does not name the recorded calibration.
 
     newest: the last message (CDR) of each topic.
     """
@@ -65,6 +64,6 @@ def disowned(noted: Sections, newest: Mapping[str, bytes]) -> Iterator[str]:
 
 
 def _holds(data: bytes, text: str) -> bool:
-    """Whether a CDR message holds exactly this string: its length, itself, and a zero."""
+    """Whether a CDR message contains exactly this string, with its length and final zero."""
     content = text.encode() + b"\0"
     return len(content).to_bytes(4, byte_order(data)) + content in data

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording under way: messages handed over by one thread are written by another.
+"""A running recording: a writing thread writes the messages of a receiving thread.
 
 The receiving thread only appends to a queue; audit, chunks, compression and disk belong to the
-writing thread, which leaves the interpreter to others while it compresses and waits for the disk.
-Nothing raises into the receiving thread: an error ends the recording, is kept as a sentence in
-`status`, and every message after it is counted as dropped.
+writing thread, which releases the GIL during compression and disk access. Errors never reach the
+receiving thread: an error ends the recording and appears in `status`; later messages count as
+dropped.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from .errors import BagWriteError
 from .mcap_file import Message
 from .storage import StorageSettings
 
-_OVERHEAD = 300  # B a waiting message costs beyond its data
+_OVERHEAD = 300  # B of memory of a waiting message beyond its data
 _PASS_S = 0.1
 
 
 class Status(NamedTuple):
-    """What is known of a recording.
+    """Status of a recording.
 
-    error: why it ended by itself, empty while all is well.
-    messages: written and safe on the disk; waiting: received, not yet written; dropped: lost.
-    size: of the file being written [B]. audit: counts per topic.
+    error: why it ended by itself, empty without an error. messages: on the disk; waiting: received,
+    not yet written; dropped: received, but not written. size: of the current file [B]. audit:
+    counts per topic.
     """
 
     error: str
@@ -56,7 +56,7 @@ class Status(NamedTuple):
 
 
 class Session:
-    """Writes a bag on a thread of its own, from `start` until `close`."""
+    """Writes a bag in a thread, from `start` until `close`."""
 
     def __init__(
         self,
@@ -64,13 +64,13 @@ class Session:
         settings: StorageSettings | None = None,
         free_space: Callable[[], int] | None = None,
     ):
-        """Take over `writer`. `free_space` returns the free space of the disk [B]."""
+        """Own `writer` from now on; free_space: returns the free space of the disk [B]."""
         self.folder = writer.folder
         self._writer = writer
         self._settings = settings or StorageSettings()
         self._free_space = free_space or (lambda: shutil.disk_usage(self.folder).free)
         self._queue: deque[list[Message]] = deque()
-        # Each counter is written by one thread only, so that none needs the lock.
+        # Only one thread writes each counter, so none needs the lock.
         self._received = self._received_bytes = 0
         self._taken = self._taken_bytes = 0
         self._refused: Counter[int] = Counter()
@@ -87,22 +87,22 @@ class Session:
         self._thread.start()
 
     def add_topic(self, topic: Topic) -> int:
-        """Add a topic, return the channel for its messages. From any thread."""
+        """Add a topic; return its channel. From any thread."""
         with self._lock:
             return self._writer.add_topic(topic)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Keep `values` in the bag under `name`. From any thread."""
+        """Store `values` in the bag under `name`. From any thread."""
         with self._lock:
             self._writer.add_metadata(name, values)
 
     def several_publishers(self, channel: int) -> None:
-        """Say that a topic has more than one publisher. From any thread."""
+        """Note that a topic has several publishers. From any thread."""
         with self._lock:
             self._writer.several_publishers(channel)
 
     def put(self, messages: Sequence[Message]) -> None:
-        """Hand over messages. From one receiving thread; never blocks, never raises."""
+        """Append messages to the queue. From one receiving thread; never blocks or raises."""
         size = _size(messages)
         waiting = self._received_bytes - self._taken_bytes
         if self._error or waiting + size > self._settings.max_cache:
@@ -136,7 +136,7 @@ class Session:
             self._taken_bytes += _size(messages)
             self._taken += len(messages)
             batch += messages
-        # Taken topic by topic; in order of time a player needs less searching.
+        # They arrive topic by topic; a player searches less in order of time.
         batch.sort(key=_log_time)
         return batch
 
@@ -148,7 +148,7 @@ class Session:
             self._writer.close()
             self._error = (
                 f"only {free / 2**20:.0f} MiB left on the disk of {self.folder}: the bag was "
-                "closed in good order; make room or choose another folder"
+                "closed; free disk space or choose another folder"
             )
 
     def _note_dropped(self) -> None:
@@ -156,7 +156,7 @@ class Session:
             self._writer.dropped(channel, number)
 
     def status(self) -> Status:
-        """Return what is known now. From any thread."""
+        """Return the present status. From any thread."""
         with self._lock:
             self._note_dropped()
             return Status(
@@ -169,7 +169,7 @@ class Session:
             )
 
     def close(self) -> Status:
-        """Write what waits, close the bag, and return the last status."""
+        """Write the waiting messages, close the bag, and return the last status."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -186,12 +186,12 @@ class Session:
         while not self._stopping.wait(_PASS_S):
             try:
                 self.work(time.monotonic_ns())
-            except Exception as error:  # a defect must reach the operator, not end a thread unseen
+            except Exception as error:  # report a defect instead of ending the thread silently
                 self._error = f"the recording failed: {type(error).__name__}: {error}"
 
 
 def _size(messages: Sequence[Message]) -> int:
-    """Return what messages take in memory [B]."""
+    """Return the memory of messages [B]."""
     return sum(len(message[4]) for message in messages) + _OVERHEAD * len(messages)
 
 
@@ -203,7 +203,7 @@ _LARGEST_HASHED = 2**26  # bytes of a configuration file
 
 
 def file_hashes(names: Sequence[str]) -> dict[str, str]:
-    """Return the SHA-256 of each file; one that cannot be read says so in its place."""
+    """Return the SHA-256 of each file, or "unreadable" with the reason."""
     found = {}
     for name in filter(None, names):
         try:
@@ -211,6 +211,6 @@ def file_hashes(names: Sequence[str]) -> dict[str, str]:
             found[name] = f"sha256:{hashlib.sha256(content).hexdigest()}"
         except OSError as error:
             found[name] = f"unreadable: {error.strerror}"
-        except (RuntimeError, ValueError) as error:  # or nobody has that home folder
+        except (RuntimeError, ValueError) as error:  # for instance an unknown home folder
             found[name] = f"unreadable: {error}"
     return found

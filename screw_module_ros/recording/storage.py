@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a bag is stored: the settings of writer and session, with units and bounds."""
+"""Settings of the bag's writer and session."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from screw_module_ros.settings import Setting
 
 
 class StorageSettings(NamedTuple):
-    """Storage preset, like rosbag2's `zstd_fast`; changes count from the next recording."""
+    """Storage settings, like rosbag2's `zstd_fast`; changes apply to the next recording."""
 
     chunk_size: Annotated[
         int,
         Setting(
-            "a chunk is closed when it holds this much, uncompressed", "B", 1024, 2**26, live=True
+            "uncompressed size at which a chunk is closed", "B", 1024, 2**26, live=True
         ),
     ] = 786_432
     compression: Annotated[
@@ -26,19 +26,19 @@ class StorageSettings(NamedTuple):
     flush_period: Annotated[
         float,
         Setting(
-            "after this time at the latest a message is safe on the disk", "s", 0.1, 1.0, live=True
+            "longest time until a message is on the disk", "s", 0.1, 1.0, live=True
         ),
     ] = 0.8
     max_file_duration: Annotated[
         float,
         Setting(
-            "a new file of the same bag begins after this time, 0 for never", "s", 0.0, live=True
+            "duration after which a new file of the bag begins, 0 = never", "s", 0.0, live=True
         ),
     ] = 1800.0
     max_cache: Annotated[
         int,
         Setting(
-            "messages waiting for the disk, beyond it they are dropped and counted",
+            "memory for messages waiting for the disk; more are dropped and counted",
             "B",
             2**20,
             2**33,
@@ -48,7 +48,7 @@ class StorageSettings(NamedTuple):
     min_free_space: Annotated[
         int,
         Setting(
-            "recording stops in good order when the disk has less than this left",
+            "free disk space below which the recording is closed",
             "B",
             0,
             2**40,

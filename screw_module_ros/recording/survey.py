@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be read of one MCAP file, and what cannot; nothing is changed."""
+"""Surveys the readable and unreadable parts of one MCAP file without changing it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ from .scan import (
 
 
 class Survey(NamedTuple):
-    """What one file holds.
+    """Content of one file.
 
-    offsets: where its whole chunks are.
-    cut: what cannot be read. counts: messages by channel.
+    offsets: of its whole chunks [B]. cut: unreadable parts. counts: messages by channel.
     start_time, end_time: first and last log time [ns since the epoch], 0 without messages.
-    channels: declared anywhere in it. metadata: its metadata records that can be read.
-    orderly: whether the file is as it was written up to the last chunk. complete: whether what
-    follows that chunk, its indexes and the file's index, is there and sound.
+    channels: all declarations in it. metadata: its readable metadata records. orderly: whether the
+    file is undamaged up to the last chunk. complete: whether the indexes of that chunk and the
+    file's index exist and are undamaged.
     """
 
     path: Path
@@ -59,7 +58,7 @@ class Survey(NamedTuple):
 
 
 def survey(source: Source, vouched: bool) -> Survey:
-    """Walk through a file. Raises BagReadError when this recorder did not write it.
+    """Scan a file. Raises BagReadError if another program wrote it.
 
     vouched: see `scan.has_sound_head`.
     """
@@ -79,7 +78,7 @@ def survey(source: Source, vouched: bool) -> Survey:
         declared.take(found.schemas, found.channels)
         counts.update({channel: len(entries) // 2 for channel, entries in found.index.items()})
         times += (found.chunk.message_start_time, found.chunk.message_end_time)
-    # What is told outside of the chunks has no checksum, or only that of the index.
+    # Declarations outside of chunks have no checksum, or only that of the index.
     spare = Gatherer()
     spare.take_outside(outside(source, len(HEAD)))
     spare.take_outside(outside(source, end))
@@ -105,7 +104,7 @@ def survey(source: Source, vouched: bool) -> Survey:
 
 
 def chunks(source: Source, found: Survey) -> Iterator[ScannedChunk]:
-    """Yield the whole chunks of a file that was surveyed."""
+    """Yield the whole chunks of a surveyed file."""
     for offset in found.offsets:
         chunk = chunk_at(source, offset)
         if chunk is not None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Audits a bag against itself: is it whole, is anything missing, and where.
+"""Audits a bag: damage, missing messages and their places, altered metadata.
 
-Everything is counted anew from the messages; the recorder's own counts and metadata.yaml must say
-the same. What the recorder noted of configuration, parameters and calibration must fit its hashes.
-What cannot be counted is named: a verdict covers no more than it says.
+All messages are counted again; the recorder's counts and metadata.yaml must agree. Configuration,
+parameters and calibration identities must match their hashes. The report names what cannot be
+counted, so that the verdict states its coverage.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from .noted import Noted, own, read_noted
 from .seal import PARAMETERS, Sections, broken, disowned
 from .survey import Survey, chunks, survey
 
-_SHOWN = 5  # gaps told per topic
-_END_S = 1.0  # a topic with ticks that is silent for longer at an end of the bag is named
+_SHOWN = 5  # gaps listed per topic
+_END_S = 1.0  # longest accepted silence of a topic with ticks at an end of the bag
 
 
 class Gap(NamedTuple):
-    """A place where messages are missing: log time before it [ns], how many."""
+    """A gap in the sequence: log time of the message before it [ns], number of missing ones."""
 
     log_time: int
     missing: int
 
 
 class Report(NamedTuple):
-    """What `verify` found.
+    """Result of `verify`.
 
-    topics: counts by topic name. gaps: the first places per topic. problems: sentences, empty when
-    the bag is complete. notes: what the recorder put into the bag (configuration and so on).
-    remarks: sentences about what could not be judged.
+    topics: counts by topic name. gaps: the first ones per topic. problems: sentences, empty if the
+    bag is complete. notes: metadata of the recorder (configuration and so on). remarks: sentences
+    about what could not be checked.
     """
 
     topics: dict[str, Counts]
@@ -52,12 +52,12 @@ class Report(NamedTuple):
 
     @property
     def complete(self) -> bool:
-        """Whether the bag is whole and nothing is known to be missing in it."""
+        """Whether the bag is undamaged and no loss is known."""
         return not self.problems
 
     @property
     def verdict(self) -> str:
-        """The verdict with what it covers, in one sentence."""
+        """The verdict with its coverage, in one sentence."""
         kinds = Counter(_counted_by(count) for count in self.topics.values())
         parts = ", ".join(f"{kinds[kind]} {kind}" for kind in _KINDS if kinds[kind])
         covered = f"{len(self.topics)} topics: {parts}" if parts else "no topics"
@@ -83,7 +83,7 @@ def _counted_by(count: Counts) -> str:
 
 
 class _Track:
-    """What is gathered of one topic while walking through the files."""
+    """Data of one topic, collected during the scan of the files."""
 
     def __init__(self, type_name: str, definition: str):
         self.type = type_name
@@ -107,7 +107,7 @@ class _Track:
             self.sequences.append(sequence_of(data, self.where))
 
     def wrong_rate(self, parameters: Mapping[str, str]) -> str:
-        """Say how the ticks differ from the rate noted; empty when they fit or are unknown."""
+        """Return the difference of the ticks from the node's rate, empty if none or unknown."""
         if not self.where or not self.newest:
             return ""
         first, last = (monotonic_of(data, self.where) for data in (self.oldest, self.newest))
@@ -126,7 +126,7 @@ class _Track:
 
 
 def verify(folder: Path | str) -> Report:
-    """Audit the bag in `folder`. Raises BagReadError when it is no bag of this recorder."""
+    """Audit the bag in `folder`. Raises BagReadError if it is not a bag of this recorder."""
     folder = Path(folder)
     tracks: dict[str, _Track] = {}
     problems: list[str] = []
@@ -143,7 +143,7 @@ def verify(folder: Path | str) -> Report:
             f"{METADATA_FILE} cannot be read ({unreadable}); run: session recover {folder}"
         )
     notes = noted.sections
-    for topic in noted.topics:  # a file does not tell of the last that never spoke
+    for topic in noted.topics:  # a file may lack the declaration of a topic without messages
         tracks.setdefault(topic.name, _Track(topic.type, ""))
     tracks = dict(sorted(tracks.items()))
     for track in tracks.values():
@@ -163,7 +163,7 @@ def verify(folder: Path | str) -> Report:
 
 
 def _noted(folder: Path) -> tuple[Noted, str]:
-    """Return the content of metadata.yaml, and why it cannot be read."""
+    """Return the content of metadata.yaml, and the reason if it cannot be read."""
     try:
         return read_noted(folder), ""
     except BagReadError as error:
@@ -171,7 +171,7 @@ def _noted(folder: Path) -> tuple[Noted, str]:
 
 
 def _walk(source: Source, found: Survey, noted: Noted, tracks: dict[str, _Track]) -> None:
-    """Take in one file."""
+    """Add the messages of one file to the tracks."""
     channels = resolved(found.channels, {}, noted.topics, sorted(found.counts))
     track_of = {
         number: tracks.setdefault(d.channel.topic, _Track(d.schema.name, d.text))
@@ -183,7 +183,7 @@ def _walk(source: Source, found: Survey, noted: Noted, tracks: dict[str, _Track]
 
 
 def _damage(found: Survey, folder: Path) -> Iterator[str]:
-    """Say what of a file cannot be read."""
+    """Yield a sentence about the unreadable parts of a file."""
     way_out = f"run: session recover {folder}"
     name = found.path.name
     if found.orderly and not found.complete:
@@ -195,7 +195,7 @@ def _damage(found: Survey, folder: Path) -> Iterator[str]:
 
 
 def _with_noted(counts: dict[str, Counts], noted: Noted) -> dict[str, Counts]:
-    """Add what only the recorder knew: messages it could not write, topics with two publishers."""
+    """Add counts that only the recorder knows: unwritten messages, topics with two publishers."""
     found = {}
     for name, count in counts.items():
         counted = noted.audit(name)
@@ -213,7 +213,7 @@ def _with_numbers(counts: dict[str, Counts], tracks: dict[str, _Track]) -> dict[
 
 
 def _uncounted(counts: dict[str, Counts], tracks: dict[str, _Track]) -> Iterator[str]:
-    """Say of which topics a loss would not be seen."""
+    """Yield remarks about topics whose losses would not be visible."""
     for name, count in counts.items():
         if count.missed < 0:
             yield f"{name}: messages not received are not counted: several publishers"
@@ -221,14 +221,14 @@ def _uncounted(counts: dict[str, Counts], tracks: dict[str, _Track]) -> Iterator
             yield f"{name}: messages not received are not counted: they carry no number"
         track = tracks[name]
         if count.stride and not track.audit.stride:
-            yield f"{name}: its stride of {count.stride} ticks is learned from its messages"
+            yield f"{name}: its stride of {count.stride} ticks is estimated from its messages"
     silent = [name for name, count in counts.items() if not count.messages]
     if silent:
         yield f"no message at all: {', '.join(silent)}"
 
 
 def _ends(tracks: dict[str, _Track]) -> Iterator[str]:
-    """Say which topics with ticks do not last from end to end: no gap shows what is beyond."""
+    """Yield remarks about topics with ticks that begin late or end early, which leaves no gap."""
     spoke = {name: track for name, track in tracks.items() if track.newest}
     begin = min((track.first for track in spoke.values()), default=0)
     end = max((track.last for track in spoke.values()), default=0)
@@ -245,29 +245,29 @@ def _unexpected(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[st
 
 
 def _suspect(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
-    """Say what does not fit the design or the recorder's notes, though no number is missing."""
+    """Yield problems that leave no gap: topics not recorded or silent, jumps, wrong rates."""
     for name, why in notes.get(REFUSED, {}).items():
-        yield f"{name}: was to be recorded and is not: {why}"
+        yield f"{name}: requested but not recorded: {why}"
     for name, track in tracks.items():
         if track.type not in TICKED:
             continue
         count = track.audit.counts()
         if not count.messages:
-            yield f"{name}: subscribed to, but no message came"
+            yield f"{name}: subscribed to, but no message arrived"
         elif count.restarts:
-            yield f"{name}: its sequence jumped {count.restarts} times, over more than is counted"
+            yield f"{name}: its sequence jumped {count.restarts} times, too far to count losses"
         elif why := track.wrong_rate(notes.get(PARAMETERS, {})):
             yield f"{name}: {why}"
 
 
 def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:
     if noted.state != CLOSED:
-        yield f"the recording was not closed in good order (state: {noted.state or None})"
+        yield f"the recording was not closed properly (state: {noted.state or None})"
     for line in noted.topics:
         found = counts[line.name].messages
         if line.messages != found:
-            claim = f"{METADATA_FILE} tells {line.messages} messages"
-            yield f"{line.name}: {claim}, the files hold {found}"
+            claim = f"{METADATA_FILE} states {line.messages} messages"
+            yield f"{line.name}: {claim}, the files contain {found}"
 
 
 def _missing(name: str, count: Counts) -> str:

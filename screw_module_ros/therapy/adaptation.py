@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Performance-based progressive therapy: who needs less assistance gets less (Krebs et al. 2003).
+"""Performance-based progressive therapy: assistance adapts to the patient (Krebs et al. 2003).
 
-Two numbers adapt, each by a metric of its own that is positive when the patient needs less:
+Two parameters adapt, each by a metric that is positive if the patient needs less assistance:
 
-- duration T of the back wall's way, by speed = 0.65 min(0, pm2a) + 6.0 pm2b: who is moved by the
-  robot or lags gets more time, who leads gets less: T <- T - a (Tmax - Tmin) mean(speed);
-- stiffness K of the side walls, by accuracy, from m = 2.65 sqrt(pm3) - 0.00008 K: -8 m when m is
-  positive, else -20 m. Who strays more than K is meant for gets stiffer walls, who strays less
-  softer ones: K <- K - a (Kmax - Kmin) mean(accuracy).
+- duration T of the back wall's way, by speed = 0.65 min(0, pm2a) + 6.0 pm2b: a patient who lags or
+  whom the robot moves gets more time, one who leads less: T <- T - a (Tmax - Tmin) mean(speed);
+- stiffness K of the side walls, by accuracy: -8 m if m is positive, else -20 m, with
+  m = 2.65 sqrt(pm3) - 0.00008 K. A larger deviation than K allows gives stiffer walls, a smaller
+  one softer walls: K <- K - a (Kmax - Kmin) mean(accuracy).
 
-The gain a grows with how consistent the last three circuits were. A circuit's level is the sign of
-its mean metric, zero within the dead band of 0.01.
+The gain a increases with the consistency of the last three circuits. A circuit's level is the sign
+of its mean metric, zero within the dead band of 0.01.
 
 The coefficients, levels, gains and the circuits after which they act are those of an InMotion
 robot; the bounds are ours. At rest m = 0: walls settle at K = 33 125 N/m^2 times the rms distance.
@@ -30,15 +30,15 @@ POWER_WEIGHT = 0.65  # [1/W]
 LEAD_WEIGHT = 6.0  # [1/m]
 STRAY_WEIGHT = 2.65  # [1/m]
 STIFFNESS_WEIGHT = 0.00008  # [m/N]
-MORE_WEIGHT, LESS_WEIGHT = 8.0, 20.0  # of the accuracy metric, where more or less is needed
+MORE_WEIGHT, LESS_WEIGHT = 8.0, 20.0  # of the accuracy metric, for more or less stiffness
 DEAD_BAND = 0.01
 GAINS = {-3: 1.0, -2: 0.5, -1: 0.25, 0: 0.25, 1: 0.5, 2: 1.0, 3: 2.0}
-LEVELS = 3  # circuits whose levels count
+LEVELS = 3  # number of circuits in the sum of levels
 AFTER_CIRCUITS = (1, 2, 3, 4, 5, 8, 11, 14, 17)
 
 
 class AdaptationBounds(NamedTuple):
-    """Between which the assistance adapts. Ours: the originals' are not public."""
+    """Bounds of the adaptation. Ours: those of the original robot are not public."""
 
     shortest: Annotated[float, Setting("shortest duration of the back wall", "s", 0.3, 10.0)] = 0.7
     longest: Annotated[float, Setting("longest duration of the back wall", "s", 0.3, 10.0)] = 3.0
@@ -46,7 +46,7 @@ class AdaptationBounds(NamedTuple):
     stiffest: Annotated[float, Setting("stiffest side walls", "N/m", 0.0, 1000.0)] = 300.0
 
     def validated(self) -> AdaptationBounds:
-        """Return self when both ranges are ranges. Raises ValueError naming the field."""
+        """Return self if both ranges are valid. Raises ValueError naming the field."""
         validated(self)
         for low, high in (("shortest", "longest"), ("softest", "stiffest")):
             if getattr(self, low) >= getattr(self, high):
@@ -58,21 +58,21 @@ class AdaptationBounds(NamedTuple):
 
 
 class Assistance(NamedTuple):
-    """What adapts: duration of the back wall's way [s], stiffness of the side walls [N/m]."""
+    """Adapted parameters: duration of the back wall's way [s], side wall stiffness [N/m]."""
 
     duration: float
     side_stiffness: float
 
 
 class Circuit(NamedTuple):
-    """What a circuit showed: mean speed metric and mean accuracy metric, positive = needs less."""
+    """Mean speed and accuracy metrics of a circuit, positive = less assistance needed."""
 
     speed: float
     accuracy: float
 
 
 class Change(NamedTuple):
-    """A change of assistance: after which circuit, from what to what, and why, in a sentence."""
+    """A change of assistance: number of the circuit before it, old and new values, reason."""
 
     circuit: int
     before: Assistance
@@ -81,12 +81,12 @@ class Change(NamedTuple):
 
 
 def circuit_of(movements: Sequence[Measures], stiffness: float) -> Circuit:
-    """Return what the movements of one circuit showed.
+    """Return the metrics of one circuit from its movements.
 
-    stiffness: of the side walls they were made with [N/m]. Raises ValueError without a movement.
+    stiffness: of the side walls during the circuit [N/m]. Raises ValueError without a movement.
     """
     if not movements:
-        raise ValueError("circuit_of: a circuit without movements shows nothing")
+        raise ValueError("circuit_of: a circuit without movements has no metrics")
     return Circuit(
         math.fsum(speed_metric(m) for m in movements) / len(movements),
         math.fsum(accuracy_metric(m, stiffness) for m in movements) / len(movements),
@@ -94,18 +94,21 @@ def circuit_of(movements: Sequence[Measures], stiffness: float) -> Circuit:
 
 
 def speed_metric(movement: Measures) -> float:
-    """Return the speed metric of a movement [1], positive when it needed no help."""
+    """Return the speed metric of a movement [1], positive if less assistance is needed."""
     return POWER_WEIGHT * min(0.0, movement.pm2a) + LEAD_WEIGHT * movement.pm2b
 
 
 def accuracy_metric(movement: Measures, stiffness: float) -> float:
-    """Return the accuracy metric of a movement [1], positive when softer walls [N/m] would do."""
+    """Return the accuracy metric of a movement [1], positive if softer walls are sufficient.
+
+    stiffness: of the side walls [N/m].
+    """
     stray = STRAY_WEIGHT * math.sqrt(movement.pm3) - STIFFNESS_WEIGHT * stiffness
     return -(MORE_WEIGHT if stray > 0.0 else LESS_WEIGHT) * stray
 
 
 def gain(metrics: Sequence[float]) -> float:
-    """Return the gain a [1] from the mean metrics of the circuits so far, the latest last."""
+    """Return the gain a [1] from the mean metrics of all circuits, in order."""
     return GAINS[sum(_level(metric) for metric in metrics[-LEVELS:])]
 
 
@@ -116,10 +119,9 @@ def _level(metric: float) -> int:
 def adapted(
     bounds: AdaptationBounds, before: Assistance, circuits: Sequence[Circuit]
 ) -> Change | None:
-    """Return the change after the latest of the circuits, None after one that changes nothing.
+    """Return the change after the latest circuit, None if the assistance stays the same.
 
-    circuits: all of this part of the session, in order. The mean is over those since the last
-    change.
+    circuits: all circuits of this block, in order. The means are over those since the last change.
     """
     number = len(circuits)
     if number not in AFTER_CIRCUITS:
@@ -157,7 +159,7 @@ def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float
 
 
 def _unchanged(metric: float, least: str, most: str) -> str:
-    """Say why a number did not change: the metric asks for nothing, or a bound is in force."""
+    """Return why a parameter did not change: the metric is zero, or a bound limits it."""
     if metric == 0.0:
         return " as before"
     return f" already the {least if metric > 0.0 else most} allowed"

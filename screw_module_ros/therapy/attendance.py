@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the therapist's page that attends a session is still there."""
+"""Monitors the attendance of a therapist's page during a session."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..settings import Setting
 
 
 class AttendanceSettings(NamedTuple):
-    """How long a page may be silent. The bound is ours."""
+    """Longest silence of a page. The value is ours."""
 
     timeout: Annotated[
         float, Setting("silence of a therapist's page after which a session pauses", "s", 0.5, 10.0)
@@ -17,24 +17,24 @@ class AttendanceSettings(NamedTuple):
 
 
 class Attendance:
-    """Watches over a session once a page has attended it; without any page it has no say."""
+    """Reports the silence of a page that has attended the session; without a page, nothing."""
 
     def __init__(self, settings: AttendanceSettings = AttendanceSettings()):  # noqa: B008
         self._settings = settings
         self._heard_ns: int | None = None
 
     def hear(self, now_ns: int) -> None:
-        """Note that somebody is at the page [ns]."""
+        """Note an attendance message; now_ns: time [ns]."""
         self._heard_ns = now_ns
 
     def missed(self, now_ns: int) -> str:
-        """Return why the session must not go on, empty when it may."""
+        """Return why the session must pause, empty if it may continue; now_ns: time [ns]."""
         timeout = self._settings.timeout
         if self._heard_ns is None or now_ns - self._heard_ns <= timeout * 1e9:
             return ""
         return f"the therapist's page has been silent for {timeout:g} s"
 
     def begin(self, now_ns: int) -> None:
-        """Forget a page that has gone: somebody starts the session, or goes on, without it."""
+        """Forget a silent page: the operator starts or resumes the session without it."""
         if self.missed(now_ns):
             self._heard_ns = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions from recorded bags: states, results, samples, and the replay of one."""
+"""Reads therapy sessions from recorded bags: states, results, samples; replays them."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Recorded(NamedTuple):
 
     folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
     `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by
-    the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the YAML
-    that was carried out, hexadecimal, empty in a bag that does not tell.
+    the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
+    executed YAML, hexadecimal, empty if the bag lacks it.
     """
 
     folder: Path
@@ -45,10 +45,10 @@ class Recorded(NamedTuple):
 
 
 def read_sessions(folder: Path | str) -> list[Recorded]:
-    """Return the sessions in a bag, in order: one, unless somebody went on recording after it.
+    """Return the sessions in a bag, in order; a bag of an older version may contain several.
 
-    Raises BagReadError when the bag cannot be read, holds no session or another protocol than its
-    hash says, ProtocolError when its protocol is none.
+    Raises BagReadError if the bag cannot be read, contains no session or a protocol that does not
+    match its hash, ProtocolError if its protocol is invalid.
     """
     folder = Path(folder)
     names = _names(folder)
@@ -78,16 +78,16 @@ def _session(
 ) -> Recorded:
     first = states[0]
     protocol = parse_protocol(first.definition, f"recorded in {folder}")
-    told = {getattr(state, "definition_sha256", "") for state in states}
-    if not told <= {"", sha256(first.definition)}:
+    hashes = {getattr(state, "definition_sha256", "") for state in states}
+    if not hashes <= {"", sha256(first.definition)}:
         raise BagReadError(
             f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
-            f"{sha256(first.definition)}, the session tells {', '.join(sorted(told - {''}))}"
+            f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
         )
     samples = [_sample(message, protocol.space) for message in hands]
     acts = _acts(states, first.patient)
     return Recorded(
-        folder, first.patient, protocol, acts, trials, changes, samples, max(told)
+        folder, first.patient, protocol, acts, trials, changes, samples, max(hashes)
     )  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def replayed(recorded: Recorded) -> Replay:
 
 
 def _names(folder: Path) -> dict[str, str]:
-    """Return the topics' full names, whatever namespace the robot was in."""
+    """Return the topics' full names, with the robot's namespace."""
     known = topics(folder)
     found = {}
     for name in (_HAND, _STATE, _TRIAL, _ASSISTANCE):
@@ -106,7 +106,7 @@ def _names(folder: Path) -> dict[str, str]:
             found[name] = full[0]
     missing = [name for name in (_HAND, _STATE) if name not in found]
     if missing:
-        raise BagReadError(f"{folder} holds no {' and no '.join(missing)}: no therapy session")
+        raise BagReadError(f"{folder} has no {' and no '.join(missing)}: no therapy session")
     return found
 
 
@@ -115,7 +115,7 @@ def _read(folder: Path, names: dict[str, str], name: str) -> Iterator[Any]:
 
 
 def _acts(states: list[Any], patient: str) -> list[Act]:
-    """Return where the state changed, each after the sample with which it began."""
+    """Return the changes of the state, each with the sample after which it began."""
     acts: list[Act] = []
     for state in states:
         if state.patient != patient or state.state not in _STATES:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session new|replay|report|export`: pseudonyms, and the evaluation of recorded therapy sessions.
-"""
+"""`session new|replay|report|export`: pseudonyms, and evaluation of recorded therapy sessions."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
     new = commands.add_parser("new", help="a new pseudonym", description="Print a new pseudonym.")
     new.set_defaults(run=_new)
     for name, run, text, several in (
-        ("replay", _replay, "compute a therapy session again and compare", False),
+        ("replay", _replay, "compute a therapy session again and compare the results", False),
         ("report", _report, "one page on a patient's sessions: HTML and PDF", True),
         ("export", _export, "the trials of therapy sessions as CSV", True),
     ):
@@ -34,7 +33,7 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
             "bags", type=Path, nargs="+" if several else 1, help="folder of a bag", metavar="FOLDER"
         )
         if several:
-            text = "where a folder per patient is made for it"
+            text = "output folder; a folder per patient is made in it"
             command.add_argument("--out", type=Path, required=True, help=text, metavar="FOLDER")
         command.set_defaults(run=run)
 
@@ -83,7 +82,7 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _exported(session: Recorded) -> list[dict]:
-    """Return the rows of a session, with whose and what they are in front."""
+    """Return the rows of a session, with patient, protocol, start and target."""
     return [
         {
             "patient": session.patient,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each number of a trial means: for reports, exports and screens."""
+"""Definitions of the figures of a trial, for reports, exports and screens."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Definition(NamedTuple):
-    """One number: its label, its unit as shown and factor from SI to it, and how it is computed."""
+    """One figure: label, displayed unit, factor from SI to this unit, text of the definition."""
 
     label: str
     unit: str
@@ -25,7 +25,7 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "reached": Definition(
         "target reached", "", 1.0,
-        "The hand came within the hit radius of the target before the trial was given up.",
+        "The hand came within the hit radius of the target before the time limit of the trial.",
     ),
     "pm2a": Definition(
         "power while behind the wall", "W", 1.0,
@@ -36,7 +36,7 @@ DEFINITIONS: dict[str, Definition] = {
     "pm2b": Definition(
         "lead over the wall", "mm", 1e3,
         "Mean of the hand's way along the line minus the back wall's, from start to end of the "
-        "movement; once the time is over the wall waits at the target.",
+        "movement; after its duration the wall stays at the target.",
     ),
     "pm3": Definition(
         "mean square off the line", "mm²", 1e6,
@@ -45,7 +45,7 @@ DEFINITIONS: dict[str, Definition] = {
     "pm4": Definition("way along the line", "mm", 1e3, "Farthest the hand came along the line."),
     "duration": Definition("duration", "s", 1.0, f"Time {_MOVEMENT}."),
     "time_to_start": Definition(
-        "time to start", "s", 1.0, "From when the target was shown to the movement's first sample."
+        "time to start", "s", 1.0, "From the display of the target to the movement's first sample."
     ),
     "mean_speed": Definition("mean speed", "mm/s", 1e3, f"Mean speed {_MOVEMENT}."),
     "peak_speed": Definition("peak speed", "mm/s", 1e3, "Largest speed of the movement."),
@@ -54,7 +54,7 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "speed_peaks": Definition(
         "speed peaks", "", 1.0,
-        "Local maxima of the speed that stand out by a twentieth of the peak speed or more.",
+        "Local maxima of the speed with a prominence of at least a twentieth of the peak speed.",
     ),
     "arrest_ratio": Definition(
         "time in motion", "%", 100.0,
@@ -81,8 +81,8 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "direction_error": Definition(
         "initial direction error", "°", 57.29577951308232,
-        "Angle between the line to the target and the direction to where the hand is after a fifth "
-        "of the way.",
+        "Angle between the line to the target and the direction to the hand's position after a "
+        "fifth of the way.",
     ),
     "reach_error": Definition(
         "reach error", "mm", 1e3, "Distance from the target at the end of the movement."
@@ -90,7 +90,7 @@ DEFINITIONS: dict[str, Definition] = {
     "robot_share": Definition(
         "robot's share of the work", "%", 100.0,
         "Work that the robot did on the hand over all work across the handle in both directions, "
-        "on the protocol's axes. Mass and friction of the robot are in it, so it is not zero "
+        "on the protocol's axes. It includes mass and friction of the robot, so it is not zero "
         "without assistance.",
     ),
     "patient_work": Definition(
@@ -106,16 +106,16 @@ DEFINITIONS: dict[str, Definition] = {
     ),
     "size": Definition("size of circles", "cm²", 1e4, "Area of the path's ellipse."),
     "hold_deviation": Definition(
-        "hold deviation", "mm", 1e3, "Root mean square distance from the point to be held."
+        "hold deviation", "mm", 1e3, "Root mean square distance from the hold point."
     ),
     "largest_force": Definition(
-        "largest force", "N", 1.0, "Largest force of the patient along the direction asked for."
+        "largest force", "N", 1.0, "Largest force of the patient in the requested direction."
     ),
     "largest_vertical_force": Definition(
         "largest vertical force", "N", 1.0, "Largest vertical force of the patient, up or down."
     ),
     "missing": Definition(
-        "samples lost", "", 1.0, "Samples that are missing between a trial's first and last one."
+        "samples lost", "", 1.0, "Missing samples between a trial's first and last one."
     ),
 }  # fmt: skip
 
@@ -123,6 +123,7 @@ EFFECT = Definition(
     "effect size d", "", 1.0,
     "Mean of the last block of reaches without assistance minus that of the first, over their "
     "pooled standard deviation (Cohen 1988: 0.2 is small, 0.5 medium, 0.8 large); positive where "
-    "the figure grew. It says how far two blocks differ, not why, and a block has few reaches.",
+    "the figure increased. It measures the difference of two blocks, which have few reaches, and "
+    "not its cause.",
 )  # fmt: skip
-"""Of the report alone: how a figure changed from the first to the last block."""
+"""Only in the report: change of a figure from the first to the last block."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far two groups of movements differ."""
+"""Effect size: difference of two groups of movements."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from statistics import mean, variance
 def effect_size(one: Sequence[float], other: Sequence[float]) -> float:
     """Return Cohen's d [1]: mean of `other` minus mean of `one`, over the pooled deviation.
 
-    Of two groups of unequal size the larger counts for more in it (Cohen 1988, 2.5.1). NaN with
-    less than two values in a group, or where no value differs from its group's mean.
+    The pooled deviation weights the groups by their sizes (Cohen 1988, 2.5.1). NaN for fewer than
+    two values in a group, or if all values equal the means of their groups.
     """
     degrees = len(one) + len(other) - 2
     if min(len(one), len(other)) < 2:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a therapist allows a session: no wall stiffer, no target farther than that.
+"""Limits of a session set by the therapist: stiffest wall, and workspace of the targets.
 
-A session is limited before it starts, by limiting its protocol: what is recorded is then what was
-done, and a replay computes it again.
+The limits are applied to the protocol before the session starts, so that the bag records the
+executed protocol and a replay computes it again.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from .protocol import Protocol, ways
 from .protocol_file import parse_protocol
 from .wishes import WishLimits
 
-_SOFTEST_SHARE = 0.5  # of the stiffest walls, where those are softer than the protocol's softest
-_ROUNDING = 1e-9  # [m] sines of whole turns
+_SOFTEST_SHARE = 0.5  # of the stiffest walls, if these are softer than the protocol's softest
+_ROUNDING = 1e-9  # [m] rounding of the targets' sines
 _AXES = {
     PLANE: (True, True, False), VERTICAL: (False, False, True), SPACE: (True, True, True)
 }  # fmt: skip
 
 
 class AssistanceLimits(NamedTuple):
-    """How much a session may help, whatever its protocol asks for. The default limits nothing."""
+    """Largest assistance of a session with any protocol. The default has no effect."""
 
     stiffness: Annotated[
         float, Setting("stiffest wall of the next session", "N/m", 0.0, 800.0, live=True)
@@ -33,7 +33,7 @@ class AssistanceLimits(NamedTuple):
 
 
 def limited_text(text: str, limits: AssistanceLimits) -> str:
-    """Return a protocol's YAML with no wall stiffer than allowed; unchanged where none is."""
+    """Return a protocol's YAML with limited stiffness, unchanged if no wall is stiffer."""
     content = yaml.safe_load(text)
     if not _limit(content, limits.stiffness):
         return text
@@ -57,10 +57,10 @@ def _limit(content: dict[str, Any], stiffest: float) -> bool:
 
 
 def _make_fit(content: dict[str, Any], stiffest: float) -> None:
-    """Make what goes with the stiffness fit again: the softest walls, and what could grow."""
+    """Adjust the settings that depend on the stiffness: softest walls, growth, adaptation."""
     if stiffest == 0.0:
         content["guidance"]["growth"] = 0.0
-        content.pop("adaptation", None)  # of no walls
+        content.pop("adaptation", None)  # without walls there is nothing to adapt
     bounds = content.get("adaptation")
     if bounds and bounds["softest"] >= bounds["stiffest"]:
         bounds["softest"] = _SOFTEST_SHARE * bounds["stiffest"]
@@ -69,9 +69,9 @@ def _make_fit(content: dict[str, Any], stiffest: float) -> None:
 def allowed_protocol(
     text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits
 ) -> tuple[Protocol, str]:
-    """Return the protocol of a YAML text as it may be carried out, and the YAML of that.
+    """Return the limited protocol of a YAML text, and its YAML.
 
-    Raises ProtocolError for what is no protocol, ValueError for a target outside the workspace.
+    Raises ProtocolError for an invalid protocol, ValueError for a target outside the workspace.
     """
     parse_protocol(text, name)
     text = limited_text(text, assistance)

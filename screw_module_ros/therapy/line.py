@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The line of a movement from start to target, on the axes that the movement has."""
+"""The line of a movement from start to target, on the axes of the movement."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .samples import HandSample, Point
 
 PLANE, VERTICAL, SPACE = "plane", "vertical", "space"
 AXES = {PLANE: (0, 1), VERTICAL: (2,), SPACE: (0, 1, 2)}
-"""Components of a point that count, by where a protocol takes place."""
+"""Axes of a movement, by the protocol's space."""
 
-FARTHEST = 1.0  # [m] on any axis: beyond it no hand on this robot can be
-FASTEST = 10.0  # [m/s] the same
+FARTHEST = 1.0  # [m] on any axis; larger positions are impossible on this robot
+FASTEST = 10.0  # [m/s] on any axis; larger velocities are impossible
 
 
 class Line(NamedTuple):
-    """start, target: x, y, z [m]; space: plane, vertical or space; the other axes do not count."""
+    """start, target: x, y, z [m]; space: plane, vertical or space, which selects the axes."""
 
     start: Point
     target: Point
@@ -38,7 +38,7 @@ class Line(NamedTuple):
         )
 
     def gone(self, point: Point) -> float:
-        """Return how far along the line a point is from the start [m]."""
+        """Return a point's distance from the start along the line [m]."""
         return self.along(tuple(p - s for p, s in zip(point, self.start, strict=True)))
 
     def off(self, point: Point) -> float:
@@ -52,7 +52,7 @@ class Line(NamedTuple):
 
 
 class SlotWish(NamedTuple):
-    """What the controllers are to do: a slot in the plane, one on the vertical, None = none.
+    """Requested slots of the plane and of the vertical axis, None = no slot.
 
     start_ns: stamp of the movement's start [ns], None while the slots are open.
     """
@@ -66,18 +66,18 @@ NO_SLOT = SlotWish()
 
 
 def distance(space: str, one: Point, other: Point) -> float:
-    """Return the distance of two points [m] on the axes that count."""
+    """Return the distance of two points [m] on the axes of a space."""
     return math.sqrt(sum((one[a] - other[a]) ** 2 for a in AXES[space]))
 
 
 def speed_of(space: str, sample: HandSample) -> float:
-    """Return the hand's speed [m/s] on the axes that count."""
+    """Return the hand's speed [m/s] on the axes of a space."""
     velocity = sample.velocity
     return math.sqrt(sum(velocity[a] ** 2 for a in AXES[space]))
 
 
 def is_known(space: str, sample: HandSample) -> bool:
-    """Return whether position and velocity can be real on the axes that count; NaN cannot."""
+    """Return whether position and velocity are plausible on the axes of a space; NaN is not."""
     position, velocity = sample.position, sample.velocity
     return all(
         abs(position[a]) <= FARTHEST and abs(velocity[a]) <= FASTEST for a in AXES[space]
@@ -85,7 +85,7 @@ def is_known(space: str, sample: HandSample) -> bool:
 
 
 def slots(line: Line, like: Slot, start_ns: int | None) -> SlotWish:
-    """Return the slots along a line; like: everything but start and target."""
+    """Return the slots along a line; like: their other parameters; start_ns: as in SlotWish."""
     plane, vertical = in_space(line.start, line.target, like)
     return SlotWish(
         plane if line.space != VERTICAL else None,

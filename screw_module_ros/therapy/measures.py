@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The measures of one assisted movement that the adaptation goes by, pm1 to pm4 (Krebs 2003)."""
+"""Performance measures pm1 to pm4 of one assisted movement, for the adaptation (Krebs 2003)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from .samples import HandSample
 class Measures(NamedTuple):
     """Performance measures of one movement.
 
-    pm1: the patient started it, before the wait had passed; pm2a: mean of handle force times
-    velocity along the line while behind the back wall [W], negative where the robot moves the hand;
+    pm1: the patient started it before the end of the wait; pm2a: mean of handle force times
+    velocity along the line while behind the back wall [W], negative if the robot moves the hand;
     pm2b: mean lead over the back wall [m]; pm3: mean square of the distance from the line [m^2];
-    pm4: how far the hand came along the line [m].
+    pm4: largest distance along the line [m].
     """
 
     pm1: bool
@@ -33,9 +33,9 @@ def measures(
 ) -> Measures:
     """Return the measures of the samples from the start of a movement to its end.
 
-    duration: of the back wall's way [s]; start_ns: stamp of the start [ns]. Once the wall has
-    arrived it waits at the target, so that a hand that comes late lags. Without a sample that
-    counts pm2a and pm2b are zero, as nothing says that the patient needs more or less.
+    duration: of the back wall's way [s]; start_ns: stamp of the start [ns]; initiated: pm1. After
+    its arrival the wall stays at the target, so that a late hand lags. Without a sample pm2a and
+    pm2b are zero, which means no change of the assistance.
     """
     length = line.length
     leads, powers, off, farthest = [], [], [], 0.0
@@ -58,7 +58,7 @@ def measures(
 
 
 def _power(sample: HandSample, line: Line) -> float:
-    """Return handle force times velocity along the line [W]; no valid force counts as none."""
+    """Return handle force times velocity along the line [W], zero without a valid force."""
     power = line.along(sample.force) * line.along(sample.velocity)
     return power if math.isfinite(power) else 0.0
 

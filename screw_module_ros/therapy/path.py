@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics of a path: how straight it is, how well it begins and ends; circles and holding still."""
+"""Metrics of a path: straightness, initial direction, end point; circles and holding still."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from .samples import Point
 
 INITIAL_SHARE = 0.2
-"""Share of the way at which the initial direction is read; ours."""
+"""Share of the way at which the initial direction is measured; ours."""
 
 
 class PathFigures(NamedTuple):
     """error: mean distance from the line [m]; ratio: path's length over that of the line.
 
-    direction_error: angle between the line and where the hand is after a fifth of the way [rad],
-    NaN when it never came so far; reach_error: from the last point to the target [m].
+    direction_error: angle between the line and the direction to the hand after a fifth of the way
+    [rad], NaN if it did not go that far; reach_error: from the last point to the target [m].
     """
 
     error: float
@@ -28,7 +28,10 @@ class PathFigures(NamedTuple):
 
 
 def path_figures(path: np.ndarray, start: Point, target: Point) -> PathFigures:
-    """Return the figures of a path [m], shape (samples, 3), meant from start to target [m]."""
+    """Return the figures of a path [m], shape (samples, 3), of a reach from start to target [m].
+
+    Raises ValueError if start and target are the same point.
+    """
     line = np.subtract(target, start)
     length = float(np.linalg.norm(line))
     if length == 0.0:
@@ -68,7 +71,7 @@ class CircleFigures(NamedTuple):
 
 
 def circle_figures(path: np.ndarray) -> CircleFigures:
-    """Return the figures of a path [m], shape (samples, 3), meant to be circles in the plane."""
+    """Return the figures of a path [m], shape (samples, 3), of circles in the plane."""
     plane = path[:, :2] - path[:, :2].mean(axis=0)
     small, large = np.linalg.eigvalsh(plane.T @ plane / len(plane))
     small, large = max(float(small), 0.0), float(large)

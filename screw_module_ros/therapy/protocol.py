@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A protocol: what is done in a session, with every number that decides how.
+"""A protocol: the trials of a session, with all parameters.
 
-Read from YAML by `protocol_file`; `plan` makes the trials of it, one after the other.
+`protocol_file` reads it from YAML; `plan` yields its trials in order.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LOWEST_Z, HIGHEST_Z = 0.02, 0.34  # [m] the travel without its soft stops
 
 
 class Rules(NamedTuple):
-    """When a trial goes on from one phase to the next."""
+    """Conditions for the transitions between the phases of a trial."""
 
     hit_radius: Annotated[
         float, Setting("distance from a point at which it counts as reached", "m", 0.001, 0.05)
@@ -47,10 +47,10 @@ class Rules(NamedTuple):
         float, Setting("time in which the hand is brought to the start", "s", 0.5, 20.0)
     ]
     prepare_stiffness: Annotated[
-        float, Setting("of the walls that bring the hand there", "N/m", 0.0, 800.0)
+        float, Setting("of the walls that bring the hand to the start", "N/m", 0.0, 800.0)
     ]
     prepare_limit: Annotated[
-        float, Setting("time after which that has failed and the session pauses", "s", 1.0, 120.0)
+        float, Setting("longest time to the start, then the session pauses", "s", 1.0, 120.0)
     ]
     settle_time: Annotated[
         float, Setting("time within the hit radius of the start before a trial", "s", 0.0, 5.0)
@@ -58,11 +58,11 @@ class Rules(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Where the targets are round the centre.
+    """Targets around the centre.
 
-    clock: `count` of them at `distance` in the plane, clockwise from the far one, each `rise`
-    above or below in turn; column: one above and one below the centre at `distance`; centre: the
-    centre itself. rounds: how often a circuit visits all.
+    clock: `count` targets at `distance` in the plane, clockwise from the farthest, alternately
+    `rise` above and below; column: one above and one below the centre at `distance`; centre: the
+    centre itself. rounds: visits to all targets per circuit.
     """
 
     layout: Annotated[str, Setting("clock, column or centre", choices=LAYOUTS)]
@@ -75,8 +75,8 @@ class Targets(NamedTuple):
 class Block(NamedTuple):
     """A part of a session: circuits of one kind.
 
-    duration: of a circle, hold, resisted or strength trial [s]; stiffness: of what the hand is held
-    to in these, 0 = nothing [N/m].
+    duration: of a circle, hold, resisted or strength trial [s]; stiffness: of the walls that hold
+    the hand in these trials, 0 = none [N/m].
     """
 
     kind: Annotated[str, Setting("what the patient does", choices=KINDS)]
@@ -85,7 +85,9 @@ class Block(NamedTuple):
     circuits: Annotated[int, Setting("number of circuits", "", 1, 100)]
     targets: Targets
     duration: Annotated[float, Setting("of a trial that is not a reach", "s", 0.0, 120.0)] = 0.0
-    stiffness: Annotated[float, Setting("of what holds the hand", "N/m", 0.0, 800.0)] = 0.0
+    stiffness: Annotated[
+        float, Setting("of the walls that hold the hand", "N/m", 0.0, 800.0)
+    ] = 0.0
 
 
 class Guidance(NamedTuple):
@@ -117,9 +119,9 @@ class Protocol(NamedTuple):
     adaptation: AdaptationBounds | None = None
 
     def validated(self) -> Protocol:
-        """Return self when everything fits together and every target can be reached.
+        """Return self if all settings are consistent and all targets are within reach.
 
-        Raises ValueError naming what does not.
+        Raises ValueError naming the wrong setting.
         """
         validated(self)
         self.guidance.slot().validated()
@@ -154,9 +156,9 @@ def plan(protocol: Protocol) -> Iterator[TrialPlan]:
 
 
 def ways(protocol: Protocol, block: Block) -> list[tuple[Point, Point]]:
-    """Return the ways of one circuit, start and target [m]; only reaches come back by themselves.
+    """Return start and target [m] of the trials of one circuit.
 
-    What is not a reach begins at the centre each time, and the robot brings the hand there.
+    Reaches go out and back. Trials of other kinds start at the centre.
     """
     found = []
     for _ in range(block.targets.rounds):

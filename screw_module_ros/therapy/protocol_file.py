@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Protocols as YAML files: strict, as they decide forces on a patient.
+"""Protocols as YAML files, with strict checks, as they determine forces on a patient.
 
-A key that is missing, unknown or out of range is refused in one sentence that names it.
+A missing or unknown key or a value out of range is refused with a message that names it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .protocol import Protocol
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
-_LARGEST = 100_000  # bytes; ours have a few thousand
+_LARGEST = 100_000  # bytes; the packaged files have a few thousand
 
 
 class ProtocolError(ValueError):
@@ -26,7 +26,7 @@ class ProtocolError(ValueError):
 
 
 def load_protocol(name: str | Path) -> Protocol:
-    """Return a protocol: one that comes with the package by its name, or a YAML file by its path.
+    """Return a protocol: a packaged one by its name, or a YAML file by its path.
 
     Raises ProtocolError.
     """
@@ -45,7 +45,7 @@ def protocol_text(name: str | Path) -> str:
 
 
 def sha256(text: str) -> str:
-    """Return the SHA-256 of a protocol's YAML, by which a record names it, as hexadecimal."""
+    """Return the SHA-256 of a protocol's YAML, its identity in records, as hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -60,5 +60,5 @@ def parse_protocol(text: str, name: str) -> Protocol:
 
 
 def read_protocol(content: Any) -> Protocol:
-    """Return the protocol of a file's content. Raises ValueError naming the key that is wrong."""
+    """Return the protocol of a file's content. Raises ValueError naming the wrong key."""
     return from_mapping(Protocol, content).validated()

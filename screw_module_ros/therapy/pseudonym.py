@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pseudonyms and the folders named after them: the only identification of patients here.
+"""Pseudonyms, the only identification of patients here, and the folders named after them.
 
-No name, no date of birth, no free text: who belongs to a pseudonym is written down elsewhere.
+There are no names, dates of birth or free texts: the list of patients and pseudonyms is kept
+elsewhere.
 """
 
 from __future__ import annotations
@@ -12,16 +13,16 @@ import secrets
 from pathlib import Path
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
-"""Digits and capitals without those that are taken for one another: 0 O, 1 I L, U V."""
+"""Digits and capitals without easily confused ones: 0 O, 1 I L, U."""
 LENGTH = 5
 PATTERN = re.compile(rf"P-[{ALPHABET}]{{{LENGTH}}}")
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
 
 
 class PseudonymError(ValueError):
-    """A text that is no pseudonym; the message names the format and the way out, not the text.
+    """The text is not a pseudonym. The message names the format, but not the text.
 
-    The text may be a person's name, which must not get into a log.
+    The text may be a person's name, which must not appear in a log.
     """
 
 
@@ -31,19 +32,19 @@ def new_pseudonym() -> str:
 
 
 def checked_pseudonym(text: str) -> str:
-    """Return a pseudonym unchanged. Raises PseudonymError on anything else."""
+    """Return a valid pseudonym unchanged. Raises PseudonymError for any other text."""
     if not isinstance(text, str) or not PATTERN.fullmatch(text):
         raise PseudonymError(
-            f"that is no pseudonym: P- and {LENGTH} of {ALPHABET} are wanted, like P-7K3QX; no "
-            "names, no free text (new pseudonyms come from `session new`)"
+            f"not a pseudonym: the form is P- and {LENGTH} of {ALPHABET}, like P-7K3QX; no "
+            "names, no free text (`session new` makes new pseudonyms)"
         )
     return text
 
 
 def patient_folder(root: Path, pseudonym: str) -> Path:
-    """Return the patient's folder below `root`, made if it is not there, for the owner alone.
+    """Make and return the patient's folder below `root`, which only the owner can read.
 
-    Raises PseudonymError, and OSError where it cannot be made or be kept private.
+    Raises PseudonymError, and OSError if it cannot be made private.
     """
     folder = root / checked_pseudonym(pseudonym)
     for each in (root, folder):
@@ -53,12 +54,12 @@ def patient_folder(root: Path, pseudonym: str) -> Path:
 
 
 def write_private(file: Path, content: bytes) -> None:
-    """Write a file that only its owner can read, whole or not at all. Raises OSError."""
+    """Write a file atomically that only its owner can read. Raises OSError."""
     part = file.with_name(f".{file.name}.part")
     part.unlink(missing_ok=True)
     descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, PRIVATE_FILE)
     with os.fdopen(descriptor, "wb") as stream:
-        os.fchmod(stream.fileno(), PRIVATE_FILE)  # whatever the umask takes away or leaves
+        os.fchmod(stream.fileno(), PRIVATE_FILE)  # independent of the umask
         stream.write(content)
         stream.flush()
         os.fsync(stream.fileno())

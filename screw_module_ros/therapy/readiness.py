@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the robot can be used for a session now, from what `endpoint_state` says."""
+"""Checks from `endpoint_state` whether the robot is ready for a session."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ SAFETY_OK = 0  # SafetyState.OK
 def stop_reason(
     space: str, valid: Sequence[bool], enabled: Sequence[bool], locked: bool, safety: int
 ) -> str:
-    """Return why a session in this space must not go on, empty when it may.
+    """Return why a session in this space must stop, empty if it may continue.
 
-    valid: of x, y, z; enabled: plane, vertical; locked: the vertical's pin is in; safety: level.
+    valid: of x, y, z; enabled: plane, vertical; locked: the vertical axis is locked by the pin;
+    safety: level of SafetyState.
     """
     wants_plane, wants_vertical = space in (PLANE, SPACE), space in (VERTICAL, SPACE)
     if safety != SAFETY_OK:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A trial's result as flat, named values: what the message, the CSV and the replay have in common.
+"""A trial's result as flat, named values, for the message, the CSV and the replay.
 
 The names are those of TrialResult.msg.
 """
@@ -28,7 +28,7 @@ NUMBERS = (
 
 
 def flat(result: TrialResult) -> dict[str, Any]:
-    """Return a result's flat fields by name, SI units, NaN where a kind of trial has none."""
+    """Return a result's flat fields by name, SI units, NaN if a kind of trial has no value."""
     measures = result.measures._asdict()
     del measures["pm1"]  # is `initiated`
     return {
@@ -53,7 +53,7 @@ def flat(result: TrialResult) -> dict[str, Any]:
 
 
 def differing(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Return the names of fields that differ by a bit or more; NaN equals NaN."""
+    """Return the names of the fields with different values; NaN equals NaN."""
     return [name for name in NUMBERS if not _same(one[name], other[name])]
 
 
@@ -64,9 +64,9 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def csv_text(rows: Iterable[Mapping[str, Any]], first: tuple[str, ...] = ()) -> str:
-    """Return rows as CSV: fields named `first`, then NUMBERS; SI units, empty where there is none.
+    """Return rows as CSV: fields named `first`, then NUMBERS; SI units, empty for NaN.
 
-    Numbers are written so that reading them gives the same bits.
+    Numbers have all digits: reading them gives the same bits.
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
@@ -77,7 +77,7 @@ def csv_text(rows: Iterable[Mapping[str, Any]], first: tuple[str, ...] = ()) -> 
 
 
 def definitions_text(definitions: Mapping[str, Definition]) -> str:
-    """Return as CSV what the columns mean: a value times `factor` is in `unit`."""
+    """Return the definitions of the columns as CSV: a value times `factor` is in `unit`."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(("column", "label", "factor", "unit", "definition"))

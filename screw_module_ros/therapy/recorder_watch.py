@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a session that is to be recorded still is."""
+"""Monitors the recording of a session."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..settings import Setting
 
 
 class RecorderWatchSettings(NamedTuple):
-    """How long the recorder, which reports once a second, may be silent. The bound is ours."""
+    """Longest silence of the recorder, which reports once a second. The value is ours."""
 
     timeout: Annotated[
         float, Setting("silence of the recorder after which a session pauses", "s", 2.0, 60.0)
@@ -17,7 +17,7 @@ class RecorderWatchSettings(NamedTuple):
 
 
 class RecorderWatch:
-    """Watches over one recording, from `begin` on."""
+    """Monitors one recording, from `begin` on."""
 
     def __init__(self, settings: RecorderWatchSettings = RecorderWatchSettings()):  # noqa: B008
         self._settings = settings
@@ -25,17 +25,17 @@ class RecorderWatch:
         self._problem = ""
 
     def begin(self, now_ns: int) -> None:
-        """Note that the recording has begun [ns]; what was heard before does not count."""
+        """Start monitoring; now_ns: time [ns]. Earlier reports do not count."""
         self._heard_ns, self._problem = now_ns, ""
 
     def hear(self, recording: bool, said: str, now_ns: int) -> None:
-        """Note what the recorder reports: whether it records, and what it says of that."""
+        """Note a report; recording: whether it records; said: its message; now_ns: time [ns]."""
         self._heard_ns = now_ns
         if not recording:
             self._problem = f"the recording has ended: {said}"
 
     def lost(self, now_ns: int) -> str:
-        """Return why there is no recording any more, empty while there is."""
+        """Return why the recording has ended, empty while it continues; now_ns: time [ns]."""
         timeout = self._settings.timeout
         if not self._problem and now_ns - self._heard_ns > timeout * 1e9:
             self._problem = f"the session recorder has been silent for {timeout:g} s"

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A session again, from the samples and acts that were recorded.
+"""Computes a session again from its recorded samples and acts.
 
-A complete recording gives the results of the session bit for bit. Where it does not, the replay
-says which samples are missing and which numbers of which trial differ.
+A complete recording gives the results of the session bit for bit. Otherwise the replay lists the
+missing samples and the figures that differ, by trial.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .session import ABORTED, PAUSED, RUNNING, Session
 
 
 class Act(NamedTuple):
-    """The session's state as recorded: which, why, after which sample (tick number) it began."""
+    """A recorded change of state; after: tick number of the sample before it; state; reason."""
 
     after: int
     state: str
@@ -27,10 +27,11 @@ class Act(NamedTuple):
 
 
 class Replay(NamedTuple):
-    """What the replay found.
+    """Result of the replay.
 
-    results: of the trials, anew; gaps: samples missing in the recording while the session ran;
-    samples: number of those there; problems: what differs, one sentence each, empty when all equal.
+    results: of the trials, computed again; gaps: samples missing in the recording while the session
+    ran; samples: number of recorded ones; problems: one sentence for each difference, empty if all
+    results are equal.
     """
 
     results: list[TrialResult]
@@ -54,14 +55,13 @@ def replay(
     acts: Sequence[Act],
     recorded: Sequence[Mapping[str, Any]],
 ) -> Replay:
-    """Return what becomes of the samples, and how it compares with what was recorded.
+    """Compute the session's results from the samples, and compare them with the recorded ones.
 
-    samples: as `endpoint_state` had them, in order; acts: from `therapy/state`; recorded: the
-    results from `therapy/trial`, by the names of `record`. Raises ValueError when no act starts the
-    session.
+    samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
+    `therapy/trial`, by the names of `record`. Raises ValueError if no act starts the session.
     """
     if not any(act.state == RUNNING for act in acts):
-        raise ValueError("no therapy/state that says `running`: the session's start is not there")
+        raise ValueError("no therapy/state is `running`: the session's start is not recorded")
     session, used = _again(protocol, samples, list(acts))
     gaps = gaps_of(used)
     results = session.results if session is not None else []
@@ -93,7 +93,7 @@ def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | N
     if act.state == PAUSED:
         session.pause(act.reason)
     elif act.state == RUNNING:
-        session.pause(act.reason)  # a pause too short to be told: the trial began anew in it too
+        session.pause(act.reason)  # a pause too short for a message: it also restarts the trial
         session.resume()
     elif act.state == ABORTED:
         session.abort(act.reason)
@@ -115,7 +115,7 @@ def _differences(
     problems = []
     for number in sorted(noted.keys() | found.keys()):
         if number not in found:
-            problems.append(f"trial {number}: recorded, but the replay does not come to its end")
+            problems.append(f"trial {number}: recorded, but the replay does not complete it")
         elif number not in noted:
             problems.append(f"trial {number}: replayed, but its result was not recorded")
         else:

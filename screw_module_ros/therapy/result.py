@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The result of one trial, and how it is computed from the samples."""
+"""The result of one trial, and its computation from the samples."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAN = math.nan
 
 
 class Figures(NamedTuple):
-    """Figures of one movement, NaN where a kind of trial has none; see `definitions`."""
+    """Figures of one movement, NaN if a kind of trial has no value; see `definitions`."""
 
     duration: float = _NAN
     time_to_start: float = _NAN
@@ -51,19 +51,20 @@ class Figures(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """Samples that are missing: how many, after which sequence number."""
+    """Missing samples: sequence number before them, number of them."""
 
     after: int
     missing: int
 
 
 class TrialResult(NamedTuple):
-    """What one trial showed.
+    """Result of one trial.
 
-    plan, kind, assisted: of the trial; line: where it led; duration [s], side_stiffness [N/m]:
-    assistance in use; initiated: the patient started it; reached; moved: there was a movement at
-    all; start_ns, end_ns: stamps of start and end [ns]; first, last: sequence numbers of its first
-    and last sample; samples: number of them; rate: theirs [Hz]; gaps: what is missing.
+    plan, kind, assisted: of the trial; line: from start to target; duration [s], side_stiffness
+    [N/m]: assistance; initiated: the patient started it; reached: the hand reached the target;
+    moved: there was a movement; start_ns, end_ns: stamps of start and end [ns]; first, last:
+    sequence numbers of its first and last sample; samples: number; rate: of the samples [Hz]; gaps:
+    missing samples.
     """
 
     plan: TrialPlan
@@ -87,14 +88,14 @@ class TrialResult(NamedTuple):
 
     @property
     def missing(self) -> int:
-        """Return how many samples are missing."""
+        """Return the number of missing samples."""
         return sum(gap.missing for gap in self.gaps)
 
 
 class Course(NamedTuple):
-    """How a trial went: stamps [ns] of the first sample that counts, start and end of movement.
+    """Course of a trial: stamps of start and end of the movement [ns].
 
-    initiated: the patient started it; reached: the hand came to the target.
+    initiated: the patient started it; reached: the hand reached the target.
     """
 
     start_ns: int
@@ -104,7 +105,7 @@ class Course(NamedTuple):
 
 
 def gaps_of(samples: Sequence[HandSample]) -> tuple[Gap, ...]:
-    """Return what is missing between samples whose numbers rise by one stride, the commonest."""
+    """Return the gaps between samples; the stride is the most frequent step of their numbers."""
     steps = [sequence_gap(a.sequence, b.sequence) + 1 for a, b in _pairs(samples)]
     strides = Counter(step for step in steps if step > 0)
     if not strides:
@@ -132,7 +133,7 @@ def trial_result(
     course: Course,
     samples: Sequence[HandSample],
 ) -> TrialResult:
-    """Return a trial's result. samples: from when the target was shown to the trial's end."""
+    """Return a trial's result. samples: from the display of the target to the trial's end."""
     times = np.array([s.time_ns - samples[0].time_ns for s in samples]) * 1e-9
     rate = float((len(samples) - 1) / times[-1]) if len(samples) > 1 and times[-1] > 0.0 else _NAN
     speed = np.array([speed_of(line.space, s) for s in samples])
@@ -190,7 +191,7 @@ def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures
 
 def _with_movement(figures, line, samples, times, rate, speed) -> Figures:
     found = speed_figures(speed, rate)
-    axes = AXES[line.space]  # what an axis that is locked or not homed tells must not count
+    axes = AXES[line.space]  # without other axes, which may be locked or not homed
     work = work_done(
         np.array([[s.force[a] for a in axes] for s in samples]),
         np.array([[s.velocity[a] for a in axes] for s in samples]),
@@ -213,7 +214,7 @@ def _with_movement(figures, line, samples, times, rate, speed) -> Figures:
 
 
 def _point(line: Line, point) -> tuple[float, float, float]:
-    """Return a point with the axes that do not count at zero [m]."""
+    """Return a point with zeros on the axes outside the line's space [m]."""
     x, y, z = (value if axis in AXES[line.space] else 0.0 for axis, value in enumerate(point))
     return x, y, z
 

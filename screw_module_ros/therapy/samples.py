@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One sample of the patient's hand, as `endpoint_state` has it."""
+"""One sample of the patient's hand, from `endpoint_state`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ Point = tuple[float, float, float]
 
 
 class HandSample(NamedTuple):
-    """Where the hand is and what it feels, in frame manus_base.
+    """Position, velocity and force of the hand, in frame manus_base.
 
     sequence: tick number; time_ns: stamp [ns]; x, y from the workspace centre and z from the bottom
     of travel [m]; vx, vy, vz [m/s]; fx, fy, fz: force of the patient on the robot [N]; stop: why
-    the robot must not be used now, empty while it may.
+    the session must stop, empty if it may continue.
     """
 
     sequence: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a screen has to know of the protocols to offer them and to draw their targets."""
+"""Data of the protocols for screens, which offer them and draw their targets."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Any
 from .protocol import Protocol, plan, points
 from .protocol_file import SHIPPED, ProtocolError, load_protocol
 
-_MOST = 50  # files that are offered
+_MOST = 50  # largest number of offered files
 
 
 def protocols_for_screens(
-    folder: Path | None = None, told: Callable[[str], None] = lambda sentence: None
+    folder: Path | None = None, on_problem: Callable[[str], None] = lambda sentence: None
 ) -> list[dict[str, Any]]:
-    """Return what to start each protocol by (`name`) and what it calls itself (`protocol`).
+    """Return for each protocol the name to start it by (`name`), its own name (`protocol`), title,
+    space, number of trials, centre and targets [m].
 
-    Besides title, space, number of trials, centre and targets [m]. folder: of protocols of one's
-    own, beside those of the package. told: takes what is wrong with a file, which is not offered
-    then.
+    folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
+    error of an invalid file, which is omitted.
     """
     found = [_described(name, load_protocol(name)) for name in SHIPPED]
     files = sorted(folder.glob("*.yaml"))[:_MOST] if folder is not None else ()
@@ -28,7 +28,7 @@ def protocols_for_screens(
         try:
             found.append(_described(file.name, load_protocol(file)))
         except ProtocolError as error:
-            told(str(error))
+            on_problem(str(error))
     return found
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session: all trials of a protocol over the hand's samples, with adaptation, pause and abort.
 
-Nothing here knows a clock: what is done depends on the samples and on the operator's acts alone, so
-a recording of both gives the same session again (`replay`).
+It uses no clock: its course depends only on the samples and on the operator's acts, so a recording
+of both reproduces the session (`replay`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RUNNING, PAUSED, FINISHED, ABORTED = "running", "paused", "finished", "aborted"
 
 
 class Said(NamedTuple):
-    """What came of a sample: a trial's result, a change of assistance, None where there is none."""
+    """Outcome of a sample: a trial's result and a change of assistance, None if there is none."""
 
     result: TrialResult | None = None
     change: Change | None = None
@@ -31,10 +31,10 @@ _NOTHING = Said()
 
 
 class Session:
-    """Takes the hand's samples one by one.
+    """Processes the hand's samples one by one.
 
-    state: running, paused, finished or aborted; reason: why it is paused or aborted. assistance:
-    in use. results, changes: so far. trial: the one under way, None after the end.
+    state: running, paused, finished or aborted; reason: of the pause or abort. assistance: current
+    values. results, changes: so far. trial: the current one, None after the end.
     """
 
     def __init__(self, protocol: Protocol):
@@ -52,16 +52,16 @@ class Session:
 
     @property
     def trials(self) -> int:
-        """Return how many trials the protocol has."""
+        """Return the number of trials of the protocol."""
         return len(self._plans)
 
     @property
     def wish(self) -> SlotWish:
-        """Return the slots wanted now; none while the session does not run."""
+        """Return the requested slots; none while the session does not run."""
         return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
 
     def take(self, sample: HandSample) -> Said:
-        """Go on by one sample; one that says `stop`, or not where the hand is, pauses."""
+        """Process one sample; one with `stop`, or without a valid position, pauses the session."""
         if self.state != RUNNING or self.trial is None:
             return _NOTHING
         if sample.stop or not is_known(self.protocol.space, sample):
@@ -83,18 +83,18 @@ class Session:
         return Said(result, change)
 
     def pause(self, reason: str) -> None:
-        """Take every slot away; the trial under way is done again from its beginning."""
+        """Pause without slots; the current trial will be repeated from its start."""
         if self.state == RUNNING:
             self.state, self.reason = PAUSED, reason
 
     def resume(self) -> None:
-        """Go on after a pause."""
+        """Continue after a pause."""
         if self.state == PAUSED:
             self.state, self.reason = RUNNING, ""
             self.trial = self._next_trial()
 
     def abort(self, reason: str) -> None:
-        """End the session for good."""
+        """End the session; it cannot be resumed."""
         if self.state in (RUNNING, PAUSED):
             self.state, self.reason, self.trial = ABORTED, reason, None
 

@@ -3,7 +3,7 @@
 
 SPARC and LDLJ as defined by Balasubramanian, Melendez-Calderon and Burdet (IEEE Trans. Biomed. Eng.
 59:2126, 2012) and Balasubramanian et al. (J. NeuroEng. Rehabil. 12:112, 2015). Both are negative; a
-smoother movement is nearer to zero. Their values depend on the sampling rate, so a report names it.
+smoother movement is nearer to zero. Their values depend on the sampling rate, which reports state.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 SPARC_CUTOFF = 10.0
 """Highest frequency that counts [Hz] (2015)."""
 SPARC_THRESHOLD = 0.05
-"""Share of the largest magnitude below which the spectrum's end is left out (2015)."""
+"""Share of the largest magnitude below which the spectrum's end does not count (2015)."""
 SPARC_PADDING = 4
 """Powers of two by which the profile is padded with zeros (2015)."""
 
@@ -30,8 +30,8 @@ def sparc(
 ) -> float:
     """Return the spectral arc length of a speed profile [1].
 
-    speed: samples of one movement [m/s]; rate: their number per second [Hz]. NaN for a profile that
-    never moves. Raises ValueError on a rate that is not positive.
+    speed: samples of one movement [m/s]; rate: their number per second [Hz]. NaN for a profile
+    without motion. Raises ValueError if the rate is not positive.
     """
     profile = _profile(speed, rate)
     if profile.size < 2 or not np.any(profile):

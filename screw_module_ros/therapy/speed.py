@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics of a speed profile: where the movement begins and ends, its peaks, its arrests."""
+"""Metrics of a speed profile: begin and end of the movement, peaks, arrests."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 from scipy.signal import find_peaks
 
 MOVING_SHARE = 0.1
-"""Share of the peak speed above which a hand moves, in most reports of robots of this family."""
+"""Share of the peak speed above which the hand counts as moving, as in most reports about robots of
+this family."""
 SHORTEST = 0.1
-"""A movement that lasts less is none [s]."""
+"""Least duration of a movement [s]."""
 SLOWEST = 0.01
-"""A movement whose peak speed is below is none [m/s]."""
+"""Least peak speed of a movement [m/s]."""
 PEAK_PROMINENCE = 0.05
-"""Share of the peak speed by which a speed peak stands out; ours: velocities are noisy."""
+"""Least prominence of a speed peak, as a share of the peak speed; ours: velocities are noisy."""
 
 
 class SpeedFigures(NamedTuple):
@@ -37,7 +38,7 @@ class SpeedFigures(NamedTuple):
 def movement(speed: np.ndarray, rate: float) -> slice | None:
     """Return the samples of the movement: from the first to the last above a tenth of the peak.
 
-    speed [m/s], rate [Hz]. None when nothing moved: shorter than 0.1 s or peak below 0.01 m/s.
+    speed [m/s], rate [Hz]. None without a movement: shorter than 0.1 s or peak below 0.01 m/s.
     """
     if speed.size == 0:
         return None
@@ -52,7 +53,7 @@ def movement(speed: np.ndarray, rate: float) -> slice | None:
 def speed_figures(speed: np.ndarray, rate: float) -> SpeedFigures:
     """Return the figures of one movement's speed [m/s] at a rate [Hz]; at least one sample."""
     peak = float(speed.max())
-    padded = np.concatenate(([0.0], speed, [0.0]))  # a profile cut at its top has a peak there
+    padded = np.concatenate(([0.0], speed, [0.0]))  # a profile may begin or end at a peak
     found, _ = find_peaks(padded, prominence=PEAK_PROMINENCE * peak)
     mean = float(speed.mean())
     return SpeedFigures(

@@ -6,9 +6,9 @@
     PREPARE -> WAIT -> MOVING -> OVER_TIME -> REACHED -> DONE
                           `--------------------^  `-- given up: DONE without REACHED
 
-PREPARE brings the hand to the start and waits until it rests there. In WAIT the target is shown and
-the slot is open. The movement starts with the hand, or by itself after a wait. MOVING lasts as long
-as the back wall is on its way, OVER_TIME until the target is reached or given up.
+PREPARE brings the hand to the start and waits until it stays there. In WAIT the target is shown and
+the slot is open. The movement starts when the hand moves, or after the wait. MOVING lasts for the
+duration of the back wall's way, OVER_TIME until the hand reaches the target or the time limit ends.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ _NS = 1_000_000_000
 
 
 class PrepareError(RuntimeError):
-    """The hand cannot be brought to the start; the message says how far it is from there."""
+    """The robot cannot bring the hand to the start; the message states the distance."""
 
 
 class Trial:
-    """Takes the hand's samples one by one, from the end of the trial before.
+    """Processes the hand's samples one by one, from the end of the previous trial.
 
-    phase: where it is; wish: the slots wanted now; origin: where the hand begins [m], on a circle
-    the plan's target; result: once it is done, else None.
+    phase: current phase; wish: requested slots; origin: start of the hand [m], on a circle the
+    plan's target; result: None before the end.
     """
 
     def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
@@ -58,7 +58,7 @@ class Trial:
         self._turned = 0.0
 
     def take(self, sample: HandSample) -> None:
-        """Go on by one sample. Raises PrepareError when the hand does not come to the start."""
+        """Process one sample. Raises PrepareError if the hand does not reach the start in time."""
         if self.phase == PREPARE:
             self._prepare(sample)
             return
@@ -101,7 +101,7 @@ class Trial:
         )
 
     def _show(self, sample: HandSample) -> None:
-        """Show the target; a trial without a way starts at once."""
+        """Show the target; a trial without a reach starts at once."""
         self.phase, self._since_ns = WAIT, sample.time_ns
         self._samples = [sample]
         self.wish = self._slots(None)
@@ -124,10 +124,10 @@ class Trial:
             self._move(sample)
 
     def _moves(self, sample: HandSample) -> bool:
-        """Return whether the hand has started by itself: fast enough, or slow but on its way.
+        """Return whether the patient has started: by speed, or by the way along the line.
 
-        The wall's speed sets the least; without the second rule a hand slower than the wall would
-        start by the wait or at the target, and look as if it led.
+        The speed limit follows from the wall's speed. Without the second rule a hand slower than
+        the wall would start at the end of the wait or at the target, and seem to lead the wall.
         """
         least = self._rules.start_share * PEAK_SPEED * self.line.length / self._slot.duration
         if self._block.kind == CIRCLE:
@@ -163,7 +163,7 @@ class Trial:
         return distance(space, sample.position, target) <= self._rules.hit_radius
 
     def _all_round(self) -> bool:
-        """Return whether a circle is complete: the hand has turned once round the centre."""
+        """Return whether a circle is complete: the hand has moved once around the centre."""
         if self._block.kind != CIRCLE or len(self._samples) < 2:
             return False
         cx, cy, _ = self.plan.start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a game's wishes is passed on: set points within the workspace, moving slowly enough."""
+"""Limits the set points that a game requests: workspace and speed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..settings import Setting
 from .samples import Point
 
 _NS = 1e-9
-_LONGEST = 0.2  # [s] that count between two wishes: after a pause no large step is allowed
-_SILENT_NS = 1_000_000_000  # ours: a game that wishes nothing for so long has gone
+_LONGEST = 0.2  # [s] largest interval for the speed limit: no large step after a pause
+_SILENT_NS = 1_000_000_000  # ours: after this silence the game counts as gone
 
 
 class WishLimits(NamedTuple):
-    """How far and how fast a game may move the set point. The bounds are ours."""
+    """Workspace and speed of a game's set point. The bounds are ours."""
 
     half_width: Annotated[
         float, Setting("in x from the centre", "m", 0.0, 0.1905, live=True)
@@ -29,13 +29,13 @@ class WishLimits(NamedTuple):
     speed: Annotated[float, Setting("along each axis", "m/s", 0.01, 0.6, live=True)] = 0.3
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
-        """Return lowest and highest value of x, y and z [m]; `high` counts where it is lower."""
+        """Return lowest and highest value of x, y and z [m]; if `low` is above `high`, `high`."""
         plane = (self.half_width, self.half_depth)
         return (*((-half, half) for half in plane), (min(self.low, self.high), self.high))
 
 
 class WishGate:
-    """Passes on one wish after the other. limits: may be replaced at any time."""
+    """Converts a game's wishes to limited set points. limits: may be replaced at any time."""
 
     def __init__(self, limits: WishLimits):
         self.limits = limits
@@ -43,9 +43,9 @@ class WishGate:
         self._last_ns: int | None = None
 
     def passed(self, wish: Point, hand: Point, now_ns: int) -> Point:
-        """Return the set point for a wish [m]; NaN leaves an axis alone.
+        """Return the set point for a wish [m]; NaN = no set point of an axis.
 
-        hand: where it is [m], from which an axis that had no set point starts.
+        hand: its position [m], the initial value of an axis without a set point; now_ns: time [ns].
         """
         limits = self.limits
         since = math.inf if self._last_ns is None else (now_ns - self._last_ns) * _NS
@@ -59,9 +59,9 @@ class WishGate:
         return self._last
 
     def released(self, hand: Point, now_ns: int) -> Point | None:
-        """Return the hand's place, once, when a game that wished has gone silent; else None.
+        """Return the hand's position [m] once after the game has gone silent, else None.
 
-        A spring that a game has left behind would pull for ever.
+        Otherwise the spring to the game's last set point would pull permanently.
         """
         if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
             return None

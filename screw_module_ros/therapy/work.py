@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who does the work: the mechanical work across the handle, in both directions apart.
+"""Mechanical work across the handle, separately for both directions.
 
-Robot and module have mass and friction, so a patient who is not assisted at all still gives and
-takes some work; the share is a description of the movement, not of ability.
+Robot and module have mass and friction, so work flows in both directions also without assistance;
+the share describes the movement, not the patient's ability.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def work_done(force: np.ndarray, velocity: np.ndarray, times: np.ndarray) -> Wor
     """Return the work over a movement by the trapezoidal rule.
 
     force: of the patient on the robot [N], velocity [m/s], of shape (samples, axes); times [s].
-    Samples without a valid force (NaN) count as no power.
+    Samples without a valid force (NaN) have zero power.
     """
     power = np.nan_to_num(np.sum(force * velocity, axis=1))
     steps = np.diff(times)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a long-running command shows: steps with their time, progress of what takes longer."""
+"""Terminal output of a long-running command: steps with their duration, and progress bars."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NARROWEST = 110  # columns where the output goes into a file
 
 
 class Console:
-    """Steps on a terminal with a spinner, in a file or a pipe as plain lines."""
+    """Shows steps with a spinner on a terminal, and as plain lines in a file or a pipe."""
 
     def __init__(self):
         self._rich = RichConsole(highlight=False)
@@ -24,7 +24,7 @@ class Console:
 
     @contextmanager
     def step(self, text: str) -> Iterator[Callable[[str], None]]:
-        """Show that `text` is being done, then that it is; the function given adds a detail."""
+        """Show the step `text` while it runs and after it; the yielded function shows a detail."""
         begun = time.monotonic()
         shown = text
         with self._rich.status(text) as status:
@@ -45,7 +45,7 @@ class Console:
 
     @contextmanager
     def progress(self, text: str, total: float) -> Iterator[Callable[[float], None]]:
-        """Show a bar over `total` seconds; call the function yielded with how many have passed."""
+        """Show a bar over `total` seconds; the yielded function takes the elapsed seconds."""
         columns = (TextColumn("  {task.description}"), BarColumn(), TimeRemainingColumn())
         with self.step(text):
             if not self._rich.is_terminal:
@@ -61,5 +61,5 @@ class Console:
             self._rich.print(item, soft_wrap=isinstance(item, str))
 
     def fail(self, text: str) -> None:
-        """Print what went wrong."""
+        """Print an error message."""
         self._rich.print(f"[bold red]{text}[/]", soft_wrap=True)

@@ -3,7 +3,7 @@
 
 Every node runs as a process of its own. A simulated patient (the arm of the thesis's simulation,
 6.4.3) moves the handle through a spring of 100 N/m about 0.18 m in three modes while the plane
-makes a centre-out reach. Everything is recorded, and the table is made from the bag alone.
+makes a centre-out reach. The recorder writes all topics; the table uses only the bag.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _RETURN_S = 1.5
 
 
 class Options(NamedTuple):
-    """What the command line asks for; see `demo --help`."""
+    """Command line options; see `demo --help`."""
 
     folder: Path
     quick: bool
@@ -69,12 +69,12 @@ class Options(NamedTuple):
     default=Path("demo_output"),
     help="Each run makes a folder of its own in here.",
 )
-@click.option("--quick", is_flag=True, help="Per mode one cycle and four targets, not two and 8.")
+@click.option("--quick", is_flag=True, help="One cycle and 4 targets per mode; else 2 and 8.")
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
-@click.option("--node-logs", is_flag=True, help="Show what the nodes log, not only file it.")
+@click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
-@click.option("--strict", is_flag=True, help="Exit with 3 when a figure is not what is wanted.")
+@click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
 def command(**given) -> None:
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
     end_without_domain("demo")
@@ -87,11 +87,11 @@ def command(**given) -> None:
         with console.step("reading the bag, drawing"):
             results = evaluated(bag, parts, SPRING, targets(), run, options.keep_bag, factor)
     except (Interrupted, KeyboardInterrupt):
-        console.fail("stopped; every node was ended in order")
+        console.fail("stopped; all nodes ended in order")
         sys.exit(130)
     except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
-        rest = f"\nWhat there is so far lies in {run}" if run.is_dir() else ""
-        console.fail(f"the demo did not work: {error}{rest}")
+        rest = f"\nThe output so far is in {run}" if run.is_dir() else ""
+        console.fail(f"the demo failed: {error}{rest}")
         sys.exit(1)
     console.show(*results.tables(), f"All in {time.monotonic() - begun:.0f} s.")
     if options.strict and not results.accepted:
@@ -101,12 +101,10 @@ def command(**given) -> None:
 def record_session(
     run: Path, options: Options, console: Console
 ) -> tuple[Path, list[Part], float | None]:
-    """Bring the robot up, let the patient work in each mode, stop all.
+    """Start the robot, run the patient's work in each mode, stop all nodes.
 
-    Returns bag, parts, and simulated seconds per second (None with --wall-clock).
-
-    Raises RobotError when something does not work, Interrupted after Ctrl-C; all nodes are
-    stopped in either case.
+    Returns bag, parts, and simulated seconds per second (None with --wall-clock). Raises
+    RobotError if a step fails, Interrupted after Ctrl-C; all nodes are stopped in either case.
     """
     os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
     extra = ["-p", f"session_recorder:folder:={json.dumps(str(run.resolve()))}"]
@@ -135,12 +133,12 @@ def record_session(
 
 
 def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
-    """From started processes to a robot with the torque on and the patient's hand on the handle."""
+    """Prepare the started robot: homed, tared, hand on the handle, torque on."""
     with console.step(f"bring-up of {len(graph.names)} nodes") as detail:
         graph.wait_until_ready(robot, lambda waiting: detail(", ".join(waiting)))
     with console.step("homing and taring, nobody holds the handle"):
         robot.set_fixture("free")
-        robot.clear_faults()  # of a busy start: a drive that heard nothing for 20 ms has stopped
+        robot.clear_faults()  # a drive stops after 20 ms without a frame, as during a slow start
         robot.home()
         robot.tare()
     with console.step("patient takes hold, torque on"):
@@ -158,10 +156,9 @@ def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
 
 
 def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
-    """Let the patient move in one mode; return when that was.
+    """Move the patient's hand in one mode; return the interval.
 
-    The virtual hand begins at the spring's centre and ends at its highest point, where it stands
-    still.
+    The virtual hand starts at the spring's centre and ends at rest at its highest point.
     """
     still = (0.0, 0.0, 0.0)
     robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=still, omega=still))
@@ -184,7 +181,7 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
 
 
 def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
-    """Be the game for `duration` [s]: publish set points; the patient's hand goes along."""
+    """Publish set points as a game does, for `duration` [s]; move the patient's hand with them."""
     begun_ns = robot.clock.now_ns()
     coming = list(ways)
     way = coming[0]

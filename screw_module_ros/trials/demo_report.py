@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's table and figures, from the bag: what was reached beside what the thesis reached."""
+"""The demo's table and figures, computed from the bag, beside the thesis's figures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ IN_TIME = 0.99
 
 
 class Criterion(NamedTuple):
-    """What a mode is measured by: the thesis's words, and bounds of the mean offset [N]."""
+    """Acceptance of a mode: the thesis's figure, and bounds of the mean offset [N]."""
 
     thesis: str
     low: float = 0.0
@@ -47,10 +47,10 @@ WANTED = {
 
 
 class Results(NamedTuple):
-    """What the demo found.
+    """Results of the demo.
 
-    bag: folder of the recording, None when it was dropped. factor: simulated seconds per second,
-    None = it ran by wall clock.
+    bag: folder of the recording, None if it was deleted. factor: simulated seconds per second,
+    None for a run by wall clock.
     """
 
     spring: Spring
@@ -63,7 +63,7 @@ class Results(NamedTuple):
 
     @property
     def accepted(self) -> bool:
-        """Whether every figure is what is wanted."""
+        """Whether every figure is within its limits."""
         met = [_met(p.name, o) for p, o in zip(self.parts, self.evaluation.offsets, strict=True)]
         complete = self.factor is None or all(count.complete for count in self.counts.values())
         return all(met) and self._in_time and complete
@@ -74,12 +74,12 @@ class Results(NamedTuple):
 
     @property
     def _wanted_in_time(self) -> float:
-        """Simulated time waits for each answer."""
+        """Least share of commands in time; all of them in simulated time, which waits for each."""
         return IN_TIME if self.factor is None else 1.0
 
     def tables(self) -> list[Table | str]:
-        """Return what is printed."""
-        bag = f"Bag: {_near(self.bag)}" if self.bag else "The bag was dropped, as asked for."
+        """Return the tables and lines to print."""
+        bag = f"Bag: {_near(self.bag)}" if self.bag else "Bag: deleted (--drop-bag)"
         return [
             self._offsets(),
             self._timing(),
@@ -125,7 +125,7 @@ class Results(NamedTuple):
         return table
 
     def _add_latencies(self, table: Table) -> None:
-        """Add the latencies, which only the wall clock can measure."""
+        """Add the latencies, which exist only by wall clock."""
         t = self.evaluation.timing
         table.add_row("rate", f"{t.rate:.1f} 1/s")
         table.add_row(
@@ -140,7 +140,7 @@ class Results(NamedTuple):
         holes = {name: count for name, count in self.counts.items() if not count.complete}
         if not holes:
             return [f"{line}, nothing missing."]
-        table = Table(title="Of these topics something is missing")
+        table = Table(title="Topics with missing messages")
         for name in ("topic", "messages", "ticks lost", "not received", "not written"):
             table.add_column(name, justify=None if name == "topic" else "right")
         for name, count in sorted(holes.items()):
@@ -160,9 +160,8 @@ def evaluated(
 ) -> Results:
     """Evaluate the bag; write figures and numbers into `folder`.
 
-    factor: simulated seconds per second, None = it ran by wall clock.
-
-    Raises BagReadError when the bag lacks something, OSError when a file cannot be written.
+    factor: simulated seconds per second, None for a run by wall clock. Raises BagReadError if the
+    bag lacks a topic, OSError if a file cannot be written.
     """
     found = evaluate(read(bag), parts, spring)
     counts = {name: Counts(**values) for name, values in metadata(bag)["audit"].items()}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run of the whole graph against the rig, apart from others, that always ends in good order.
+"""Runs the whole graph against the rig, isolated from other runs, and always shuts it down.
 
     with GraphRun() as graph, Robot("demo", watch=graph.watch) as robot:
         graph.wait_until_ready(robot)
 
-Ctrl-C and SIGTERM only set a flag, which `watch` turns into Interrupted at the next wait; so no
-process is started or stopped by halves.
+Ctrl-C and SIGTERM only set a flag; `watch` raises Interrupted at the next wait. So no start or stop
+of a process is interrupted halfway.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _POLL_S = 0.02
 
 
 class Interrupted(Exception):
-    """Ctrl-C or SIGTERM came."""
+    """Raised after Ctrl-C or SIGTERM."""
 
 
 class GraphRun:
-    """Every node of the graph as a process of its own, from entering to leaving."""
+    """Context manager that runs the nodes of the graph as processes."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ class GraphRun:
         return self._place
 
     def signal(self, name: str, number: signal.Signals, ends: bool = True) -> None:
-        """Send a signal to one node; `ends`: it may end from here on without `watch` minding."""
+        """Send a signal to one node; `ends`: from now on `watch` accepts that it has ended."""
         if ends:
             self._may_end.add(name)
         os.kill(self._process(name).pid, number)
@@ -138,7 +138,7 @@ class GraphRun:
     def wait_until_ready(
         self, robot: Robot, on_waiting: Callable[[list[str]], None] = lambda waiting: None
     ) -> None:
-        """Wait until every node is active; `on_waiting` gets the names of those that are not."""
+        """Wait until every node is active; `on_waiting` gets the names of the inactive ones."""
         robot.wait_until_ready(self.names, on_waiting=on_waiting)
         self._was_ready = True
 
@@ -151,9 +151,7 @@ class GraphRun:
         return self.codes
 
     def _terminate(self) -> None:
-        """End the nodes with SIGTERM, in order: a node that still imports would print a traceback
-        at SIGINT.
-        """
+        """End the nodes in order with SIGTERM: SIGINT during imports would print a traceback."""
         for process in reversed(self._processes):
             if process.exit_code() is None:
                 os.kill(process.pid, signal.SIGTERM)

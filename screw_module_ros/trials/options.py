@@ -10,11 +10,11 @@ import click
 
 
 class FiniteRange(click.FloatRange):
-    """A finite number in a range. click's own lets nan pass, which is outside of no range."""
+    """A finite number in a range; `click.FloatRange` accepts nan."""
 
     def convert(self, value: Any, param: Any, ctx: Any) -> float:
-        """Return the number; ends the program with the option's name and what is wrong."""
+        """Return the number; exit with a message that names the option if it is not finite."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{number} is no finite number", param, ctx)
+            self.fail(f"{number} is not a finite number", param, ctx)
         return number

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process holds, from Linux's /proc: memory, file handles, threads, shared memory files."""
+"""Resources of a process from Linux's /proc: memory, file handles, threads, shared memory files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SHARED = "/dev/shm/"
 
 
 class Usage(NamedTuple):
-    """What one process holds now.
+    """Resources that one process uses now.
 
     memory: pages of its own in memory (RssAnon) [MiB]; resident: all pages in memory (VmRSS) [MiB];
     handles: open files; threads; shared: distinct files of /dev/shm that it has mapped.
@@ -24,7 +24,7 @@ class Usage(NamedTuple):
 
 
 def usage(pid: int) -> Usage:
-    """Return what the process holds. Raises OSError when it has ended."""
+    """Return the resources of a process. Raises OSError if it has ended."""
     folder = Path(f"/proc/{pid}")
     status = dict(
         line.split(":", 1) for line in (folder / "status").read_text().splitlines() if ":" in line

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated patient who plays: sees what the screen shows and moves the rig's arm there.
+"""A simulated patient: follows the targets on the screen with the rig's arm.
 
-In a session the arm goes to the start and to the target of each trial, or round its circle; while
-none runs, it goes where a game wishes the hand to be (`therapy/wish`).
+In a session the arm moves to the start and to the target of each trial, or along its circle.
+Without a session it follows the game's requested point (`therapy/wish`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,7 @@ from ..therapy.protocol import CIRCLE
 HEALTHY, TREMOR, WEAK = "healthy", "tremor", "weak"
 _STILL = (0.0, 0.0, 0.0)
 _CENTRE = (0.0, 0.0, 0.18)
-_FAR_M = 0.03  # a wish that is so far from the last one is a new one
-
-
+_FAR_M = 0.03  # the arm moves when the requested point has moved by this much
 _STEPS, _STEP_SHARE = 12, 0.5  # of a turn; of a reach's time for each
 
 
@@ -42,7 +40,7 @@ PEOPLE = {
 
 
 def _on_circle(state: TherapyState, step: int) -> tuple[float, float, float]:
-    """Return where the hand is to be after steps of a turn, clockwise from where it begins [m]."""
+    """Return the point on the circle [m] after `step` steps clockwise from its target."""
     angle = 2.0 * math.pi * step / _STEPS
     x, y = state.target.x - state.start.x, state.target.y - state.start.y
     turned_x = x * math.cos(angle) + y * math.sin(angle)
@@ -51,7 +49,7 @@ def _on_circle(state: TherapyState, step: int) -> tuple[float, float, float]:
 
 
 class SimulatedPlayer:
-    """Plays until the robot's client is closed; `look` is to be called over and over."""
+    """Moves the rig's arm; the caller calls `look` periodically."""
 
     def __init__(self, robot: Robot, person: Person):
         self._robot, self._person = robot, person
@@ -63,7 +61,7 @@ class SimulatedPlayer:
         make(EndpointSetpoint, "therapy/wish", self._hear_wish, 10)
 
     def take_hold(self) -> None:
-        """Put the hand on the handle and keep it at the centre of the workspace."""
+        """Put the hand on the handle and hold it at the centre of the workspace."""
         person = self._person
         request = arm(
             _CENTRE, 0.5, _STILL, _STILL, person.kind, person.mass, person.stiffness, person.damping
@@ -71,7 +69,7 @@ class SimulatedPlayer:
         self._robot.set_arm(request)
 
     def look(self) -> None:
-        """Look at the screen once, and move."""
+        """Read the newest target; start a movement if it is a new one."""
         goal = self._goal()
         if goal is None:
             return
@@ -81,7 +79,7 @@ class SimulatedPlayer:
             self._robot.send_arm(arm(point, self._person.duration, _STILL, _STILL))
 
     def _goal(self) -> tuple[object, tuple[float, float, float]] | None:
-        """Return what is to be done, and where."""
+        """Return the identity of the current target, and the target [m]."""
         state = self._state
         if state is not None and state.state == TherapyState.RUNNING:
             self._wish = None
@@ -91,7 +89,7 @@ class SimulatedPlayer:
         return None
 
     def _asked(self, state: TherapyState) -> tuple[object, tuple[float, float, float]]:
-        """Return what a session asks for now; a circle begins at its target, round its start."""
+        """Return the session's target; a circle starts at `target`, with `start` as its centre."""
         prepares = state.phase in (TherapyState.NONE, TherapyState.PREPARE)
         if state.kind == CIRCLE:
             step = 0 if prepares else 1 + int((state.since if state.since > 0.0 else 0.0)

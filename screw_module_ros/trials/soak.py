@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`soak`: the whole robot for as long as one likes, recorded; does anything grow or get lost?
+"""`soak`: a long recorded run of the whole robot that checks for leaks and lost samples.
 
-Every node runs as a process of its own against the simulated rig, the simulated patient moves, and
-the mode changes all the while. Every few seconds is noted what each process holds and, by wall
-clock, how late the commands are. The bag is audited at the end. How long, how often: by the robot's
-time, which in simulated time goes as fast as the machine allows.
+Every node runs as a process of its own against the simulated rig. The simulated patient moves and
+the mode changes periodically. Every few seconds the program samples the resources of each process
+and, by wall clock, the latency of the commands. At the end it audits the bag. All durations are
+in the robot's time; simulated time passes as fast as the machine allows.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _WALL = WallClock()
 
 
 class Options(NamedTuple):
-    """What the command line asks for; see `soak --help`."""
+    """Command line options; see `soak --help`."""
 
     minutes: float
     quick: bool
@@ -68,25 +68,25 @@ class Options(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """How long the robot works, by its clock [s]."""
+        """Duration of the run by the robot's clock [s]."""
         return _QUICK_S if self.quick else 60.0 * self.minutes
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--minutes", default=10.0, type=FiniteRange(0.1, 6000.0), help="How long.")
-@click.option("--quick", is_flag=True, help=f"Only {_QUICK_S:g} s, to see that it works.")
-@click.option("--every", default=5.0, type=FiniteRange(0.5, 600.0), help="Look each [s].")
+@click.option("--minutes", default=10.0, type=FiniteRange(0.1, 6000.0), help="Duration.")
+@click.option("--quick", is_flag=True, help=f"Run only {_QUICK_S:g} s.")
+@click.option("--every", default=5.0, type=FiniteRange(0.5, 600.0), help="Sampling period [s].")
 @click.option("--change", default=20.0, type=FiniteRange(2.0, 3600.0),
-              help="Another mode each [s].")  # fmt: skip
+              help="Period of the mode changes [s].")  # fmt: skip
 @click.option("--folder", type=click.Path(file_okay=False, path_type=Path),
               default=Path("soak_output"), help="Each run makes a folder of its own in here.",
 )  # fmt: skip
 @click.option("--keep-bag/--drop-bag", default=False, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
-@click.option("--strict", is_flag=True, help="Exit with 3 when a verdict is not what is wanted.")
+@click.option("--strict", is_flag=True, help="Exit with 3 if a check fails.")
 def command(**given) -> None:
-    """Run the robot for long and say whether anything grows, lags or gets lost."""
+    """Run the robot for a long time; report leaks, growing latency and lost samples."""
     end_without_domain("soak")
     options = Options(**given)
     if options.quick:
@@ -116,10 +116,10 @@ def command(**given) -> None:
         if not options.keep_bag:
             shutil.rmtree(bag)
     except (Interrupted, KeyboardInterrupt):
-        console.fail("stopped; every node was ended in order")
+        console.fail("stopped; all nodes ended in order")
         sys.exit(130)
     except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
-        console.fail(f"the soak did not work: {error}\nWhat there is so far lies in {run}")
+        console.fail(f"the soak failed: {error}\nThe output so far is in {run}")
         sys.exit(1)
     factor = f"Real-time factor {soak.factor:.2f}: {options.seconds:g} s of the robot's time."
     console.show(report.table(lines), factor, f"Figure: {figure}", f"As JSON: {file}")
@@ -128,10 +128,10 @@ def command(**given) -> None:
 
 
 class Soak:
-    """One soak. samples: what was seen; stops: when the torque went off, and why.
+    """One soak run. samples: of the resources; stops: times and reasons of torque-off events.
 
-    recorder: what the recorder says it has lost; changes: of the mode; factor: seconds of the
-    robot's time per second of wall clock.
+    recorder: losses that the recorder reports; changes: number of mode changes; factor: seconds of
+    the robot's time per second of wall clock.
     """
 
     def __init__(self, options: Options, console: Console):
@@ -146,7 +146,7 @@ class Soak:
         self._begun_ns = 0
 
     def record(self, run: Path) -> Path:
-        """Bring the robot up, let it work, stop it; return the bag."""
+        """Start the robot, run it, stop it; return the bag's folder."""
         os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
         options, console = self._options, self._console
         extra = ["--disable-stdout-logs", "-p", "session_recorder:name:=session"]
@@ -173,7 +173,7 @@ class Soak:
         return bag
 
     def _finish(self, robot: Robot, graph: GraphRun) -> None:
-        """Torque off, bag closed; nodes that do not answer in time do both when they are ended."""
+        """Switch the torque off and close the bag; nodes without an answer do so on shutdown."""
         with self._console.step("torque off, recording closed"):
             try:
                 robot.stop_recording()
@@ -204,7 +204,7 @@ class Soak:
             robot.pause(_SETPOINT_PERIOD_S)
 
     def _passed(self, robot: Robot) -> float:
-        """Return how long the robot has worked [s]."""
+        """Return the time since the start of the run, by the robot's clock [s]."""
         return 1e-9 * (robot.clock.now_ns() - self._begun_ns)
 
     def _look(self, robot: Robot, pids: dict[str, int], now: float) -> None:
@@ -223,16 +223,16 @@ class Soak:
         self.samples.append(report.Sample(now, values))
 
     def _go_on(self, robot: Robot, graph: GraphRun) -> None:
-        """Change the mode; put the torque on again where something took it off, and note why.
+        """Change the mode; if the torque is off, note the reason and enable it again.
 
-        What does not work, by wall clock on a machine that is too busy, is tried again next time.
+        A failure, which a busy machine can cause by wall clock, is noted; the next call retries.
         """
         try:
             robot.set_mode(_MODES[self.changes % len(_MODES)])
             self.changes += 1
             robot.check_enabled()
         except RobotError as error:
-            graph.watch()  # a node that ended is no matter of patience
+            graph.watch()  # a retry cannot help if a node has ended
             self.stops.append(f"after {self._passed(robot):.0f} s: {error}")
             try:
                 robot.clear_faults()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is it flat? Robust slopes of what the soak sampled, against stated bounds; table and figure."""
+"""Checks that the soak's samples do not grow: robust slopes against bounds; table and figure."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from screw_module_ros.recording.verify import Report
 WARM_UP_S = 60.0
 _SHARE_OF_WARM_UP = 0.2  # of a short run
 _LEAST = 5  # samples for a slope
-_PAGES = 2.0  # MiB, what a heap may breathe in a run however short
+_PAGES = 2.0  # MiB; normal variation of a heap, also in a short run
 
 
 class Bound(NamedTuple):
-    """How much a quantity may grow over the run: share of its median, and at least so much.
+    """Allowed growth of a quantity over the run: a share of its median, but at least `least`.
 
-    per_hour: the least growth allowed stands for an hour, not for the run.
+    per_hour: `least` is per hour, not per run.
     """
 
     unit: str
@@ -35,8 +35,8 @@ class Bound(NamedTuple):
     per_hour: bool = False
 
 
-# Memory: the recorder keeps an index of the file being written, Python's heap breathes. What is
-# counted may not grow at all: a leak is one more each time. Latency moves with the machine's load.
+# Memory: the recorder keeps an index of the open file, and Python's heap varies. Counts must not
+# grow at all: a leak adds at least one. Latency depends on the machine's load.
 BOUNDS = {
     "memory": Bound("MiB", 0.0, 12.0, per_hour=True),
     "handles": Bound("", 0.0, 0.5),
@@ -49,16 +49,16 @@ BOUNDS = {
 
 
 class Sample(NamedTuple):
-    """One look: seconds since the start, quantity by name, per process or for the whole robot."""
+    """Sample at a time [s] since the start; values by (process or "robot", quantity)."""
 
     time: float
     values: dict[tuple[str, str], float]
 
 
 class Trend(NamedTuple):
-    """What became of one quantity: the growth is that of the Theil-Sen line over the run.
+    """Trend of one quantity; growth: of the Theil-Sen line over the run.
 
-    low, high: its 95 % interval. bound: largest growth allowed, all in the quantity's unit.
+    low, high: 95 % interval of the growth. bound: allowed growth. All in the quantity's unit.
     """
 
     of: str
@@ -72,12 +72,12 @@ class Trend(NamedTuple):
 
     @property
     def flat(self) -> bool:
-        """Whether it did not grow beyond the bound, or not for sure at all."""
+        """Whether the growth is within the bound, or not significant."""
         return self.growth <= self.bound or self.low <= 0.0
 
 
 class Line(NamedTuple):
-    """One verdict: what, whether it is as wanted, and the figures."""
+    """One check: its name, whether it passed, and the figures."""
 
     text: str
     good: bool
@@ -85,7 +85,7 @@ class Line(NamedTuple):
 
 
 def trends(samples: Sequence[Sample]) -> list[Trend]:
-    """Return the trend of every quantity after the warm-up; those with too few samples lack."""
+    """Return the trend of every quantity after the warm-up that has enough samples."""
     if not samples:
         return []
     duration = samples[-1].time - samples[0].time
@@ -115,7 +115,7 @@ def _trend(name: tuple[str, str], samples: Sequence[Sample]) -> Trend | None:
 def verdicts(
     found: Sequence[Trend], audit: Report, recorder: dict[str, int], stops: Sequence[str]
 ) -> list[Line]:
-    """Return what the soak comes to; recorder: `dropped` and `missed` by its own last word."""
+    """Return the checks of the soak; recorder: its last `dropped` and `missed` counts."""
     lines = []
     for quantity, bound in BOUNDS.items():
         these = [trend for trend in found if trend.quantity == quantity]
@@ -131,11 +131,11 @@ def verdicts(
     messages = sum(count.messages for count in counts)
     missed = sum(max(0, count.missed) for count in counts)
     dropped = sum(count.dropped for count in counts)
-    # Gaps in the tick numbers that the recorder made are its own and counted above.
+    # The first check counts the gaps in the tick numbers that the recorder caused.
     skipped = {n: c.lost - max(0, c.missed) for n, c in audit.topics.items()}
     skipped = {name: number for name, number in skipped.items() if number > 0}
     lost = sum(skipped.values())
-    reported = f"its own word: {recorder.get('missed', 0)} and {recorder.get('dropped', 0)}"
+    reported = f"it reported {recorder.get('missed', 0)} and {recorder.get('dropped', 0)}"
     lines.append(
         Line("recorder lost nothing", not missed + dropped,
              f"of {messages} messages {missed} not received, {dropped} not written ({reported})")
@@ -151,12 +151,12 @@ def verdicts(
 
 
 def _only_lost(problem: str) -> bool:
-    """Whether a problem is about lost messages alone, which have a line of their own."""
+    """Whether a problem is only about lost messages, which have their own line."""
     return ": of " in problem and " messages " in problem and "out of order" not in problem
 
 
 def table(lines: Sequence[Line]) -> Table:
-    """Return the verdicts as a table."""
+    """Return the checks as a table."""
     made = Table(title="Soak", title_justify="left")
     for column in ("wanted", "", "figures"):
         made.add_column(column)
@@ -168,7 +168,7 @@ def table(lines: Sequence[Line]) -> Table:
 def content(
     samples: Sequence[Sample], found: Sequence[Trend], lines: Sequence[Line], **more: Any
 ) -> dict[str, Any]:
-    """Return everything for the JSON file."""
+    """Return the content of the JSON file."""
     return {
         **more,
         "verdicts": [line._asdict() for line in lines],
@@ -182,7 +182,7 @@ def content(
 
 
 def draw(samples: Sequence[Sample], file: Path) -> Path:
-    """Draw memory, handles, latency where it was noted, and the recorder's queue over time."""
+    """Draw memory, handles, latency if it was sampled, and the recorder's queue over time."""
     noted = {quantity for sample in samples for _, quantity in sample.values}
     panels = [panel for panel in (
         ("memory of each process [MiB]", ("memory",)),

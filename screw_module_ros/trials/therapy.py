@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`therapy`: the simulated robot with session, bridge and pages, and a patient who plays.
+"""`therapy`: the simulated robot with session, web bridge, pages and a simulated patient.
 
-Prints two addresses, one for the patient's screen and one for the therapist's. Ctrl-C ends all in
-order: the pages and the session first, the drives, then the rig.
+Prints two addresses, one for the patient's screen and one for the therapist's. Ctrl-C ends all
+nodes in order: bridge and session first, then the drives, then the rig.
 """
 
 from __future__ import annotations
@@ -26,21 +26,23 @@ from .simulated_player import HEALTHY, PEOPLE, Person, SimulatedPlayer
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 _FORCE_GAIN = 5.0
-_STIFFNESS, _DAMPING = 100.0, 5.0  # what a game's wish is felt by [N/m], [Ns/m]
+_STIFFNESS, _DAMPING = 100.0, 5.0  # of the spring to a game's set point [N/m], [Ns/m]
 _LOOK_S = 0.05
 
 
 @click.command(context_settings={"show_default": True})
-@click.option("--patient", type=click.Choice(sorted(PEOPLE)), default=HEALTHY, help="Who plays.")
-@click.option("--port", type=click.IntRange(1, 65535), default=8090, help="Of the pages.")
 @click.option(
-    "--file-games", is_flag=True, help="Pages opened from a file, as games are, may connect too."
+    "--patient", type=click.Choice(sorted(PEOPLE)), default=HEALTHY, help="Simulated patient."
+)
+@click.option("--port", type=click.IntRange(1, 65535), default=8090, help="Port of the pages.")
+@click.option(
+    "--file-games", is_flag=True, help="Accept connections of pages opened from a file (games)."
 )
 @click.option(
     "--folder", type=click.Path(file_okay=False, path_type=Path), default=None,
-    help="For recordings, in place of ~/sessions.",
+    help="Folder of the recordings; default ~/sessions.",
 )
-@click.option("--node-logs", is_flag=True, help="Show what the nodes log.")
+@click.option("--node-logs", is_flag=True, help="Show the nodes' logs.")
 def command(
     patient: str, port: int, file_games: bool, folder: Path | None, node_logs: bool
 ) -> None:
@@ -63,10 +65,10 @@ def command(
                     bringup.stop(ours)
                     graph.stop()
     except (Interrupted, KeyboardInterrupt):
-        console.fail("stopped; every node was ended in order")
+        console.fail("stopped; all nodes ended in order")
         sys.exit(130)
     except (RobotError, AlreadyRunning, OSError, ValueError) as error:
-        console.fail(f"therapy did not work: {error}")
+        console.fail(f"therapy failed: {error}")
         sys.exit(1)
 
 
@@ -76,7 +78,7 @@ def session_arguments(graph: GraphRun) -> list[str]:
 
 
 def bridge_arguments(graph: GraphRun, port: int, file_games: bool) -> list[str]:
-    """Return the arguments of the bridge; games of the patient's screen may wish."""
+    """Return the arguments of the bridge; the patient's screen may publish `therapy/wish`."""
     given = ["-p", f"port:={port}", "-p", "wishes:=true", "-p", f"token_file:={token_file(graph)}"]
     if file_games:
         given += ["-p", 'origins:=["null"]']
@@ -84,12 +86,12 @@ def bridge_arguments(graph: GraphRun, port: int, file_games: bool) -> list[str]:
 
 
 def token_file(graph: GraphRun) -> Path:
-    """Return where this run's tokens are: they end with it."""
+    """Return the path of this run's tokens, which are deleted with it."""
     return Path(graph.place.state.name) / "web_bridge" / "tokens.json"
 
 
 def serve(robot: Robot, graph: GraphRun, person: Person, port: int, console: Console) -> None:
-    """Make the robot ready, tell the addresses, and be the patient until Ctrl-C."""
+    """Prepare the robot, print the addresses, and move the patient's hand until Ctrl-C."""
     with console.step(f"bring-up of {len(graph.names) + 2} nodes") as detail:
         graph.wait_until_ready(robot, lambda waiting: detail(", ".join(waiting)))
         robot.wait_until_ready(
@@ -106,7 +108,7 @@ def serve(robot: Robot, graph: GraphRun, person: Person, port: int, console: Con
         if safety is not None and safety.level == SafetyState.STOPPED:
             if not stopped:
                 console.show(
-                    f"Stopped: {', '.join(safety.reasons)}. Enter resets, and enables the drives."
+                    f"Stopped: {', '.join(safety.reasons)}. Enter resets and enables the drives."
                 )
             stopped = True
             if _enter():
@@ -117,7 +119,7 @@ def serve(robot: Robot, graph: GraphRun, person: Person, port: int, console: Con
 
 
 def make_ready(robot: Robot, player: SimulatedPlayer) -> None:
-    """From started nodes to a robot with the torque on and the patient's hand on the handle."""
+    """Prepare the started robot: homed, tared, hand on the handle, torque on."""
     robot.set_fixture("free")
     robot.clear_faults()
     robot.home()
@@ -132,7 +134,7 @@ def make_ready(robot: Robot, player: SimulatedPlayer) -> None:
 
 
 def switch_on(robot: Robot) -> None:
-    """Acknowledge what stopped the robot and switch the torque on."""
+    """Reset the stop, clear the drives' faults and switch the torque on."""
     robot.permit()
     robot.clear_faults()
     robot.enable()
@@ -147,7 +149,7 @@ def tell(port: int, tokens: Tokens) -> None:
 
 
 def _enter() -> bool:
-    """Return whether somebody has pressed Enter at this terminal."""
+    """Return whether the user has pressed Enter at this terminal."""
     if not sys.stdin.isatty() or not select.select([sys.stdin], [], [], 0.0)[0]:
         return False
     sys.stdin.readline()

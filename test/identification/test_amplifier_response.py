@@ -41,7 +41,7 @@ class FakeBench:
 
 
 class SimulatedBench(FakeBench):
-    """The plant's amplifier, dead zone and all."""
+    """The plant's amplifier, with its dead zone."""
 
     def __init__(self, amplifier):
         super().__init__()

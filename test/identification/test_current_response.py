@@ -42,7 +42,7 @@ def test_a_second_hold_takes_half_a_sample_from_the_delay(lab):
 
 
 def test_the_measured_amplifier_is_used(lab):
-    """An amplifier said to be 50 us slower leaves 50 us less for the software."""
+    """With an assumed amplifier delay 50 us longer, the software delay is 50 us shorter."""
     measured = (Quantity("pole", 1000.0, 0.0, "Hz", ""), Quantity("delay", 110e-6, 0.0, "s", ""))
     Result("amplifier_response", measured, {}).save(lab.folder)
     result = current_response.run(lab, FEW)

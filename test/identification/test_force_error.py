@@ -85,7 +85,7 @@ def test_the_guard_ends_what_no_gain_can_be_stable_against(mode, case):
 
 
 def test_without_the_guard_the_wall_shakes_beyond_50_newtons():
-    """So that the test before means something: a guard that acts at 50 N rms acts as well."""
+    """Counter-check of the previous test: also a guard with a limit of 50 N rms acts."""
     law = VerticalSettings(chatter_limit=50.0)
     assert found(7101, modes.OBSERVER, "wall_1e4_badly", law).share < 1.0
 

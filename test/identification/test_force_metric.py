@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force error over all samples: what each number of it sees."""
+"""Force error over all samples: sensitivity of each figure."""
 
 import math
 

@@ -73,7 +73,7 @@ def test_the_model_is_found_again(tmp_path, phase, flip):
     assert result.value("within") > 0.999
     assert result.value("rms") == pytest.approx(0.1, rel=0.1)
     assert model.gravity == WEIGHT
-    assert any("no flip" in note for note in result.notes)
+    assert any("ripple flip has no benefit" in note for note in result.notes)
 
 
 def test_the_thesis_s_coefficients_do_worse_on_another_module(tmp_path):

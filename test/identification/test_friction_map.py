@@ -79,7 +79,7 @@ def test_the_default_is_the_thesis_s_plan():
 @pytest.mark.parametrize(
     ("settings", "told"),
     [
-        (Settings(speeds=(0.02, 0.01), inverted_speeds=()), "rising speeds"),
+        (Settings(speeds=(0.02, 0.01), inverted_speeds=()), "ascending"),
         (Settings(inverted_speeds=(0.033,)), "not among the speeds"),
         (Settings(low=0.2, high=0.21), "0.03 m or more"),
         (Settings(speeds=(5.0,), inverted_speeds=()), "above the largest"),

@@ -61,14 +61,14 @@ def test_the_thesis_s_method_is_off_by_half_of_what_gravity_changes(tmp_path):
     speed_factor = np.mean([0.9 + 2.5 * 0.005, 0.9 + 2.5 * 0.05])
     assert result.value("bias_thesis") == pytest.approx(-0.5 * speed_factor, abs=0.03)
     assert result.value("double_weight") == pytest.approx(2.0 * result.value("gravity_thesis"))
-    assert any("thesis's method is off by -0.4" in note for note in result.notes)
+    assert any("thesis's method has an error of -0.4" in note for note in result.notes)
 
 
 def test_without_play_the_maps_are_taken_and_it_is_said(tmp_path):
     result = weigh(tmp_path, Module(play=0.0, against=0.0))
     assert result.value("gravity") == pytest.approx(10.04, abs=0.01)
     assert result.value("play") == 0.0
-    assert any("No play was crossed" in note for note in result.notes)
+    assert any("The handle crossed no play" in note for note in result.notes)
 
 
 def test_without_play_and_maps_upside_down_there_is_no_way(tmp_path):
@@ -81,7 +81,7 @@ def test_without_play_and_maps_upside_down_there_is_no_way(tmp_path):
 def test_with_one_speed_the_film_stays_in_the_weight_and_it_is_said(tmp_path):
     result = weigh(tmp_path, Module(), speeds=(0.0005,))
     assert result.value("gravity") == pytest.approx(10.04 + 0.35, abs=0.02)
-    assert any("drag of the film" in note for note in result.notes)
+    assert any("film's drag" in note for note in result.notes)
 
 
 def test_crossings_both_ways_cancel_the_film_at_one_speed():

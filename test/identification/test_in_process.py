@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The in-process bench does what the world of the rig does, in any pieces, its zero taken off."""
+"""The in-process bench agrees with the rig's world, in any chunks, with the zero subtracted."""
 
 import itertools
 import math
@@ -28,7 +28,7 @@ from screw_module_ros.plant.world import World
 
 
 def quietly(share):
-    """Be told and say nothing."""
+    """Ignore the progress."""
 
 
 def without_noise(module):
@@ -174,7 +174,7 @@ def test_other_rates(bench, rate):
 
 
 def test_rate_that_does_not_fit_is_refused(bench):
-    with pytest.raises(NotPossible, match="3000 samples per second: a whole number of substeps"):
+    with pytest.raises(NotPossible, match="3000 samples per second: the period"):
         bench.record(TorqueTrial(5.0, 0.1, 0.1, rate=3000.0), quietly)
 
 

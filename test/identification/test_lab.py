@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lab keeps what is finished, whoever interrupts it; results come back as they were saved."""
+"""A lab keeps finished parts after any interruption; results are read as they were saved."""
 
 import functools
 
@@ -106,7 +106,7 @@ def test_pool_gives_what_one_process_gives(tmp_path, bench):
 
 def test_error_in_a_worker_reaches_the_caller(tmp_path, bench):
     too_short = [Job("short", StageTrial(0.5, 0.1, 0.1005), binned)]
-    with worker_pool(1) as pool, pytest.raises(ValueError, match="samples|strays"):
+    with worker_pool(1) as pool, pytest.raises(ValueError, match="samples|deviates"):
         PoolLab(bench, tmp_path, pool).run("friction", too_short)
 
 
@@ -131,7 +131,7 @@ def test_result_comes_back(tmp_path):
 
 def test_missing_and_damaged_results_are_told(tmp_path):
     lab = Lab(InProcessBench.__new__(InProcessBench), tmp_path)
-    with pytest.raises(MissingResult, match="the result of gravity is needed .* run it first"):
+    with pytest.raises(MissingResult, match="the result of gravity is missing .* run gravity"):
         lab.result("gravity")
     (tmp_path / "gravity.yaml").write_text("quantities: [1, 2]\n")
     with pytest.raises(ValueError, match="not the result of an experiment"):

@@ -87,7 +87,7 @@ def test_heights_without_home_are_left_out():
 
 def test_a_part_that_was_not_recorded_is_named():
     late = Part("late", 9_000 * MS, 9_999 * MS)
-    with pytest.raises(BagReadError, match="late: nothing was recorded"):
+    with pytest.raises(BagReadError, match="late: a required topic has no message"):
         evaluate(columns(), [*PARTS, late], SPRING)
 
 

@@ -150,7 +150,7 @@ def test_failure_of_an_experiment_is_reported_not_hidden(tmp_path):
     words = ["--folder", str(tmp_path), "--seeds", "0", "--strict", "--workers", "1"]
     done = CliRunner().invoke(command, [*words, "--only", "compensation"])
     assert done.exit_code == 3
-    assert "is needed" in (tmp_path / "report.md").read_text()
+    assert "is missing" in (tmp_path / "report.md").read_text()
 
 
 def test_bad_plant_file_is_told(tmp_path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a calibration is worth, and what is left of it on a rig that changed after it."""
+"""Benefit of a calibration, also on a rig that changed after it."""
 
 import pytest
 
@@ -33,7 +33,7 @@ def result(experiment, data=None, **values):
 
 @pytest.fixture
 def lab(bench, tmp_path):
-    """The thesis's module with a calibration that knows it."""
+    """The thesis's module with an exact calibration."""
     vertical = bench.world.vertical
     line = default_linearization(bench.world.amplifier.dead_zone)
     cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.cubic)}
@@ -81,14 +81,14 @@ def test_report_has_a_row_for_each_module_and_mode(lab):
 
 
 def test_calibration_is_needed_and_modes_are_checked(lab, tmp_path):
-    with pytest.raises(MissingResult, match="friction_model is needed"):
+    with pytest.raises(MissingResult, match="friction_model is missing"):
         robustness.run(Lab(lab.bench, tmp_path / "empty"), OBSERVER_FAST)
     with pytest.raises(ValueError, match="modes: 9 is unknown"):
         robustness.run(lab, OBSERVER_FAST._replace(modes=(9,)))
 
 
 def test_change_is_the_rig_s_own(bench):
-    """Nothing of it stays with the bench."""
+    """A change does not persist in the bench."""
     trial = MotionTrial(modes.OBSERVER, robustness.VerticalSettings(), duration=0.5)
     before = bench.record(trial, lambda share: None).position
     bench.record(trial._replace(changed=5), lambda share: None)

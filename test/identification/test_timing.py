@@ -29,12 +29,12 @@ def states(**change):
 
 
 def test_a_restarted_node_is_noticed():
-    with pytest.raises(ValueError, match="count of late falls"):
+    with pytest.raises(ValueError, match="count of late decreases"):
         states(late=np.array([3, 0]))
 
 
 def test_unsigned_counters_fall_too():
-    with pytest.raises(ValueError, match="count of lost falls"):
+    with pytest.raises(ValueError, match="count of lost decreases"):
         states(lost=np.array([3, 0], np.uint64))
 
 

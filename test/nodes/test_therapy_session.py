@@ -233,7 +233,7 @@ def test_torque_off_pauses_and_says_why(session):
 
 def test_names_and_unknown_protocols_are_refused(session):
     name, protocol, elsewhere = session["refused"]
-    assert "no pseudonym" in name and "Erika" not in name
+    assert "not a pseudonym" in name and "Erika" not in name
     assert "no protocol" in protocol and "dancing" in protocol
     assert "lies outside of" in elsewhere
 

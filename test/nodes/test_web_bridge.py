@@ -160,7 +160,7 @@ def test_names_are_refused_and_limits_are_the_nodes(stage):
             return name["values"], high["values"]["results"][0], good["values"]["results"][0]
 
     name, high, good = run(ask())
-    assert not name["success"] and "no pseudonym" in name["message"]
+    assert not name["success"] and "not a pseudonym" in name["message"]
     assert "Erika" not in name["message"]
     assert not high["successful"] and "wish.high" in high["reason"]
     assert good["successful"]

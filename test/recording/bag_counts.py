@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What others find in a damaged MCAP file: the mcap library, and a plain scan for whole chunks.
+"""Counts by other readers in a damaged MCAP file: the mcap library, a plain scan for whole chunks.
 
 Nothing of the recorder's own code is used here.
 """

@@ -103,7 +103,7 @@ def inserted(rng: random.Random, content: bytes) -> bytes:
 
 
 def huge(rng: random.Random, content: bytes) -> bytes:
-    """Declare a length that nothing has."""
+    """Declare an impossible length."""
     place = rng.choice([n for n, byte in enumerate(content) if byte in (1, 3, 4, 6, 7, 8, 12)])
     value = rng.choice((2**64 - 1, 2**63, 2**40, len(content) - place - 9))
     return content[: place + 1] + struct.pack("<Q", value) + content[place + 9 :]

@@ -56,7 +56,7 @@ def make_bag(folder: Path, compression: str, files: int = 1) -> Path:
 
 
 def endless_bag(folder: Path, compression: str) -> None:
-    """Write a bag as `make_bag` does, until somebody ends this process."""
+    """Write a bag as `make_bag` does, until this process is killed."""
     writer = _begun(folder, compression, 0.5)
     for tick in itertools.count(0, 100):
         _write(writer, random.Random(tick), tick)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing that can be read is ever destroyed."""
+"""Recovery never destroys readable data."""
 
 import errno
 import os
@@ -48,7 +48,7 @@ def test_a_bit_in_a_message_index_costs_no_message(bag):
     alter(bag, change)
     assert recover(bag).messages == 5000
     assert sequences(bag) == list(range(5000))
-    assert verify(bag).problems == ["the recording was not closed in good order (state: recovered)"]
+    assert verify(bag).problems == ["the recording was not closed properly (state: recovered)"]
 
 
 @pytest.mark.parametrize("read", [read_bag, raw_messages])
@@ -61,7 +61,7 @@ def test_who_reads_a_damaged_chunk_is_told_the_way_out(bag, read):
 
 
 def test_a_bit_near_the_start_costs_one_chunk(bag):
-    """The first chunk declares the topic; the sound index at the end tells it too."""
+    """The first chunk declares the topic, and so does the undamaged index at the end."""
     alter(bag, flip(CHUNK, 0, 3000))
     problems = verify(bag).problems
     assert problems[0].startswith(f"{FILE} is damaged: ")
@@ -99,7 +99,7 @@ def test_notes_first_chunk_and_index_lost_the_messages_are_kept(bag):
 
 @pytest.mark.parametrize("offset", [0, 1, 10, 18, 26, 38, 42, 47])
 def test_a_bit_in_the_head_of_a_chunk_costs_nothing(bag, offset):
-    """Opcode, length, times, size, compression, length: the records tell all of it."""
+    """Opcode, lengths, times, size and compression follow from the records."""
     alter(bag, flip(CHUNK, 5, offset))
     assert recover(bag).messages == 5000
     assert sequences(bag) == list(range(5000))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A disk that fills up ends the recording with a sentence; the bag stays whole."""
+"""A full disk ends the recording with a message; the bag stays whole."""
 
 import errno
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder killed with SIGKILL leaves a bag that everybody opens, up to its last flush."""
+"""A recorder killed with SIGKILL leaves a bag that all readers open, up to its last flush."""
 
 import os
 import signal

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whatever lies in its place, a bag gets a sentence and keeps nobody from recording."""
+"""An odd bag gets a message and never prevents another recording."""
 
 import contextlib
 import errno

@@ -65,7 +65,7 @@ class Graph:
         return {value.key: value.value for value in self.status.values}
 
     def counts(self, topic) -> dict:
-        """Return what the last status tells of a topic."""
+        """Return a topic's counts in the last status."""
         return json.loads(self.values().get(topic, "{}"))
 
     def until_recorded(self, topic, number):

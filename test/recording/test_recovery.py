@@ -93,7 +93,7 @@ def test_what_the_recorder_noted_survives(bag):
     assert notes["state"] == "recovered"
     assert notes["configuration"] == {"sim.yaml": "sha256:0"}
     assert notes["audit"]["/screw/encoder"]["messages"] == 5000
-    assert verify(bag).problems == ["the recording was not closed in good order (state: recovered)"]
+    assert verify(bag).problems == ["the recording was not closed properly (state: recovered)"]
 
 
 @pytest.mark.parametrize("content", ["", "nonsense: [", "rosbag2_bagfile_information: 3"])
@@ -151,5 +151,5 @@ def test_folder_without_bag(tmp_path):
         recover(tmp_path)
     assert not is_torn(tmp_path)
     (tmp_path / "b_0.mcap").write_bytes(b"not an mcap file at all")
-    with pytest.raises(BagReadError, match="no MCAP file"):
+    with pytest.raises(BagReadError, match="not an MCAP file"):
         recover(tmp_path)

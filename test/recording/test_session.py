@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages handed over by one thread reach the bag; what does not is counted."""
+"""Messages of the receiving thread reach the bag; the others are counted."""
 
 import os
 import threading

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session verify` counts anew and says complete, or what is missing and where."""
+"""`session verify` counts again and reports complete, or the gaps."""
 
 import json
 
@@ -52,7 +52,7 @@ def test_gaps_are_counted_and_placed(gappy, capsys):
 def test_counts_that_differ_from_the_metadata_file(bag):
     path = bag / "metadata.yaml"
     path.write_text(path.read_text().replace("message_count: 5000", "message_count: 5001"))
-    assert "metadata.yaml tells 5001 messages, the files hold 5000" in verify(bag).problems[0]
+    assert "metadata.yaml states 5001 messages, the files contain 5000" in verify(bag).problems[0]
 
 
 def test_torn_file(bag):
@@ -92,7 +92,7 @@ NODES = {"/amplifier": '{"rate": 1000.0}', "/manus": '{"rate": 500.0}'}
 
 @pytest.fixture
 def noted(tmp_path, codec, definitions, samples, encoder_topic):
-    """A bag with parameters of two nodes and the calibration that its messages tell."""
+    """A bag with parameters of two nodes and the calibration named in its messages."""
     kind = "screw_module_msgs/msg/AmplifierState"
     writer = BagWriter(tmp_path / "noted")
     topic = Topic("/amplifier_state", kind, definitions.find(kind), codec.hash(kind))
@@ -126,7 +126,7 @@ def test_what_was_noted_is_checked_and_complete(noted):
     ("before", "after", "wanted"),
     [
         ("1000.0", "2000.0", "parameters: /amplifier: was altered"),
-        (r"\"/manus\"", r"\"/menus\"", "parameters: /manus: was noted"),
+        (r"\"/manus\"", r"\"/menus\"", "parameters: /manus: was recorded"),
         (r"\"/manus\"", r"\"/menus\"", "parameters: /menus: has no hash"),
         (r"\": \"SIM-0001", r"\": \"SIM-0002", "calibration: /amplifier_state: was altered"),
         (r"\": \"SIM-0001", r"\": \"SIM-0002", "its messages name another one than 'SIM-0002"),
@@ -161,7 +161,7 @@ def test_a_node_that_told_nothing_is_named(tmp_path, encoder_topic, samples):
     writer.add_metadata("parameters", {"/manus": NO_ANSWER})
     writer.close()
     assert verify(tmp_path / "silent").problems == [
-        "parameters: /manus: it did not tell its parameters"
+        "parameters: /manus: the node did not report its parameters"
     ]
 
 
@@ -240,7 +240,7 @@ def test_a_stride_that_is_learned_is_told(write, told):
     parameters = {"/encoder": RATES["/encoder"], "/manus": told}
     report = verify(write(encoder(range(2000)), plane(range(0, 1000, 8)), parameters=parameters))
     assert report.complete
-    assert report.remarks == ["/manus/state: its stride of 8 ticks is learned from its messages"]
+    assert report.remarks == ["/manus/state: its stride of 8 ticks is estimated from its messages"]
 
 
 def test_nodes_in_a_namespace_are_found(write):
@@ -259,7 +259,7 @@ def test_a_sequence_that_is_slower_than_its_node_is_found(write):
 def test_a_jump_of_the_sequence_is_no_clean_bill(write):
     bag = write(encoder([*range(3000), *range(200_000, 203_000)]), plane([0, 4]))
     assert verify(bag).problems == [
-        "/screw/encoder: its sequence jumped 1 times, over more than is counted"
+        "/screw/encoder: its sequence jumped 1 times, too far to count losses"
     ]
 
 
@@ -275,7 +275,7 @@ def test_a_silent_topic_is_named(write, capsys):
     state = ("/screw/amplifier_state", OWN + "AmplifierState", [], 1.0)
     bag = write(encoder([]), plane([0, 4]), state)
     report = verify(bag)
-    assert report.problems == ["/screw/encoder: subscribed to, but no message came"]
+    assert report.problems == ["/screw/encoder: subscribed to, but no message arrived"]
     assert report.remarks == ["no message at all: /screw/amplifier_state, /screw/encoder"]
     assert main(["verify", str(bag)]) == 1
     assert "2 without a message" in capsys.readouterr().out
@@ -297,7 +297,7 @@ def test_a_topic_that_is_not_there_at_all_is_named(write):
 def test_a_topic_the_recorder_refused_is_a_problem(write):
     refused = {"/odd": "its type odd_msgs/msg/Odd is not installed here"}
     report = verify(write(encoder(range(10)), plane([0, 4]), refused=refused))
-    assert report.problems == [f"/odd: was to be recorded and is not: {refused['/odd']}"]
+    assert report.problems == [f"/odd: requested but not recorded: {refused['/odd']}"]
 
 
 def test_topics_that_cannot_be_counted_are_named(write, capsys):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A therapist's page that was there must go on being there."""
+"""After its first message, a therapist's page must keep publishing its attendance."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a therapist allows a session: stiffness and workspace, before it starts."""
+"""A therapist's limits of stiffness and workspace are applied before the session."""
 
 from __future__ import annotations
 

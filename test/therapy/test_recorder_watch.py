@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording that has ended, or whose recorder is silent, is noticed, and stays noticed."""
+"""The watch reports and latches the end of a recording and a silent recorder."""
 
 from screw_module_ros.therapy.recorder_watch import RecorderWatch, RecorderWatchSettings
 

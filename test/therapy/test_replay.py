@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A replay gives the session again, bit for bit, or says what is missing and what differs."""
+"""A replay reproduces the session bit for bit, or reports gaps and differences."""
 
 import pytest
 from simulated_patient import HEALTHY, Simulation
@@ -89,7 +89,7 @@ def test_results_that_one_side_lacks(recorded):
         "trial 1: replayed, but its result was not recorded"
     ]
     cut = replay(SHORT, samples[:-400], acts, results)
-    assert "trial 8: recorded, but the replay does not come to its end" in cut.problems
+    assert "trial 8: recorded, but the replay does not complete it" in cut.problems
 
 
 def test_abort_and_no_start(recorded):
@@ -97,12 +97,12 @@ def test_abort_and_no_start(recorded):
     ended = [acts[0], Act(samples[900].sequence, ABORTED, "the therapist ended it")]
     done = [row for row in results if row["last"] <= samples[900].sequence]
     assert done and replay(SHORT, samples, ended, done).problems == []
-    with pytest.raises(ValueError, match="start is not there"):
+    with pytest.raises(ValueError, match="start is not recorded"):
         replay(SHORT, samples, acts[1:2], results)
 
 
 def test_a_pause_too_short_to_be_told_began_the_trial_anew():
-    """Pause and resume between two messages: all that is told is that `running` began later."""
+    """Pause and resume between two messages: only the later start of `running` shows them."""
     session = Session(SHORT)
     simulation = Simulation(session, HEALTHY, 4)
     samples = simulation.run(3.7)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What screens are told of the protocols."""
+"""Data of the protocols for screens."""
 
 from __future__ import annotations
 

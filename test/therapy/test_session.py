@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sessions with simulated patients: order, pause, abort, adaptation, and what the metrics tell."""
+"""Sessions with simulated patients: order, pause, abort, adaptation, and metrics."""
 
 import math
 from statistics import mean, pstdev
@@ -100,7 +100,7 @@ def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
 
 
 def test_a_weak_patient_is_given_more_and_more_time():
-    """Who never comes by himself in time lags each time, also behind a wall that has arrived."""
+    """A patient who is always late lags each time, also behind a wall at the target."""
     session, _ = played(FEEBLE, part(CLOCK, 1, circuits=14, targets=1, give_up=12.0))
     times = [change.after.duration for change in session.changes]
     assert times == sorted(times)
@@ -194,7 +194,7 @@ moments = st.tuples(
 @settings(max_examples=60)
 @given(st.sampled_from(("clock_adaptive", "evaluation", "reach_3d")), st.lists(moments, max_size=8))
 def test_whatever_is_measured_a_session_goes_on_or_pauses(name, moments):
-    """No sample makes it fail, and no slot that it wishes for is refused."""
+    """No sample raises an error, and all requested slots are valid."""
     session = Session(load_protocol(name))
     count = 0
     for gap, act, values, repeats in moments:

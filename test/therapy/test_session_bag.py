@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded sessions give the same numbers again, bit for bit, or are told to lack something."""
+"""Recorded sessions give the same numbers bit for bit, or the replay reports what is missing."""
 
 import csv
 
@@ -49,7 +49,7 @@ def test_a_cut_bag_names_its_gap(healthy, tmp_path, capsys):
 
 
 def test_the_next_patient_in_the_same_bag_is_another_session(healthy, tmp_path):
-    """Somebody went on recording: no number of the one may be told of the other."""
+    """Two sessions in one bag: the figures of one must not appear in the other."""
     other = played(SHAKING, 5, CLOCK, "P-22222", begin_s=1000)
     again = played(FEEBLE, 6, CLOCK, begin_s=2000)
     found = read_sessions(write_bag(tmp_path / "long", [healthy, other, again]))

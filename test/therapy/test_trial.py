@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One trial's phases over samples that are written down here, and what it says of itself."""
+"""Phases and results of one trial over constructed samples."""
 
 import math
 
@@ -214,7 +214,7 @@ def test_gaps_say_after_which_sample_and_how_many():
 
 
 def test_an_axis_that_is_not_known_does_not_matter():
-    """A locked or unhomed vertical tells NaN; a reach in the plane has all its figures."""
+    """With NaN from a locked or unhomed vertical axis, a planar reach has all its figures."""
     hand = Hand(trial())
     take = hand.trial.take
     hand.trial.take = lambda sample: take(sample._replace(z=math.nan, vz=math.nan))

@@ -105,8 +105,8 @@ def test_a_friction_compensation_has_no_verdict(good):
     assert "reached" not in line
 
 
-def test_gaps_of_the_recording_are_told_by_topic(good):
-    table = shown(good[1]).partition("something is missing")[2]
+def test_gaps_of_the_recording_are_listed_by_topic(good):
+    table = shown(good[1]).partition("Topics with missing messages")[2]
     assert lines(table, "/handle/force").split()[3:6:2] == ["1190", "10"]
     assert "/screw/encoder" not in table
 
@@ -149,4 +149,4 @@ def test_the_bag_is_dropped_only_when_asked_for(good, tmp_path):
     bag = write_bag(tmp_path / "session", (9.5, 4.0, 1.5))
     results = evaluated(bag, parts(), SPRING, TARGETS, tmp_path, keep_bag=False)
     assert not bag.exists()
-    assert "dropped" in shown(results)
+    assert "Bag: deleted" in shown(results)

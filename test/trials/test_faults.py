@@ -62,7 +62,7 @@ def test_what_is_done_to_a_part_of_the_module_is_done_to_a_process_of_its_own():
 
 @pytest.mark.parametrize("row", ROWS, ids=NAMES)
 def test_a_row_is_complete(row):
-    """Who notices, what it leads to and the recovery are said; a stop has a time and an alarm."""
+    """Each row names detection, outcome and recovery; a stop has a time limit and an alarm."""
     assert row.fault and row.noticed_by and row.recovery
     assert row.mode in MODE_NAMES
     assert row.safe in (OFF, VERTICAL_OFF, EITHER, GOES_ON)

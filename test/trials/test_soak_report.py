@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The soak's verdicts: what grows is found, what breathes is not."""
+"""The soak's checks: growth is found, variation is not."""
 
 from __future__ import annotations
 

@@ -60,6 +60,6 @@ def test_it_prints_two_addresses_and_ends_in_order(tmp_path, wait_until):
         reader.join(10.0)
         therapy.stdout.close()
     assert code == 130
-    assert "every node was ended in order" in "".join(said)
+    assert "all nodes ended in order" in "".join(said)
     with socket.socket() as probe:
         assert probe.connect_ex(("127.0.0.1", port)) != 0

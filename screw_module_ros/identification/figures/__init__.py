@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures in the manner of the thesis's; `save` writes what the other functions return."""
+"""Figures in the style of the thesis; `save` writes the figures of the other functions."""
 
 from screw_module_ros.figure_style import save
 

@@ -101,7 +101,7 @@ def _absorber(result: Result) -> Figure:
 
 
 def _mark(axes: Axes, omega: float, text: str, height: float, side: str) -> None:
-    """Write what is at a frequency; side: of the text that touches it. Nothing where it is NaN."""
+    """Label a frequency; side: of the text that touches it. A NaN has no label."""
     if np.isfinite(omega):
         axes.annotate(
             text,
@@ -115,7 +115,7 @@ def _mark(axes: Axes, omega: float, text: str, height: float, side: str) -> None
 
 
 def _ellipses(result: Result) -> Figure:
-    """Draw the inertia that a hand feels at places of the workspace, seen from above."""
+    """Draw the inertia ellipses at points of the workspace, seen from above."""
     data = result.data
     heaviest, module = float(data["heaviest"]), float(data["module_mass"])
     kinds = (

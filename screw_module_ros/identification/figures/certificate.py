@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of the module's certificate: what every mode delivers at the handle (thesis 7.1)."""
+"""Figure of the module's certificate: delivered impedance in every mode (thesis 7.1)."""
 
 from __future__ import annotations
 

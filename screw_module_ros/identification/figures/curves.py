@@ -45,7 +45,7 @@ _LABELS = {
 
 
 def force_position_figures(result: Result) -> dict[str, Figure]:
-    """Return the figures by number, of those curves that were measured."""
+    """Return the figures of the measured curves by number."""
     found = {}
     for number, (names, title) in _TITLES.items():
         measured = [name for name in names if f"{name}/position" in result.data]
@@ -59,7 +59,7 @@ def force_position_figures(result: Result) -> dict[str, Figure]:
 
 
 def reversal(result: Result) -> Figure:
-    """Draw the upper reversal closely: where feed-forward does not help (fig 6-9)."""
+    """Draw a close-up of the upper reversal, where feed-forward has no benefit (fig 6-9)."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.2), layout="constrained")
         axes = figure.add_subplot()

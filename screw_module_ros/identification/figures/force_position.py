@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of force against position and of the handle's path, in the manner of thesis chapter 6.
+"""Figures of force over position and of the handle's path, in the style of thesis chapter 6.
 
 Functions return matplotlib figures, drawn without a display. The desired spring is a heavy dotted
 line, arrows show the direction of travel, a circle the start.
@@ -99,7 +99,7 @@ def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour:
     span = max(1, len(position) // 60)
     begin, end = max(0, at - span), min(len(position) - 1, at + span)
     if abs(position[end] - position[begin]) < 0.02 * np.ptp(position):
-        return  # at rest or turning round: there is no direction to show
+        return  # at rest or at a reversal there is no direction
     near = slice(max(0, at - span // 2), at + span // 2 + 1)
     middle = float(np.median(force[near]))
     way = np.sign(position[end] - position[begin])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the friction maps, in the manner of thesis figures 5-9 to 5-23."""
+"""Figures of the friction maps, in the style of thesis figures 5-9 to 5-23."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _COMPARED = 0.005  # speed of the upside-down figures [m/s]
 
 
 def friction_map_figures(result: Result) -> dict[str, Figure]:
-    """Return the figures by number; those upside down only where that was measured."""
+    """Return the figures by number; those upside down only if measured."""
     data = result.data
     found = {"5-9": filter_figure(
         lowpass_taps(0.025, RATE), "Fig. 5-9: optimal low-pass for 25 mm/s"

@@ -34,7 +34,7 @@ def friction_model_figures(result: Result) -> dict[str, Figure]:
 
 
 def _place(result: Result, model: FrictionModel, way: str, ripple: bool, title: str) -> Figure:
-    """Draw the force averaged over the speeds and the model's part that depends on height."""
+    """Draw the mean force over the speeds and the model's dependence on height."""
     branch = getattr(model, way)
     z = result.data["centres"]
     fine = np.linspace(model.low, model.high, 1000)
@@ -60,7 +60,7 @@ def _place(result: Result, model: FrictionModel, way: str, ripple: bool, title: 
 
 
 def _levelled(result: Result, model: FrictionModel, way: str) -> np.ndarray:
-    """Return the mean over the speeds [N]; one that is missing counts by the model's factor."""
+    """Return the mean over the speeds [N], with the model's factor for missing cells."""
     factor = speed_factor(getattr(model, way), result.data["speeds"])[:, None]
     friction = result.data[f"force_{way}"] - model.gravity
     share = np.where(np.isfinite(friction), factor, np.nan)
@@ -68,7 +68,7 @@ def _levelled(result: Result, model: FrictionModel, way: str) -> np.ndarray:
 
 
 def _factor(result: Result, model: FrictionModel, way: str, title: str) -> Figure:
-    """Draw friction averaged over the heights, over its mean, and the model's factor."""
+    """Draw friction, averaged over the heights and normalised, and the model's factor."""
     branch = getattr(model, way)
     speeds = result.data["speeds"]
     friction = np.abs(result.data[f"force_{way}"] - model.gravity)

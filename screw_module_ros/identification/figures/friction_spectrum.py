@@ -36,7 +36,7 @@ def _spectrum(result: Result, upto: float, title: str) -> Figure:
         if upto <= _NEAR:
             axes.set_ylim(bottom=0.0)
             _name_lines(axes, result)
-        else:  # the noise would not be seen
+        else:  # the noise is not visible on a linear scale
             axes.set_yscale("log")
             axes.set_ylim(bottom=1e-5)
         axes.set_title(title, loc="left")
@@ -56,7 +56,7 @@ def _name_lines(axes, result: Result) -> None:
 
 
 def repeatability_figures(result: Result) -> dict[str, Figure]:
-    """Return figure 5-15, and what is between the two runs."""
+    """Return figure 5-15, with the difference of the two runs."""
     speed = result.settings["speed"] * 1e3
     centres, (first, second) = result.data["centres"], result.data["up"]
     with rc_context(STYLE):

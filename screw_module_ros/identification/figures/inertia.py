@@ -71,7 +71,7 @@ def _curves(
 def _ratio(
     result: Result, time: np.ndarray, acceleration: np.ndarray, ratio: np.ndarray
 ) -> Figure:
-    """Draw the mass at each sample, zero where left out, and the acceleration (fig 5-34)."""
+    """Draw the mass at each sample, zero for excluded ones, and the acceleration (fig 5-34)."""
     shown = (time >= 0.0) & (time <= _LONG)
     with rc_context(STYLE):
         figure, axes = axes_for("time [s]", "mass [kg] and acceleration [m/s$^2$]")

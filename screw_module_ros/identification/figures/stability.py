@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of what limits the force gain (7.1), and of the force error over all samples."""
+"""Figures of the largest stable force gain (7.1), and of the force error over all samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..results import Result
 
 
 def stability_figures(result: Result) -> dict[str, Figure]:
-    """Draw the largest stable gain over the delay and over the mass that holds the handle."""
+    """Draw the largest stable gain over the delay and over the mass of the arm at the handle."""
     data = result.data
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.2), layout="constrained")

@@ -128,7 +128,7 @@ def _wire(title: str, delay: float) -> Figure:
 
 
 def _resonance(result: Result) -> Figure:
-    """Draw what a lightly damped rotor would show, sampled and not, and what this one shows."""
+    """Draw responses of a lightly damped rotor, sampled and not, and of the measured one."""
     d = result.data
     light = f"B = {float(d['light_damping']):g} Nm s/rad"
     figure, axes = _plain("The resonance at 3600 Hz and where 2 kHz samples fold it to (4.1.3)")

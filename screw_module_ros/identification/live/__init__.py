@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live half of the characterization: a bench made of the running graph (`characterize`)."""
+"""Live characterization: a bench that uses the running graph (`characterize`)."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An action server whose goals are worked on in a thread of their own, one at a time.
+"""An action server that executes one goal at a time, in a thread.
 
-rclpy runs a goal as a task of the executor: a plain callback would keep cancel requests waiting,
-and a coroutine that awaits the thread's future is asked again in every spin (in Jazzy
-`Future.__await__` yields until it is done), which keeps a core busy beside the hot loop. Here the
-task is made only when the work is done.
+rclpy runs a goal as a task of the executor: a plain callback would delay cancel requests, and a
+coroutine that awaits the thread's future is polled in every spin (in Jazzy `Future.__await__`
+yields until it is done), which keeps a core busy beside the hot loop. Here the task is created only
+after the work.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Outcome(NamedTuple):
 
 
 class OneGoalServer(ActionServer):
-    """Works on one goal after the other.
+    """Executes one goal at a time.
 
-    work: called in a thread with the goal handle; refusal: returns why no goal can be taken now,
-    empty when one can; cancelling: called as soon as a client cancels the goal.
+    work: called in a thread with the goal handle; refusal: returns why no goal can be accepted,
+    empty if one can; cancelling: called as soon as a client cancels the goal.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class OneGoalServer(ActionServer):
 
     @property
     def busy(self) -> bool:
-        """Whether a goal is being worked on."""
+        """Whether a goal is being executed."""
         return self._thread is not None and self._thread.is_alive()
 
     def _decide(self, request: Any) -> GoalResponse:
@@ -71,7 +71,7 @@ class OneGoalServer(ActionServer):
         return CancelResponse.ACCEPT
 
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:
-        """Begin the work on an accepted goal; called by rclpy."""
+        """Start the thread of an accepted goal; called by rclpy."""
         self._thread = threading.Thread(
             target=self._work_on, args=(goal_handle,), name="goal", daemon=True
         )
@@ -93,7 +93,7 @@ class OneGoalServer(ActionServer):
 
 
 class _BySystemTime:
-    """A node with the system's clock, by which results are kept: ROS time may stand."""
+    """A node with the system clock, for the expiry of results: ROS time may stand still."""
 
     def __init__(self, node: Node):
         self._node, self._clock = node, Clock(clock_type=ClockType.SYSTEM_TIME)

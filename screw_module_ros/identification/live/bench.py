@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live graph as a bench: trials done with the running nodes, on the rig or on hardware.
+"""The live graph as a bench: trials with the running nodes, on the rig or on hardware.
 
     with LiveBench(robot, loop, fixture, watch, say) as bench:
         result = experiment.run(Lab(bench, folder), settings)
 
-Whatever ends a trial (its end, a cancellation, an error), the torque goes to zero first and the
-amplifier is disabled. On leaving, everything is put back as it was found, and what could not be is
-in `left`.
+At the end of each trial, after a cancellation and after an error, the torque first goes to zero and
+the amplifier is disabled. On exit the bench restores the graph's former state; `left` lists what it
+could not restore.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _HEARD_S = 2.0
 
 
 def _in_time(method: Callable) -> Callable:
-    """Let the thread take part in the time while it works here; what it computes takes none."""
+    """Let the thread take part in simulated time during the call, but not in its computations."""
 
     @wraps(method)
     def working(bench: LiveBench, *args: Any) -> Any:
@@ -54,8 +54,8 @@ def _in_time(method: Callable) -> Callable:
 class LiveBench:
     """A `trials.Bench` on the live graph, for one experiment; one thread calls it.
 
-    left: after leaving, what could not be put back, as sentences; notes: for the result; clock: the
-    graph's.
+    left: sentences about what could not be restored on exit; notes: for the result; clock: of the
+    graph.
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class LiveBench:
         say: Callable[[str], None],
         hurried: Callable[[], bool] = lambda: False,
     ):
-        """Begin to take samples. Raises NotPossible, RobotError.
+        """Start sampling. Raises NotPossible, RobotError.
 
-        say: shows the user what is being done; hurried: whether putting back must be quick.
+        say: shows the current step to the user; hurried: whether the restoration must be quick.
         """
         self.left: list[str] = []
         self.clock = robot.clock
@@ -83,12 +83,12 @@ class LiveBench:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences about the graph that a reader of the result must know."""
+        """Sentences about the graph for the notes of the result."""
         return tuple(self._experiment.notes)
 
     @_in_time
     def fingerprint(self) -> str:
-        """Return what the graph runs with, so that parts measured otherwise are not taken up."""
+        """Return the graph's calibrations; parts measured with others are not reused."""
         robot = self._experiment.robot
         kinds = (AmplifierState, ImpedanceState)
         robot.met(lambda: all(robot.state(kind) for kind in kinds), _HEARD_S)
@@ -107,7 +107,7 @@ class LiveBench:
     def _record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         if isinstance(trial, TorqueTrial):
             return torque_trial(self._experiment, self._takeover, trial, on_progress)
-        self._give_back()  # the controller's place, where a torque trial took it
+        self._give_back()  # restores the controller after a torque trial
         if isinstance(trial, StageTrial):
             return stage_trial(self._experiment, trial, on_progress)
         if isinstance(trial, MotionTrial):
@@ -119,7 +119,7 @@ class LiveBench:
 
     @_in_time
     def zero(self) -> tuple[float, float, float, float, float, float]:
-        """Return what the transducer shows with nothing at the handle, beyond its tare."""
+        """Return the tared transducer's reading without load: forces [N], torques [Nm], x to z."""
         experiment, fixture = self._experiment, self._experiment.fixture
         if fixture.mounted() in ("free", "locked_rotor"):
             return experiment.zero().wrench
@@ -152,5 +152,5 @@ class LiveBench:
             try:
                 self._experiment.fixture.put_back()
             except RobotError as error:
-                self.left.append(f"handle not put back: {error}")
+                self.left.append(f"handle not restored: {error}")
         self._experiment.loop.sleep()

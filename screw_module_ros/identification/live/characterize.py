@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`characterize`: experiments of the identification (thesis chapters 4 to 6) on the live graph.
 
-Action `~/run`: a name of the catalogue, settings as YAML, a folder that keeps what is finished. An
-empty name lists the experiments. Where an operator must do something, the feedback says so;
-`~/confirm` reports that it is done. Started by hand, beside the running robot.
+Action `~/run`: an experiment's name, settings as YAML, a folder for results and finished trials. An
+empty name lists the experiments. The feedback requests the operator's actions; the operator
+confirms each with `~/confirm`. The node is started by hand, beside the running robot.
 """
 
 from __future__ import annotations
@@ -46,24 +46,24 @@ from .rig_seen import RigBusSettings, sees_rig
 from .samples import SamplesLost
 
 _LEAVE_S, _RESULT_S = 60.0, 0.3
-# What an experiment ends with when it cannot go on; the text is for the user as it is.
+# Errors that end an experiment; their text is shown to the user.
 _REASONS = (
     NotPossible, MissingResult, RobotError, SamplesLost, TimeStandsStill, ValueError, OSError
 )  # fmt: skip
-_WALL = WallClock()  # who waits for this process, or for a result, does so by it
+_WALL = WallClock()  # those who wait for this process, or for a result, use wall clock
 
 
 class ResultsSettings(NamedTuple):
-    """Where results go."""
+    """Folder of the results."""
 
     folder: Annotated[
-        str, Setting("where the results of all goals go and nothing leads out of, ~ is the home "
-                     "folder", at_start=True)
+        str, Setting("root folder of the results of all goals; no goal can write outside of it; "
+                     "~ is the home folder", at_start=True)
     ] = "~/characterization"
 
 
 class CharacterizeNode(ModuleNode):
-    """One experiment at a time, in a thread; the main thread takes the samples."""
+    """Runs one experiment at a time in a thread; the main thread takes the samples."""
 
     def __init__(self):
         super().__init__("characterize")
@@ -84,14 +84,14 @@ class CharacterizeNode(ModuleNode):
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Make the topics, and the client that the experiments work with."""
+        """Create the topics, and the client of the experiments."""
         self._loop = LiveLoop(self)
         self._robot = Robot(
             f"{self.get_name()}_client", self.get_namespace(), simulated=self.clock.simulated
         )
 
     def begin(self) -> None:
-        """Take goals."""
+        """Accept goals."""
         self._leaving.clear()
 
     def step(self) -> None:
@@ -99,19 +99,19 @@ class CharacterizeNode(ModuleNode):
         self._loop.step()
 
     def run(self) -> None:
-        """Run until the process is to end, then let the experiment put everything back."""
+        """Run until the process must end, then let the experiment restore the graph."""
         super().run()
         if self._server.busy:
             self.end()
             self.clock.idle()
-            _WALL.sleep(_RESULT_S)  # the executor still serves: the client hears how it ended
+            _WALL.sleep(_RESULT_S)  # the executor still runs and sends the result to the client
 
     def end(self) -> None:
-        """Cancel the experiment; its samples go on until it has put everything back."""
+        """Cancel the experiment; sampling continues until it has restored the graph."""
         self._leaving.set()
         end_ns = _WALL.now_ns() + round(_LEAVE_S * 1e9)
         while self._server.busy and _WALL.now_ns() < end_ns:
-            with suppress(TimeStandsStill):  # the experiment's thread hears of it, too, and ends
+            with suppress(TimeStandsStill):  # it also ends the experiment's thread
                 self._loop.step()
 
     def disconnect(self) -> None:
@@ -124,7 +124,7 @@ class CharacterizeNode(ModuleNode):
             self._robot = None
 
     def destroy_node(self) -> None:
-        """Take the action away, then the rest."""
+        """Destroy the action server, then the node."""
         self._server.destroy()
         super().destroy_node()
 
@@ -141,7 +141,7 @@ class CharacterizeNode(ModuleNode):
         return "" if self._server.busy else "nothing is being asked"
 
     def _work(self, goal: Any) -> Outcome:
-        """Do what the goal asks for; never raises."""
+        """Execute a goal; never raises."""
         request = goal.request
         if not request.experiment:
             return Outcome(RunExperiment.Result(success=True, message=listing()), True)
@@ -187,9 +187,9 @@ class CharacterizeNode(ModuleNode):
     def _measured(
         self, goal: Any, experiment: Any, settings: Any, folder: Path
     ) -> tuple[Result, list[str]]:
-        """Run the experiment; return its result and what could not be put back.
+        """Run the experiment; return its result and sentences about what could not be restored.
 
-        What could not be put back after an error is noted on the error (`_left`).
+        After an error these sentences are in the error's attribute `left` (see `_left`).
         """
 
         def watch() -> None:
@@ -220,14 +220,14 @@ class CharacterizeNode(ModuleNode):
         return result._replace(notes=(*result.notes, *bench.notes)), bench.left
 
     def health(self) -> Health:
-        """What is being done."""
+        """The running experiment."""
         return Health(OK, f"running {self._doing}" if self._doing else "idle", {})
 
 
 def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
-    """Return experiment, settings and folder of a goal, which lies below `root`.
+    """Return experiment, settings and folder of a goal; the folder must be below `root`.
 
-    Raises ValueError in one sentence.
+    Raises ValueError that names the wrong field.
     """
     experiment = EXPERIMENTS.get(request.experiment)
     if experiment is None:
@@ -243,7 +243,7 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     if experiment.name == calibration.NAME:
         written.append(calibration.FILE)
     for name in written:
-        if os.path.lexists(folder / name):  # a link that leads nowhere, too
+        if os.path.lexists(folder / name):  # also a dangling link
             raise ValueError(
                 f"{folder / name} exists already and is never overwritten: name another folder, or "
                 "move it away"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every live trial needs: recordings, the transducer's zero, torque on and surely off."""
+"""Common steps of all live trials: recordings, zero of the transducer, torque on and off."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _PERMIT_S = 10.0
 _POLL_S = 0.05
 _CLEAN_UP_S, _HURRIED_S = 40.0, 10.0
 _SENSORS = ("encoder", "force_sensor")
-_WALL = WallClock()  # whoever ends the process does not wait by the robot's time
+_WALL = WallClock()  # for the shutdown of the process, which does not wait by the robot's time
 
 
 class Experiment:
-    """One goal's hold on the graph.
+    """Access of one goal to the graph.
 
-    rate: of the samples [1/s]; period_ns; watch: bounds of what a sample can be; say: shows the
-    user what is being done; notes: sentences the result must carry.
+    rate: of the samples [1/s]; period_ns; watch: bounds of valid samples; say: shows the current
+    step to the user; notes: sentences for the result.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Experiment:
     # Samples -------------------------------------------------------------------------------
 
     def recording(self, seconds: float) -> Recording:
-        """Return a recording with room for so many seconds, begun."""
+        """Start and return a recording with room for `seconds`."""
         recording = Recording(max(2, round(seconds * self.rate)))
         self.loop.record(recording)
         return recording
@@ -69,10 +69,9 @@ class Experiment:
         deadline_s: float,
         on_progress: Callable[[float], None] = lambda elapsed: None,
     ) -> None:
-        """Wait until `done` while samples come in; `on_progress` gets the seconds since the start.
+        """Wait until `done` while samples arrive; `on_progress` gets the seconds since the start.
 
-        Raises RobotError when samples stay away or the deadline passes, and whatever `on_progress`
-        raises.
+        Raises RobotError if no samples arrive or the deadline passes, and errors of `on_progress`.
         """
         clock = self.robot.clock
         begun = heard = clock.now_ns() * 1e-9
@@ -89,19 +88,19 @@ class Experiment:
                 raise RobotError(f"not done after {deadline_s:.0f} s, given up")
 
     def zero(self) -> Zero:
-        """Return what the transducer shows now, a mean of half a second."""
+        """Return the transducer's present reading, a mean of half a second."""
         recording = self.recording(_ZERO_S)
         self.wait(recording, lambda: recording.full, 4.0 * _ZERO_S + _SILENT_S)
         self.loop.record(None)
         return zero_of(recording)
 
     def unloaded_zero(self) -> Zero:
-        """Return what the transducer shows with the handle untouched; it stays unloaded."""
+        """Unload the handle and return the transducer's reading; the handle stays unloaded."""
         self.fixture.unload()
         return self.zero()
 
     def check_homed(self) -> None:
-        """Raise NotPossible with the way out unless heights are known."""
+        """Raise NotPossible, with the way out, unless the encoder is homed."""
         self.robot.met(lambda: self.loop.sample is not None, _SILENT_S)
         sample = self.loop.sample
         if sample is None:
@@ -114,7 +113,7 @@ class Experiment:
             )
 
     def check_height(self, height: float, within: float = 1e-3) -> None:
-        """Raise NotPossible when the encoder shows another height [m] than the handle is at."""
+        """Raise NotPossible if the encoder's height differs from the handle's height [m]."""
         shown = self.loop.sample.position
         if abs(shown - height) > within:
             raise NotPossible(
@@ -125,7 +124,7 @@ class Experiment:
     # Torque --------------------------------------------------------------------------------
 
     def check_passive(self) -> None:
-        """Raise NotPossible with the way out when torque may pass."""
+        """Raise NotPossible, with the way out, if torque may act."""
         robot = self.robot
         if robot.node.count_publishers(graph.AMPLIFIER_STATE) == 0:
             return  # no amplifier node, no heartbeat: the drive is off
@@ -155,13 +154,13 @@ class Experiment:
         robot.enable()
 
     def check_enabled(self) -> None:
-        """Raise RobotError with the reason when the torque went off."""
+        """Raise RobotError with the reason if the torque is off."""
         state = self.robot.state(AmplifierState)
         if state is not None and not state.enabled:
-            raise RobotError(f"the amplifier took the torque off: {state.reason}")
+            raise RobotError(f"the amplifier switched the torque off: {state.reason}")
 
     def torque_off(self) -> None:
-        """Ask for zero and disable, when this session enabled. Raises RobotError."""
+        """Command zero; disable the amplifier if this experiment enabled it. Raises RobotError."""
         self.loop.halt()
         if self._torque_on:
             self.robot.enable(False)
@@ -169,16 +168,16 @@ class Experiment:
 
     @contextlib.contextmanager
     def unhurried(self) -> Iterator[None]:
-        """Within, nothing interrupts: for taking back what was done. Bounded in time all the same.
+        """Ignore cancellation in the block, for the restoration of the graph; limited in time.
 
-        Raises RobotError when it takes too long.
+        Raises RobotError if the block takes too long.
         """
         watch, begun_ns = self.robot.watch, _WALL.now_ns()
 
         def in_time() -> None:
-            patience = _HURRIED_S if self._hurried() else _CLEAN_UP_S
-            if (_WALL.now_ns() - begun_ns) * 1e-9 > patience:
-                raise RobotError("putting things back took too long")
+            limit_s = _HURRIED_S if self._hurried() else _CLEAN_UP_S
+            if (_WALL.now_ns() - begun_ns) * 1e-9 > limit_s:
+                raise RobotError(f"the restoration of the graph took longer than {limit_s:g} s")
 
         self.robot.watch = in_time
         try:
@@ -190,7 +189,7 @@ class Experiment:
 def common_rate(robot: Robot) -> float:
     """Return the tick rate of both sensors [1/s].
 
-    Raises NotPossible when they differ, or have another clock than this node.
+    Raises NotPossible if the rates differ, or if a sensor's clock differs from this node's.
     """
     given = [parameters(robot, node, ("rate", "use_sim_time")) for node in _SENSORS]
     for node, values in zip(_SENSORS, given, strict=True):
@@ -209,5 +208,5 @@ def common_rate(robot: Robot) -> float:
 
 
 def share_of(on_progress: OnProgress, seconds: float) -> Callable[[float], None]:
-    """Return the callback for `wait` that passes on seconds as a share of `seconds`."""
+    """Return a callback for `wait` that converts elapsed time to a share of `seconds` [s]."""
     return lambda elapsed: on_progress(min(elapsed / seconds, 1.0))

@@ -13,9 +13,9 @@ _GOOD_S = 10.0
 
 
 class Feedback:
-    """Publishes feedback of one goal; `watch` is called each time and may raise to end it.
+    """Publishes feedback of one goal; `watch` is called each time and may raise to end the goal.
 
-    clock: of those who wait for the result, by default wall clock also in simulated time.
+    clock: for the remaining time; by default wall clock, also in simulated time.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Feedback:
         self._goal.publish_feedback(self._message)
 
     def progress(self, experiment: str, done: float, total: float) -> None:
-        """Take seconds of excitation done and in all, from `Lab`."""
+        """Publish the progress; done, total: seconds of excitation, from `Lab`."""
         self._watch()
         now = self._clock.now_ns() * 1e-9
         if self._first is None or done < self._first[1]:
@@ -48,9 +48,9 @@ class Feedback:
             self._goal.publish_feedback(self._message)
 
     def _remaining(self, now: float, done: float, total: float) -> float:
-        """Return the estimate: excitation left, times what each second has taken so far.
+        """Return the estimated time [s]: remaining excitation times the pace so far.
 
-        Preparations come first, so the pace begins as if some seconds had gone well before.
+        The pace starts as if `_GOOD_S` had passed in real time, because preparations come first.
         """
         begun, before = self._first
         pace = (now - begun + _GOOD_S) / (done - before + _GOOD_S)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What holds the handle during a trial: the simulated rig's fixtures, or an operator.
+"""The fixture of the handle during a trial: the simulated rig's fixtures, or an operator.
 
-Mounting (stage, locked rotor, hand) is never done for the user: the wrong fixture is refused, with
-the way out. What stage and hand do once mounted belongs to the trial.
+The user does the mounting (stage, locked rotor, hand): a wrong fixture is refused, with the way
+out. The trial controls a mounted stage or hand.
 
-The transducer's zero is taken with the handle untouched and the pin in, so that the nut stays where
-it is. The rotor locked on the transducer is unloaded as soon as the torque is off.
+The zero of the transducer is measured with the handle untouched and the pin in, so that the nut
+does not move. A rotor locked on the transducer is unloaded as soon as the torque is off.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from .rig_fixture import RigFixture
 
 
 class Fixture(Protocol):
-    """What the bench needs of the far side of the handle. All may raise RobotError.
+    """Interface of a fixture. All methods may raise RobotError.
 
-    simulated: services do everything, no operator is asked.
+    simulated: services operate the fixture, without an operator.
     """
 
     simulated: bool
 
     def require(self, fixture: str) -> None:
-        """Raise NotPossible with the way out when the handle is mounted otherwise."""
+        """Raise NotPossible, with the way out, unless the handle is mounted in this fixture."""
 
     def mounted(self) -> str:
-        """Return what holds the handle, empty when unknown."""
+        """Return the mounted fixture, empty if unknown."""
 
     def unload(self) -> None:
-        """Have the handle at rest and untouched."""
+        """Bring the handle to rest, untouched."""
 
     def stage_at(self, height: float, upside_down: bool) -> None:
         """Have the stage hold the handle at rest at a height [m]."""
@@ -48,10 +48,10 @@ class Fixture(Protocol):
         """Let the stage move at a speed, up positive [m/s], to beyond the height `end` [m]."""
 
     def stage_passed(self, end: float) -> bool:
-        """Return whether the stage has come to `end` [m]."""
+        """Return whether the stage has passed `end` [m]."""
 
     def stage_began_ns(self) -> float | None:
-        """Return when the stage began to move [ns] by the clock; None where it is unknown."""
+        """Return the time at which the stage began to move [ns], None if unknown."""
 
     def stage_halt(self) -> None:
         """Stop the stage where it is."""
@@ -66,13 +66,13 @@ class Fixture(Protocol):
         """Let the hand come back and rest at a height [m]."""
 
     def reload(self) -> None:
-        """Undo `unload`, with what held the handle before at rest where it is."""
+        """Undo `unload`: restore the former fixture, at rest at the present height."""
 
     def put_back(self) -> None:
-        """Leave pin and mounting as they were found, everything at rest."""
+        """Restore the former state of pin and mounting, at rest."""
 
     def close(self) -> None:
-        """Leave the graph."""
+        """Remove the subscriptions."""
 
 
 def fixture_of(
@@ -82,7 +82,7 @@ def fixture_of(
     say: Callable[[str], None],
     newest: Callable[[], Any],
 ) -> Fixture:
-    """Return the rig's fixture where the rig was seen at work, else the operator's.
+    """Return the rig's fixture if the rig was detected, else the operator's.
 
     rig_seen: see `rig_seen.sees_rig`; newest: returns the newest EncoderSample, None before the
     first.

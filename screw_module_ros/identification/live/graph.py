@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an experiment asks of other nodes: lifecycle states, parameters, and to have them back."""
+"""Reads and sets lifecycle states and parameters of other nodes for an experiment."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def lifecycle_state(client: Client, node: str) -> int:
 
 
 def bring(client: Client, node: str, wanted: int) -> None:
-    """Take a node to a lifecycle state, step by step from wherever it is.
+    """Bring a node to a lifecycle state, step by step from its present state.
 
-    Raises RobotError naming the node, what it would not do and what it says.
+    Raises RobotError naming the node, the refused transition and the node's message.
     """
     while (now := lifecycle_state(client, node)) != wanted:
         steps = _RISING if now < wanted else _FALLING
         if now not in steps:
-            raise RobotError(f"{node} is in lifecycle state {now}, it cannot be brought back")
+            raise RobotError(f"{node} is in lifecycle state {now}, which has no way back")
         request = ChangeState.Request(transition=Transition(id=steps[now]))
         if not client.call(ChangeState, f"{node}/change_state", request, _DEADLINE_S).success:
             raise RobotError(
@@ -44,7 +44,7 @@ def bring(client: Client, node: str, wanted: int) -> None:
 
 
 def parameters(client: Client, node: str, names: Iterable[str]) -> dict[str, Any]:
-    """Return parameters of a node by name, without those it does not have."""
+    """Return parameters of a node by name, without undeclared ones."""
     names = list(names)
     request = GetParameters.Request(names=names)
     values = client.call(GetParameters, f"{node}/get_parameters", request).values
@@ -53,13 +53,13 @@ def parameters(client: Client, node: str, names: Iterable[str]) -> dict[str, Any
 
 
 def set_parameters(client: Client, node: str, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node; raise RobotError for the first that is refused."""
+    """Set parameters of a node. Raises RobotError for the first refused one."""
     for name, value in values.items():
         client.set_parameter(node, name, value)
 
 
 def topic_of(client: Client, name: str) -> str:
-    """Return a relative name as it is typed on a command line, namespace included."""
+    """Return the full name of a relative one, with the namespace, for a command line."""
     namespace = client.node.get_namespace().rstrip("/")
     return f"{namespace}/{name}"
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hot loop of `characterize`: takes every sample and notes it.
+"""The hot loop of `characterize`: receives and records every sample.
 
 In a torque trial it is the vertical loop, with a `TorqueSource` as its controller. The node's main
-thread runs `step`; everything else is called by the experiment's thread, which hands over one
-object at a time and reads what comes back.
+thread runs `step`; the experiment's thread calls all other methods. The threads exchange single
+object references.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from screw_module_ros.nodes.support.topics import offered
 from .samples import Recording
 from .torque_source import Output, TorqueSource
 
-# Unlike a controller a recorder wants the samples that came while it was kept from running, too.
+# Unlike a controller, a recorder also needs the samples that arrived while it could not run.
 EVERY_SAMPLE = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=50,
@@ -36,13 +36,13 @@ EVERY_SAMPLE = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
 )
 _STATE_RATE = graph.TOPICS[graph.CONTROLLER_STATE].rate
-_LOOK_NS = 5_000_000  # between looks for samples that nobody waits for
+_LOOK_NS = 5_000_000  # period of polling without a torque trial
 _PASS_S = 2.0
 _IDLE_S = 0.05
 
 
 class LiveLoop:
-    """Encoder and force samples in, recordings out; in the controller's place also force commands.
+    """Records encoder and force samples; in the controller's place it also publishes commands.
 
     sample: the newest EncoderSample, None before the first.
     """
@@ -71,7 +71,7 @@ class LiveLoop:
     # Main thread ---------------------------------------------------------------------------
 
     def step(self) -> None:
-        """One pass: wait for samples, at most some periods, and do with them what is wanted."""
+        """One pass: wait for samples, at most some periods, record them, or run the torque loop."""
         if not self._awake.is_set():
             self._clock.idle()
             if not self._awake.wait(_IDLE_S):
@@ -135,27 +135,27 @@ class LiveLoop:
         self._outlets[1].publish(message)
 
     def close(self) -> None:
-        """Leave the topics; the loop no longer runs."""
+        """Remove the topics, after the loop has ended."""
         self._inbox.close()
         self._close_outlets()
 
     # The experiment's thread ---------------------------------------------------------------
 
     def wake(self) -> None:
-        """Take samples from now on."""
+        """Start receiving samples."""
         self.sample = None
         self._awake.set()
 
     def sleep(self) -> None:
-        """Take no more samples."""
+        """Stop receiving samples."""
         self._awake.clear()
 
     def record(self, recording: Recording | None) -> None:
-        """Note the samples from now on, None: no longer."""
+        """Record the samples from now on; None = stop recording."""
         self._recording = recording
 
     def take_place(self, watch: WatchSettings, period_ns: int) -> TorqueSource:
-        """Be the one who commands the amplifier, for now with zero; return the source to ask."""
+        """Command the amplifier in place of the controller, first with zero; return the source."""
         node, clock = self._node, self._clock
         self._outlets = (
             Outlet(node, clock, *offered(graph.FORCE_COMMAND)),
@@ -172,15 +172,15 @@ class LiveLoop:
         return source
 
     def halt(self) -> None:
-        """Ask for zero from the next sample on, and record no more."""
+        """Command zero from the next sample on, and stop recording."""
         if self._source is not None:
             self._source.halt()
         self._recording = None
 
     def leave_place(self) -> None:
-        """Send no more commands and give the topics back."""
+        """Stop sending commands and remove their publishers."""
         self._source = None
-        seen = self._passes  # two passes later the loop has surely seen it
+        seen = self._passes  # after two more passes the loop no longer uses the source
         self._clock.wait_for(lambda: self._passes >= seen + 2, _PASS_S)
         self._close_outlets()
 

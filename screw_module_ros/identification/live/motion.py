@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion trials on the live graph: the running law, set as the trial says, and put back."""
+"""Motion trials on the live graph, with the running law; its settings are restored afterwards."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
 _THESIS_FRICTION = "params/friction_thesis.yaml"
 _LIVE = {name for name, field in declared(VerticalSettings).items() if field.setting.live}
-_SAG = 0.05  # that a hand lets the handle sag [m]
+_SAG = 0.05  # largest sag of the handle in a hand [m]
 _CALM = 1e-3  # [m/s]
-_CALM_S, _SETTLE_S, _PATIENCE_S = 0.5, 1.5, 5.0
+_CALM_S, _SETTLE_S, _REST_LIMIT_S = 0.5, 1.5, 5.0
 _SPARE_S = 5.0
 
 
@@ -69,7 +69,7 @@ class Motion:
         self._found: dict[str, Any] = {}
 
     def trial(self, trial: MotionTrial, on_progress: OnProgress) -> Samples:
-        """Let the hand move. Raises NotPossible, RobotError, SamplesLost, Cancelled.
+        """Do a trial. Raises NotPossible, RobotError, SamplesLost, Cancelled.
 
         The caller switches the torque off.
         """
@@ -122,7 +122,7 @@ class Motion:
         return evenly(recording, experiment.rate)
 
     def _come_to_rest(self, trial: MotionTrial) -> None:
-        """Wait until the spring has faded in and the handle is calm; chatter is not waited out."""
+        """Wait until the spring has faded in and the handle is at rest, at most 5 s."""
         experiment = self._experiment
         experiment.say("waiting until the handle is at rest")
         experiment.robot.set_setpoint(z=trial.centre)
@@ -135,7 +135,7 @@ class Motion:
             calm = calm + 0.1 if abs(experiment.loop.sample.velocity) < _CALM else 0.0
             return calm >= _CALM_S
 
-        experiment.robot.met(at_rest, _PATIENCE_S)
+        experiment.robot.met(at_rest, _REST_LIMIT_S)  # a chattering handle never is
 
     # The controller ------------------------------------------------------------------------
 
@@ -146,7 +146,7 @@ class Motion:
         self._apply({**trial.settings._asdict(), "mode": trial.mode})
 
     def _apply(self, wanted: dict[str, Any]) -> None:
-        """Set what differs; what is fixed while the controller is active, with it cleaned up."""
+        """Set the parameters that differ; for those fixed in operation, clean the controller up."""
         robot = self._experiment.robot
         now = parameters(robot, CONTROLLER, wanted)
         fixed = {n: v for n, v in wanted.items() if n not in {*_LIVE, "mode"} and v != now[n]}
@@ -159,7 +159,7 @@ class Motion:
         set_parameters(robot, CONTROLLER, changed)
 
     def put_back(self) -> list[str]:
-        """Set the controller as it was found; return what could not be, as sentences."""
+        """Restore the controller's settings; return sentences about what could not be restored."""
         if not self._found:
             return []
         try:
@@ -172,7 +172,7 @@ class Motion:
             return [f"controller's settings not restored: {error}"]
         return [f"controller's settings not restored: {', '.join(wrong)}"] if wrong else []
 
-    # Calibrations: the graph's own, and a trial that wants another is refused ---------------
+    # Calibrations: only the graph's own; a trial with another one is refused ----------------
 
     def _fitting_linearization(self, trial: MotionTrial) -> Linearization | None:
         robot = self._experiment.robot
@@ -205,7 +205,7 @@ class Motion:
     def _commands(
         self, force: np.ndarray, linearization: Linearization | None, mode: int
     ) -> np.ndarray:
-        """Return forces asked for [N] as torque commands to the drive [Nm]."""
+        """Convert force commands [N] to torque commands of the drive [Nm]."""
         if mode == OFF:
             return np.zeros(len(force))
         names = CommandLimits._fields + Screw._fields + ("rated_torque",)

@@ -14,7 +14,7 @@ from screw_module_ros.operator.robot import Robot
 
 from .graph import topic_of
 
-_PATIENCE_S = 1800.0
+_CONFIRM_S = 1800.0
 _RETURN_S = 1.0
 _NEAR = 2e-4  # [m]
 
@@ -22,7 +22,7 @@ Say = Callable[[str], None]
 
 
 class OperatorFixture:
-    """Asks an operator, who calls `~/confirm` when it is done."""
+    """Requests actions of an operator, who confirms each with `~/confirm`."""
 
     simulated = False
 
@@ -38,11 +38,11 @@ class OperatorFixture:
         self._confirmed.clear()
         service = topic_of(self._robot, "characterize/confirm")
         self._say(f"PLEASE: {what}; then ros2 service call {service} std_srvs/srv/Trigger")
-        if not self._robot.met(self._confirmed.is_set, _PATIENCE_S):
-            raise RobotError(f"nobody confirmed within {_PATIENCE_S / 60:.0f} minutes: {what}")
+        if not self._robot.met(self._confirmed.is_set, _CONFIRM_S):
+            raise RobotError(f"nobody confirmed within {_CONFIRM_S / 60:.0f} minutes: {what}")
 
     def require(self, fixture: str) -> None:
-        """Have the mounting confirmed, once."""
+        """Request the mounting and its confirmation, once."""
         if self._mounted != fixture:
             self._ask({
                 "stage": "mount the positioning stage, lock pin out",
@@ -52,16 +52,16 @@ class OperatorFixture:
             self._mounted = fixture
 
     def unload(self) -> None:
-        """Have the handle let go."""
+        """Request the release of the handle."""
         self._ask("let go of the handle, or take it off the stage, and leave it at rest")
 
     def stage_at(self, height: float, upside_down: bool) -> None:
-        """Have the stage hold the handle at a height [m]."""
+        """Request the handle on the stage at a height [m]."""
         over = ", the module upside down" if upside_down else ", the module upright"
         self._ask(f"put the handle on the stage at {1e3 * height:.0f} mm{over}, at rest")
 
     def stage_hold(self) -> None:
-        """Have the stage take the handle as it hangs."""
+        """Request the connection of the handle to the stage at its present height."""
         self._ask("fix the handle to the stage as it hangs")
 
     def stage_go(self, speed: float, end: float) -> None:
@@ -84,7 +84,7 @@ class OperatorFixture:
         self._say("PLEASE: stop the stage")
 
     def hand_at(self, hand: Arm, centre: float) -> None:
-        """Have the handle held at a height [m]."""
+        """Request that the person holds the handle at a height [m]."""
         self._ask(f"hold the handle at rest at {1e3 * centre:.0f} mm")
 
     def hand_moves(self, trial: MotionTrial) -> None:
@@ -104,7 +104,7 @@ class OperatorFixture:
         return self._mounted
 
     def reload(self) -> None:
-        """Leave it to the operator: the next trial asks for what it needs."""
+        """Do nothing: the next trial requests its fixture."""
 
     def put_back(self) -> None:
         """Leave the mounting to the operator."""

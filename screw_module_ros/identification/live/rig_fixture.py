@@ -29,12 +29,12 @@ _SETTLE_S = 0.3
 _RETURN_S = 1.0
 _PLACING_SPEED = 0.1  # of the rig, carrying the handle [m/s]
 _THERE = 1e-4  # [m]
-_CREEP = 2e-3  # [m/s]; the bench waits for rest once the law is at work
-_SAG = 0.05  # that a hand lets the handle sag [m]
+_CREEP = 2e-3  # [m/s]; the bench waits for rest after the law has started
+_SAG = 0.05  # largest sag of the handle in a hand [m]
 _STILL = 1e-4  # [m/s]
 _TRAVEL = 0.36  # [m]
 _ACCELERATION = 2.0  # of the rig's stage [m/s^2]
-_LONGEST_WAY = 1000  # positions kept to tell when the stage began
+_LONGEST_WAY = 1000  # stored positions, from which the stage's start is computed
 _NAN = math.nan
 
 
@@ -50,7 +50,7 @@ class RigFixture:
         self._found: SimTruth | None = None
         self._upside_down = False
         self._speed, self._begin = 0.0, 0.0
-        self._way: list[tuple[int, float]] = []  # when [ns since the epoch] the stage was where
+        self._way: list[tuple[int, float]] = []  # times [ns since the epoch] and heights [m]
         self._inbox = Inbox(robot.node, robot.clock)
         self._take = self._inbox.subscribe(*offered(graph.TRUTH))
 
@@ -73,7 +73,7 @@ class RigFixture:
         return self._truth is not None and now_ns - self._heard_ns < _FRESH_NS
 
     def require(self, fixture: str) -> None:
-        """Raise NotPossible with the way out when the rig is mounted otherwise."""
+        """Raise NotPossible, with the way out, unless the rig has this fixture."""
         truth = self.truth()
         service = topic_of(self._robot, "sim_rig/set_fixture")
         call = f"ros2 service call {service} screw_module_msgs/srv/SetFixture"
@@ -131,7 +131,7 @@ class RigFixture:
         self._robot.pause(_SETTLE_S)
 
     def stage_go(self, speed: float, end: float) -> None:
-        """Run; the stage itself goes on to the end of the travel."""
+        """Start the stage, which itself moves on to the end of the travel."""
         self._speed, self._begin = speed, self.truth().handle_position
         self._way = []
         self._fix("stage", speed=speed)
@@ -142,7 +142,7 @@ class RigFixture:
         return way * (self.truth().handle_position - end) > -0.1 * _THERE
 
     def stage_began_ns(self) -> float | None:
-        """Return when it began to move, by where the stage showed to be on the way."""
+        """Return the time at which it began to move [ns], extrapolated from its positions."""
         speed = abs(self._speed)
         begun = [
             at - 1e9 * (abs(height - self._begin) / speed + 0.5 * speed / _ACCELERATION)
@@ -159,7 +159,7 @@ class RigFixture:
         self._robot.pause(_SETTLE_S)
 
     def hand_at(self, hand: Arm, centre: float) -> None:
-        """Carry the handle to the centre [m], where the hand takes hold of it and rests."""
+        """Carry the handle to the centre [m], where the hand holds it at rest."""
         way = abs(self.truth().handle_position - centre)
         self._fix("human_arm", position=centre)
         self._robot.set_arm(arm(kind="active", **hand._asdict()))
@@ -183,7 +183,7 @@ class RigFixture:
         self._robot.pause(_RETURN_S + _SETTLE_S)
 
     def reload(self) -> None:
-        """Pin out, and back to what held the handle."""
+        """Remove the pin and restore the former fixture."""
         if self._found.fixture == "human_arm":
             height = min(max(self.truth().handle_position, 0.0), _TRAVEL)
             self._fix("human_arm", position=height)  # takes the virtual hand there as well
@@ -192,7 +192,7 @@ class RigFixture:
         self._robot.pause(_SETTLE_S)
 
     def put_back(self) -> None:
-        """Mount the handle as it was found, at rest where it is."""
+        """Restore the former mounting, at rest at the present height."""
         if self._found is not None:
             self._upside_down = self._found.upside_down
             self.reload()

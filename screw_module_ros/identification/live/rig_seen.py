@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the module to be moved is the simulated one, found out on its bus.
+"""Detects on the bus whether the module is the simulated one.
 
-If it is, no operator has to confirm that hands are away and the stage is mounted. A node that calls
-itself `sim_rig` proves nothing: anybody can start one beside a real robot.
+If it is, no operator must confirm that hands are away and the stage is mounted. A node with the
+name `sim_rig` proves nothing: it can also run beside a real robot.
 """
 
 from __future__ import annotations
@@ -31,12 +31,11 @@ class RigBusSettings(NamedTuple):
 
 
 def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
-    """Return whether the simulated encoder is seen to answer.
+    """Return whether the simulated encoder answers.
 
-    In simulated time: the process that moves it, on this machine, has answered on a bus, and a
-    driver on real hardware refuses simulated time. By wall clock: positions come on `bus`, which
-    must be the one that `encoder` works on and one that no hardware is on and no other machine
-    reaches.
+    In simulated time: the rig's process on this machine has answered on a bus; a driver on real
+    hardware refuses simulated time. By wall clock: positions arrive on `bus`, which must be the bus
+    of the node `encoder` and an interface without hardware and without other machines.
     """
     if robot.clock.simulated:
         page = robot.clock.page
@@ -61,7 +60,7 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
 
 
 def _hears(settings: BusSettings, identifier: int) -> bool:
-    """Listen whether frames of an identifier come again and again."""
+    """Return whether frames of an identifier arrive repeatedly."""
     try:
         bus = open_bus(settings._replace(sync_producer=False))
     except BusError:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the live bench records, and how numbered samples become evenly spaced ones; no ROS here.
+"""Recordings of the live bench, and their conversion to evenly spaced samples; no ROS here.
 
-Encoder, force sensor and force commands are three streams numbered by the same ticks. They are
-noted as they come, joined by tick afterwards, and ticks that were lost on the way are bridged, up
-to a limit above which the trial is worth nothing.
+Encoder, force sensor and force commands are three streams with the same tick numbers. They are
+recorded on arrival and joined by tick afterwards. Lost ticks are interpolated up to a limit; above
+it the trial is invalid.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 
 from screw_module_ros.identification.trials import Samples
 
-LONGEST_GAP = 0.05  # [s] bridged between two samples of a stream
+LONGEST_GAP = 0.05  # [s] interpolated between two samples of a stream
 LARGEST_LOSS = 0.05  # share of the ticks that may be missing
 _FZ, _TZ = 2, 5  # columns
 _ROUND = 2**32  # tick numbers start again here
 
 
 class SamplesLost(RuntimeError):
-    """Too many samples never arrived; the message says of what and how many."""
+    """Too many samples are missing; the message names the stream and their share."""
 
 
 class Stream:
@@ -41,7 +41,7 @@ class Stream:
             self._sequence[row] = sequence
             self._stamp[row] = monotonic_ns
             self._values[row] = values
-            self.count = row + 1  # last: another thread reads what is below it
+            self.count = row + 1  # last: another thread reads the rows below it
 
     @property
     def values(self) -> np.ndarray:
@@ -70,8 +70,8 @@ class Recording:
     """Room for `ticks` encoder samples and what belongs to them.
 
     encoder: position [m], velocity [m/s]; force: fx, fy, fz [N], tx, ty, tz [Nm]; command: force
-    asked of the amplifier [N] in answer to the encoder sample of its number; mark: tick the
-    excitation began with, None = not yet.
+    command [N] for the encoder sample of the same number; mark: first tick of the excitation, None
+    before.
     """
 
     def __init__(self, ticks: int):
@@ -140,10 +140,9 @@ class Zero(NamedTuple):
 def evenly(recording: Recording, rate: float) -> Track:
     """Return the recording at every tick of `rate` [1/s] that both sensors cover.
 
-    Ticks come a little late, now more, now less: values are taken at even times by straight lines
-    between the samples' own, so that a moving handle does not seem to tremble; the force command
-    goes by tick and stays until the next. Raises SamplesLost when a gap is longer than LONGEST_GAP
-    or more than LARGEST_LOSS of the ticks are missing.
+    Ticks have jitter: values are interpolated linearly to even times, so that a moving handle shows
+    no false tremor; a force command holds from its tick to the next. Raises SamplesLost if a gap is
+    longer than LONGEST_GAP or more than LARGEST_LOSS of the ticks are missing.
     """
     origin = recording.encoder.origin()
     recording.force.origin()
@@ -151,7 +150,7 @@ def evenly(recording: Recording, rate: float) -> Track:
     force_ticks, force_stamps, force = recording.force.by_tick(origin)
     first, last = max(ticks[0], force_ticks[0]), min(ticks[-1], force_ticks[-1])
     if last <= first:
-        raise SamplesLost("encoder and force sensor were never heard at one time")
+        raise SamplesLost("encoder and force sensor have no common interval")
     for name, there in (("encoder", ticks), ("force sensor", force_ticks)):
         _check_losses(name, there[(there >= first) & (there <= last)], rate)
     grid, start_ns = np.arange(first, last + 1), stamps[0]
@@ -188,16 +187,16 @@ def _held(command: Stream, origin: int, grid: np.ndarray) -> np.ndarray:
 
 
 def zero_of(recording: Recording) -> Zero:
-    """Return the mean of what the transducer showed. Raises SamplesLost without samples."""
+    """Return the mean reading of the transducer. Raises SamplesLost without samples."""
     recording.force.origin()
     mean = recording.force.values.mean(axis=0)
     return Zero(recording.force.middle_ns, tuple(mean.tolist()))
 
 
 def samples_of(track: Track, rate: float, before: Zero, after: Zero) -> Samples:
-    """Return the samples of a trial, the straight line between the two zeros taken off.
+    """Return the samples of a trial minus the straight line between the two zeros.
 
-    `command` is left as it was recorded; the current is not measured.
+    `command` is unchanged; the current is not measured.
     """
     time = np.arange(len(track.position)) / rate
     share = (track.begin_ns - before.at_ns + time * 1e9) / (after.at_ns - before.at_ns)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""In the place of `impedance_controller`, for torque trials, and everything put back afterwards.
+"""Replaces `impedance_controller` for torque trials, and restores it afterwards.
 
-The amplifier accepts one commanding node only, and the supervisor requires a controller. So the
-controller is cleaned up, which takes its publishers out of the graph, `characterize` publishes in
-its stead, and the amplifier is configured again without its linearization and with limits of the
-force and of its rate wide enough. Giving back verifies every step; what could not be put back is
-said.
+The amplifier accepts only one commanding node, and the supervisor requires a controller. So the
+controller is cleaned up, which removes its publishers, `characterize` publishes instead, and the
+amplifier is configured without its linearization and with wider limits of force and force rate. The
+restoration verifies every step and reports what it could not restore.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ _FASTEST = 1e6  # [N/s]: a locked rotor may have any sine
 
 
 class Takeover:
-    """The controller's place. source: answers the samples while it is held, None before."""
+    """Replacement of the controller. source: computes the commands meanwhile, else None."""
 
     def __init__(self, robot: Robot, loop: LiveLoop):
         self.source: TorqueSource | None = None
@@ -51,16 +50,16 @@ class Takeover:
         self._begun = False
 
     def take(self, peak: float, watch: WatchSettings, period_ns: int) -> TorqueSource:
-        """Take the place for torque commands up to `peak` [Nm]; return the source.
+        """Replace the controller for torque commands up to `peak` [Nm]; return the source.
 
-        Raises NotPossible when the robot is not in a state to take it from, RobotError when a step
-        fails; `give_back` undoes what was done until then.
+        Raises NotPossible if the robot's state does not permit it, RobotError if a step fails;
+        `give_back` undoes the steps so far.
         """
         force = torque_to_force(peak)
         if force > LARGEST_FORCE:
             largest = peak * LARGEST_FORCE / force
             raise NotPossible(
-                f"a torque command of {peak:.3f} Nm: the amplifier believes no more than "
+                f"a torque command of {peak:.3f} Nm: the amplifier accepts at most "
                 f"{largest:.3f} Nm ({LARGEST_FORCE:g} N)"
             )
         if self._begun and min(self._limits()) >= force:
@@ -114,11 +113,11 @@ class Takeover:
 
         if self._robot.met(ready, 1.0):
             return
-        self._robot.clear_amplifier()  # of its own restart on a busy machine
+        self._robot.clear_amplifier()  # a restart on a busy machine can latch a fault
         self._robot.wait_until(ready, _ANSWER_S, "the amplifier did not come back without fault")
 
     def give_back(self) -> list[str]:
-        """Put back what `take` changed; return what could not be, as sentences."""
+        """Undo `take`; return sentences about what could not be restored."""
         if not self._begun:
             return []
         left: list[str] = []
@@ -147,7 +146,7 @@ class Takeover:
 
 
 def check_disabled(robot: Robot) -> None:
-    """Raise NotPossible with the way out unless the amplifier says that no torque passes."""
+    """Raise NotPossible, with the way out, unless the amplifier reports that it is disabled."""
     if not robot.met(lambda: robot.state(AmplifierState) is not None, _ANSWER_S):
         raise NotPossible("the amplifier is silent: start and activate it first")
     if robot.newest(AmplifierState).enabled:
@@ -155,7 +154,7 @@ def check_disabled(robot: Robot) -> None:
 
 
 def check_not_stopped(robot: Robot) -> None:
-    """Raise NotPossible with the way out when the supervisor has stopped the robot."""
+    """Raise NotPossible, with the way out, if the supervisor has stopped the robot."""
     if not robot.met(lambda: robot.state(SafetyState) is not None, _ANSWER_S):
         raise NotPossible("the supervisor is silent: start and activate it first")
     state = robot.state(SafetyState)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The excitation of the locked rotor, one answer per encoder sample; zero whenever in doubt.
+"""The excitation of the locked rotor, one command per encoder sample; zero in case of a fault.
 
-What stands in the controller's place during a torque trial. No ROS here.
+It replaces the controller during a torque trial. No ROS here.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.samples import sequence_gap
 
 LARGEST_MOVE = 0.001
-"""A locked rotor does not turn: further than this [m at the nut] the torque goes off."""
+"""Limit of a locked rotor's motion [m at the nut], at which the torque goes off."""
 
 
 class Sine(NamedTuple):
     """A sine of motor torque: amplitude [Nm], frequency [Hz], ticks it lasts, ticks a second.
 
-    linearization: undoes the amplifier's dead zone, None = the command goes out as it is.
+    linearization: compensates the amplifier's dead zone, None = no compensation.
     """
 
     amplitude: float
@@ -47,7 +47,7 @@ class Sine(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Force asked of the amplifier [N]."""
+    """Force command to the amplifier [N]."""
 
     force: float
 
@@ -55,9 +55,9 @@ class Output(NamedTuple):
 class TorqueSource:
     """The controller of the vertical loop in a torque trial. All times are passed in [ns].
 
-    fault: latched reason for zero, empty while all is well. out: the last force [N]. answered: the
-    newest sample acted upon, None before the first. `begin`, `halt` and `clear` are for another
-    thread: each sets one reference, which the loop reads once per sample.
+    fault: latched reason of zero force, empty without a fault. out: the last force [N]. answered:
+    the newest used sample, None before the first. Another thread may call `begin`, `halt` and
+    `clear`: each sets one reference, which the loop reads once per sample.
     """
 
     mode = OFF
@@ -73,21 +73,21 @@ class TorqueSource:
         self._first: tuple[Sine, int, float] | None = None  # sine, its first tick, height then
 
     def begin(self, sine: Sine, begun: Callable[[int], None]) -> None:
-        """Answer from the next sample on with this sine; `begun` gets that sample's number."""
+        """Start this sine with the next sample; `begun` gets that sample's number."""
         self._begun = begun
         self._sine = sine
 
     @property
     def busy(self) -> bool:
-        """Whether a sine is being played or about to begin."""
+        """Whether a sine is running or about to start."""
         return self._sine is not None
 
     def halt(self) -> None:
-        """Answer with zero from now on."""
+        """Command zero from now on."""
         self._sine = None
 
     def clear(self) -> None:
-        """Forget the latched fault, nothing seen; only with the torque off."""
+        """Clear the latched fault and the watch; only with the torque off."""
         self._sine = self._first = None
         self._watch = VerticalWatch(self._watch_settings, self._period_ns)
         self.fault = ""
@@ -97,7 +97,7 @@ class TorqueSource:
         self._watch.force(sample, now_ns)
 
     def on_encoder(self, sample: EncoderLike, now_ns: int) -> Output | None:
-        """Return the force in answer to a sample, None when it is not to be acted upon."""
+        """Return the force for a sample, None if the watch rejects the sample."""
         if not self._watch.encoder(sample, now_ns):
             return None
         self.answered = sample
@@ -105,7 +105,7 @@ class TorqueSource:
         return Output(self.out)
 
     def idle(self, now_ns: int) -> Output | None:
-        """Return the zero to send when samples fail to come while a force is out, else None."""
+        """Return a zero command if samples are missing while a force acts, else None."""
         if self.out == 0.0:
             return None
         self._doubt(self._watch.check(now_ns))

@@ -72,7 +72,7 @@ def stage_trial(experiment: Experiment, trial: StageTrial, on_progress: OnProgre
 
 
 def _first_moved(track: Track) -> int:
-    """Return the row at which the nut begins to move, 0 when it never does."""
+    """Return the row at which the nut begins to move, 0 without motion."""
     moved = np.abs(track.position - track.position[0]) > _MOVED
     return max(0, int(np.argmax(moved)) - 1)
 
@@ -107,7 +107,7 @@ def torque_trial(
 
 
 def _sine(experiment: Experiment, trial: TorqueTrial) -> Sine:
-    """Return the sine as ticks. Raises NotPossible when the graph cannot play it."""
+    """Return the sine in ticks. Raises NotPossible if the graph cannot generate it."""
     rate = experiment.rate
     if trial.rate not in (0.0, rate):
         raise NotPossible(
@@ -121,8 +121,8 @@ def _sine(experiment: Experiment, trial: TorqueTrial) -> Sine:
         )
     if trial.amplitude > LARGEST_TORQUE:
         raise NotPossible(
-            f"{trial.amplitude:g} Nm: the motor bears {LARGEST_TORQUE:g} Nm for longer (thesis "
-            "3.1.6); ask for less"
+            f"amplitude {trial.amplitude:g} Nm exceeds the motor's continuous torque of "
+            f"{LARGEST_TORQUE:g} Nm (thesis 3.1.6): choose a smaller one"
         )
     ticks = round(trial.duration * rate)
     return Sine(trial.amplitude, trial.frequency, ticks, rate, trial.linearization)
@@ -140,7 +140,7 @@ def _played(
         experiment.check_enabled()
         state = experiment.robot.state(AmplifierState)
         if state is not None and state.saturated:
-            raise RobotError("the amplifier limits the torque: the sine is no longer one")
+            raise RobotError("the amplifier limits the torque: the sine is distorted")
         on_elapsed(elapsed)
 
     recording = experiment.recording(trial.duration + _SPARE_S)
@@ -156,12 +156,12 @@ def _played(
     experiment.loop.record(None)
     track = evenly(recording, experiment.rate)
     if recording.mark is None:
-        raise RobotError("not one sample was answered")
+        raise RobotError("the excitation did not start: no sample was used")
     begin = track.row_of(recording.mark)
     return track.cut(begin, begin + sine.ticks, experiment.rate)
 
 
 def _as_torque(track: Track, rated: float) -> Track:
-    """Return the track with the command as the drive gets it: per mille of the rated torque."""
+    """Return the track with the drive's command [Nm], in steps of a per mille of rated torque."""
     torque = force_to_torque(track.command)
     return track._replace(command=np.round(torque / rated * 1000.0) * rated * 1e-3)

@@ -28,7 +28,7 @@ _NARROWEST = 110  # columns where the output goes into a file
     "--folder",
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("reproduction_output"),
-    help="Where results, figures and the page go; what is finished there is taken up again.",
+    help="Output folder; results finished there by an earlier run are reused.",
 )
 @click.option("--seeds", default=5, type=click.IntRange(0, 100), help="Perturbed modules.")
 @click.option("--first-seed", default=1, type=click.IntRange(0), help="The first one's seed.")
@@ -38,7 +38,7 @@ _NARROWEST = 110  # columns where the output goes into a file
 @click.option(
     "--plant", type=click.Path(exists=True, dir_okay=False, path_type=Path), help="Plant file."
 )
-@click.option("--fresh", is_flag=True, help="Begin anew: remove what is in the folder.")
+@click.option("--fresh", is_flag=True, help="Remove the results in the folder first.")
 @click.option("--workers", type=click.IntRange(1), help="Processes; by default one per core.")
 @click.option("--strict", is_flag=True, help="Exit with 3 on a miss without a reason.")
 def command(
@@ -66,10 +66,10 @@ def command(
         with console.status("drawing and writing the page"):
             report = write_page(folder, modules, time.monotonic() - begun)
     except KeyboardInterrupt:
-        console.print(f"[bold red]stopped[/]; what is finished lies in {folder}: run it again")
+        console.print(f"[bold red]stopped[/]; finished results are in {folder}: run it again")
         sys.exit(130)
     except (PlantFileError, OSError) as error:
-        console.print(f"[bold red]reproduce did not work: {error}[/]", soft_wrap=True)
+        console.print(f"[bold red]reproduce failed: {error}[/]", soft_wrap=True)
         sys.exit(1)
     console.print(*report.tables(), sep="\n")
     console.print(f"All in {time.monotonic() - begun:.0f} s. The report: {report.page}")
@@ -78,7 +78,7 @@ def command(
 
 
 def _remove_own(folder: Path) -> None:
-    """Remove what this command writes, nothing else that lies in the folder."""
+    """Remove only this command's own output from the folder."""
     for name in (*folder.glob("seed_*"), folder / "thesis", folder / "figures"):
         if name.is_dir():
             shutil.rmtree(name)
@@ -86,7 +86,7 @@ def _remove_own(folder: Path) -> None:
 
 @contextmanager
 def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnProgress]:
-    """Show a bar for the module's experiment and one for everything."""
+    """Show progress bars of the current experiment and of the whole run."""
     first = len(only or EXPERIMENTS)
     total = first + seeds * len(only or ON_EVERY_MODULE)
     columns = (

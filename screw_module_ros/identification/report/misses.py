@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that is not as it should be, in sentences: none is hidden."""
+"""All misses as sentences: failures, values not recovered, differences from the thesis."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from .words import like, value_text
 
 
 class Miss(NamedTuple):
-    """One miss. serious: something wanted is not there; else the thesis differs, and why is known.
-    """
+    """One miss. serious: a criterion failed; else an explained difference from the thesis."""
 
     text: str
     serious: bool

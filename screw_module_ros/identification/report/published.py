@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thesis's figures, where each stands, and how near ours must come to agree.
+"""The thesis's figures, with their places and the tolerances of the comparison.
 
-Tolerances are the thesis's own scatter where it gives one, what can be read off a plot where it
-does not, or the deliberate difference of the plant. `why` is what explains a difference.
+A tolerance is the thesis's own scatter if printed, else the reading accuracy of a plot, or the
+effect of a deliberate difference of the plant.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import NamedTuple
 class Published(NamedTuple):
     """One figure of the thesis.
 
-    value: in the quantity's unit; where: section or figure; near: a difference up to this counts as
-    agreement; why: what explains a larger one.
+    value: in the quantity's unit; where: section or figure; near: largest difference that counts as
+    agreement; why: explanation of a larger difference.
     """
 
     experiment: str
@@ -27,16 +27,16 @@ class Published(NamedTuple):
 
 _DELAY = (
     "the loop in process has the 325 us of Table 3.1; the thesis found 150, 254, 325 and 400 us by "
-    "four ways, and says that less than a sample (500 us) cannot be told"
+    "four methods, and states that less than a sample (500 us) cannot be resolved"
 )
 _WITH = (
-    "the assumed friction of the handle's own guide calms the nut in its play: chatter sets in "
+    "the assumed friction of the handle's guide damps the nut in its play: chatter begins "
     "above 11.2 with 0.3 N of it, above 8.5 with 0.1 N, above 7.5 without"
 )
 _WITHOUT = (
-    "the thesis's 50 is where its simulation would still not have grown; here lasting chatter of "
-    "0.2 N rms counts, which sampling, the delay of 350 us, the 30 Hz force filter and the "
-    "contact's stiffness make at a third of it; up to 50 it stays bounded, about 1 N rms"
+    "at the thesis's 50 its simulation was not unstable; here the criterion is lasting chatter of "
+    "0.2 N rms, which sampling, the delay of 350 us, the 30 Hz force filter and the contact's "
+    "stiffness cause at a third of that gain; up to 50 it stays bounded, about 1 N rms"
 )
 _GEOMETRY = "Table 5.1's screw and appendix A's inertia do not fit one bar of the measured diameter"
 

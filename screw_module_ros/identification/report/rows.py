@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the thesis published, what identification must recover, and whether ours does."""
+"""Comparison with the thesis's figures, and criteria of the identification."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .truth import true_mass, true_weight
 from .words import like
 
 LOOSE = 0.3
-"""Share of a figure beyond which a tolerance no longer lets it agree, only be compatible."""
+"""With a tolerance above this share of the figure, a match counts as compatible only."""
 
 
 class Compared(NamedTuple):
@@ -30,12 +30,12 @@ class Compared(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference is as small as it should be."""
+        """Whether the difference is within the tolerance."""
         return abs(self.difference) <= self.published.near * (1.0 + 1e-9)
 
     @property
     def verdict(self) -> str:
-        """What the table says: a tolerance wider than `LOOSE` of the figure shows little."""
+        """Verdict of the table: missed, differs, compatible (see `LOOSE`) or agrees."""
         if self.ours is None:
             return "missed"
         if not self.agrees:
@@ -45,7 +45,7 @@ class Compared(NamedTuple):
 
 
 class Criterion(NamedTuple):
-    """One thing that identification must achieve on a simulated module.
+    """One criterion of the identification of a simulated module.
 
     truth: the module's hidden value, None for a share or a correlation that must reach `limit`;
     limit: largest difference from the truth, in the unit, or as a share of the truth (relative).
@@ -59,7 +59,7 @@ class Criterion(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """Something wanted, and what was found. truth: NaN where there is none."""
+    """A criterion and our quantity. truth: NaN if the criterion has none."""
 
     wanted: Criterion
     ours: Quantity | None
@@ -67,7 +67,7 @@ class Checked(NamedTuple):
 
     @property
     def met(self) -> bool:
-        """Whether what was wanted is there."""
+        """Whether the criterion is met."""
         if self.ours is None:
             return False
         if self.wanted.truth is None:
@@ -77,7 +77,7 @@ class Checked(NamedTuple):
 
     @property
     def limit_text(self) -> str:
-        """What was wanted, for a table."""
+        """The criterion as text for a table."""
         if self.wanted.truth is None:
             return f"at least {self.wanted.limit:g}"
         if self.wanted.relative:
@@ -109,7 +109,7 @@ half a sample; the others are ours."""
 
 
 def compared(module: Module) -> list[Compared]:
-    """Return the thesis's figures beside those found on a module, of the experiments it had."""
+    """Return the thesis's figures beside a module's, for the experiments done on it."""
     return [
         Compared(row, _found(module, row.experiment, row.quantity))
         for row in PUBLISHED
@@ -118,7 +118,7 @@ def compared(module: Module) -> list[Compared]:
 
 
 def checked(module: Module) -> list[Checked]:
-    """Return what was wanted of those experiments that the module was put through."""
+    """Return the criteria of the experiments done on a module, with the results."""
     rows = []
     for wanted in WANTED:
         if wanted.experiment in module.outcomes:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the experiments on the thesis's module and on modules that a seed has perturbed."""
+"""Runs the experiments on the thesis's module and on modules perturbed by seed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ON_EVERY_MODULE = (
     "robustness",
     "calibration",
 )
-"""What closes the loop: run on each perturbed module; all experiments run on the thesis's."""
+"""Experiments on each perturbed module; the thesis's module gets all experiments."""
 
 _SOURCES = Path(__file__).resolve().parents[2]
 _MADE_OF = ("plant", "control", "identification", "filters.py", "geometry.py")
@@ -37,7 +37,7 @@ _ONLY_SHOWN = ("figures", "report")
 
 
 class Outcome(NamedTuple):
-    """What became of one experiment: its result, or why there is none; seconds it took."""
+    """Outcome of one experiment: its result or the failure; seconds: duration [s]."""
 
     result: Result | None
     failure: str
@@ -45,7 +45,7 @@ class Outcome(NamedTuple):
 
 
 class Module(NamedTuple):
-    """One module and what was found on it. seed: None = the thesis's; folder: its results."""
+    """One module and its outcomes. seed: None = the thesis's module; folder: of the results."""
 
     seed: int | None
     world: WorldSettings
@@ -71,10 +71,10 @@ def examine(
     experiments: Sequence[str] = (),
     plant: Path | None = None,
 ) -> Module:
-    """Run experiments on one module; what an earlier run finished there is taken up again.
+    """Run experiments on one module, reusing finished parts of an earlier run.
 
     experiments: by name, in the catalogue's order; none = all for the thesis's module, those of
-    `ON_EVERY_MODULE` for another. An experiment that fails is noted and the others go on.
+    `ON_EVERY_MODULE` for another. After a failed experiment the others continue.
     Raises Cancelled, PlantFileError.
     """
     world = load_world(plant, seed)
@@ -111,12 +111,12 @@ def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
 
 
 def serial_of(module: str) -> str:
-    """Return the serial number under which a simulated module's calibration is written."""
+    """Return the serial number of a simulated module's calibration."""
     return "SIM-0001" if module == "thesis" else f"SIM-{module}"
 
 
 def fingerprint_of_sources() -> str:
-    """Return a digest of everything that decides what an experiment gives but its settings."""
+    """Return a digest of all sources and files that determine an experiment's result."""
     digest = hashlib.sha256()
     for name in _MADE_OF:
         path = _SOURCES / name

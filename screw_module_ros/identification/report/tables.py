@@ -26,7 +26,7 @@ CLOSING_HEAD = ("module", "PD", "thesis's model", "identified", "ratio", "with f
 
 
 def compared_rows(rows: Iterable[Compared], brief: bool = False) -> list[tuple[str, ...]]:
-    """Return the cells of the table of the thesis's figures and ours; brief: names for texts."""
+    """Return the cells of the table of the thesis's figures and ours; brief: names, no texts."""
     cells = []
     for row in rows:
         p = row.published
@@ -65,7 +65,7 @@ def checked_rows(rows: Iterable[Checked], brief: bool = False) -> list[tuple[str
 
 
 def closing_row(module: Module) -> tuple[str, ...] | None:
-    """Return what feed-forward gives on a module with either model, None when not measured."""
+    """Return the offsets of feed-forward on a module with both models, None if not measured."""
     result = module.result("compensation")
     if result is None:
         return None
@@ -96,19 +96,19 @@ def robustness_rows(modules: Iterable[Module]) -> list[tuple[str, ...]]:
 
 
 def robustness_head(modules: Iterable[Module]) -> tuple[str, ...]:
-    """Return the head of that table, with the cases that were measured."""
+    """Return the head of the robustness table, with the measured cases."""
     found = (module.result("robustness") for module in modules)
     cases = next((result.settings["cases"] for result in found if result), ())
     return ("module", "mode", *cases)
 
 
 def module_name(module: Module) -> str:
-    """Return what the tables call a module."""
+    """Return a module's name in the tables."""
     return "the thesis's" if module.seed is None else f"seed {module.seed}"
 
 
 def _label(quantity: Quantity, brief: bool) -> str:
-    """Return what a table calls a quantity; what the thesis says has a column of its own."""
+    """Return a quantity's label, without the thesis's value, which has its own column."""
     if brief:
         return quantity.name
     return f"*{quantity.name}*: {_THESIS_SAYS.sub('', quantity.text)}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What identification cannot see: the simulated module's own values, for the report alone."""
+"""True values of the simulated module, for the report only; the identification never uses them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from ...plant.settings import WorldSettings
 
 
 def true_weight(world: WorldSettings) -> float:
-    """Return the weight of what moves up and down [N]."""
+    """Return the weight of the vertically moving parts [N]."""
     return world.vertical.moving_mass * world.vertical.gravity
 
 
 def true_mass(world: WorldSettings) -> float:
-    """Return the mass that a hand at the handle moves [kg]."""
+    """Return the mass felt at the handle [kg]."""
     return world.vertical.moving_mass + world.vertical.turning_mass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values as people write them."""
+"""Formats values for tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..results import Quantity
 
 
 def value_text(quantity: Quantity) -> str:
-    """Return value, uncertainty and unit as people write them."""
+    """Return value, uncertainty and unit as text."""
     times, unit = scaled(quantity.value, quantity.unit)
     value, spread = quantity.value * times, quantity.uncertainty * times
     if math.isnan(spread) or spread <= 0.0 or not math.isfinite(value):
@@ -21,7 +21,7 @@ def value_text(quantity: Quantity) -> str:
 
 
 def scaled(value: float, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which a value is read most easily."""
+    """Return the factor and the unit of the most readable form of a value."""
     if unit == "s" and abs(value) < 1e-2:
         return 1e6, "us"
     if unit in ("m", "m/s") and abs(value) < 0.5:
@@ -30,10 +30,10 @@ def scaled(value: float, unit: str) -> tuple[float, str]:
 
 
 def number(value: float) -> str:
-    """Return a value with as many digits as a table needs."""
+    """Return a value with the digits of a table."""
     return f"{value:.6g}" if abs(value) < 10.0 and abs(value - 1.0) < 0.01 else f"{value:.4g}"
 
 
 def like(quantity: Quantity, value: float) -> str:
-    """Return another value of the same quantity, without uncertainty."""
+    """Return another value of a quantity as text, without uncertainty."""
     return value_text(quantity._replace(value=value, uncertainty=math.nan))

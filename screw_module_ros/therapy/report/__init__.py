@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A patient's sessions on one page, as HTML and as PDF; it describes and claims no benefit."""
+"""A report of a patient's sessions as HTML and PDF; it describes and claims no benefit."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the report shows of recorded sessions: paths per target, figures over trials, words."""
+"""Content of the report of recorded sessions: paths per target, figures over trials, texts."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from ..session import ABORTED, FINISHED, PAUSED
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
 COMPARED = SHOWN[:-1]
-"""Those of which blocks without assistance are compared: the robot's share says nothing there."""
+"""Figures for the comparison of blocks without assistance, where the share has no meaning."""
 OTHERS = {
     CIRCLE: ("independence", "size", "log_jerk"),
     HOLD: ("hold_deviation",),
     RESISTED: ("pm4",),
     STRENGTH: ("largest_force", "largest_vertical_force"),
 }
-"""Figures of trials that are no reaches, by their kind."""
+"""Figures of the other kinds of trials."""
 _NS = 1e-9
 _SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
 
 
 class Path(NamedTuple):
-    """One reach of the hand: axes that count, shape (samples, axes) [m].
+    """One reach of the hand; points: on the axes of the protocol, shape (samples, axes) [m].
 
-    late: among the last third of those with assistance, or of those without.
+    late: in the last third of the reaches with the same assistance (with or without).
     """
 
     points: np.ndarray
@@ -47,7 +47,7 @@ class Path(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """One session in a row of the table: all as text."""
+    """One session as a row of the table, as text."""
 
     date: str
     protocol: str
@@ -66,10 +66,7 @@ def reaches(recorded: Recorded) -> list[dict[str, Any]]:
 
 
 def outward_paths(recorded: Recorded) -> list[Path]:
-    """Return the paths of all reaches away from the centre, from the target's showing to the end.
-
-    The last third of those with assistance counts as late, and of those without.
-    """
+    """Return the paths of all outward reaches, from the display of the target to the end."""
     axes = AXES[recorded.protocol.space]
     rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
     at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
@@ -95,7 +92,7 @@ def _near(one: Sequence[float], other: Sequence[float], axes: Iterable[int]) -> 
 
 
 def values(rows: Sequence[dict[str, Any]], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return trial numbers and a figure in the unit of its definition, without those without."""
+    """Return trial numbers and a figure in the unit of its definition, without NaN."""
     factor = DEFINITIONS[name].factor
     kept = [(row["trial"], row[name] * factor) for row in rows if math.isfinite(row[name])]
     numbers, found = zip(*kept, strict=True) if kept else ((), ())
@@ -117,14 +114,14 @@ class Compared(NamedTuple):
     last: list[dict[str, Any]]
 
     def effect(self, name: str) -> float:
-        """Return the effect size of a figure's change, NaN where it cannot be told."""
+        """Return the effect size of a figure's change, NaN if it is undefined."""
         return effect_size(*(values(rows, name)[1].tolist() for rows in (self.first, self.last)))
 
 
 def compared(sessions: Sequence[Recorded]) -> Compared | None:
-    """Return the blocks to compare: of the latest session and of the first of its protocol.
+    """Return the blocks to compare, from the latest session and the first one with its protocol.
 
-    None where there is but one block.
+    None with fewer than two blocks.
     """
     latest = sessions[-1]
     same = [s for s in sessions if s.protocol.blocks == latest.protocol.blocks]
@@ -162,7 +159,7 @@ def summary(recorded: Recorded) -> Summary:
 
 
 def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
-    """Return (block's title, name of a figure, median in its unit) of what is not a reach."""
+    """Return (block's title, name of a figure, median in its unit) of the other tests."""
     found = []
     for number, block in enumerate(recorded.protocol.blocks, 1):
         rows = [row for row in recorded.trials if row["block"] == number]

@@ -21,7 +21,7 @@ from .content import SHOWN, Path, outward_paths, reaches, values
 _FREE, _ASSISTED, _ROBOT = COLOURS[2], COLOURS[0], COLOURS[3]
 _NAMES = {False: "without assistance", True: "with assistance"}
 _HUE = {False: _FREE, True: _ASSISTED}
-_MARK = {False: "s", True: "o"}  # told apart by shape as well as by colour
+_MARK = {False: "s", True: "o"}  # distinguishable also without colours
 _BEST = {
     "path_error": "0 is straight", "sparc": "nearer to 0 is smoother", "reach_error": "0 is reached"
 }  # fmt: skip
@@ -33,7 +33,7 @@ _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
 
 def paths_figure(recorded: Recorded) -> Figure:
-    """Draw the outward paths of a session, apart without and with assistance."""
+    """Draw the outward paths of a session, separately without and with assistance."""
     paths = outward_paths(recorded)
     with rc_context({**STYLE, **_SMALL}):
         figure = Figure(figsize=(7.4, 3.1), layout="constrained")
@@ -71,7 +71,7 @@ def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
 
 
 def _heights(axes: Axes, paths: Sequence[Path]) -> None:
-    """Draw heights over samples from the start, as there is no second axis."""
+    """Draw heights over the share of the reach's time, as there is no second axis."""
     for path in paths:
         colour = _ASSISTED if path.late else "#b0b0b0"
         label = "last third" if path.late else "earlier"
@@ -133,7 +133,7 @@ def _scale(axes: Axes, name: str) -> None:
 
 
 def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted: bool) -> None:
-    """Draw the median of each block as a line: what the eye should follow."""
+    """Draw the median of each block as a line."""
     for block in sorted({row["block"] for row in rows}):
         at, found = values([row for row in rows if row["block"] == block], name)
         if at.size:
@@ -143,7 +143,7 @@ def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted:
 
 
 def assistance_figure(sessions: Sequence[Recorded]) -> Figure:
-    """Draw duration and stiffness in use after each circuit at which they were judged."""
+    """Draw duration and stiffness after each change of the assistance."""
     with rc_context({**STYLE, **_SMALL}):
         figure = Figure(figsize=(7.4, 1.5), layout="constrained")
         left, right = figure.subplots(1, 2)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: one HTML file with everything in it, and the same as PDF, readable by the owner alone.
+"""The report as one self-contained HTML file that only its owner can read.
 
-Each number's name leads to its definition.
+The name of each figure links to its definition.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ dt { font-weight: 600; } dd { margin: 0 0 0.4rem 1.5rem; }
 def write_page(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
     """Write the report of one patient's sessions as HTML; return its path.
 
-    replays: of the sessions, in the same order. Raises ValueError without a session or when they
-    are of several patients, OSError when it cannot be written.
+    replays: of the sessions, in the same order. Raises ValueError without a session or for sessions
+    of several patients, OSError if it cannot be written.
     """
     patient = patient_of(sessions)
     latest = sessions[-1]
@@ -98,7 +98,7 @@ def write_page(file: Path, sessions: Sequence[Recorded], replays: Sequence[Repla
 
 
 def patient_of(sessions: Sequence[Recorded]) -> str:
-    """Return whose sessions these are. Raises ValueError as `write_page` does."""
+    """Return the patient of the sessions. Raises ValueError as `write_page` does."""
     patients = sorted({session.patient for session in sessions})
     if len(patients) != 1:
         found = ", ".join(patients) or "none"
@@ -131,7 +131,7 @@ def _medians(sessions: Sequence[Recorded]) -> str:
 
 
 def _effects(sessions: Sequence[Recorded]) -> str:
-    """Return how far the last block without assistance differs from the first, in a sentence."""
+    """Return a sentence with the effect sizes between first and last block without assistance."""
     found = compared(sessions)
     if found is None:
         return ""
@@ -158,7 +158,7 @@ def signed(value: float) -> str:
 
 
 def _others(sessions: Sequence[Recorded]) -> str:
-    """Return the medians of what is not a reach: circles, holding, strength."""
+    """Return the medians of the other tests: circles, holding, strength."""
     lines = []
     for session in sessions:
         for title, name, value in other_tests(session):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report as PDF: the page, and behind it what each number means."""
+"""The report as PDF: one page, and a second one with the definitions of the figures."""
 
 from __future__ import annotations
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast it runs: rates, latencies and processor time of the graph, apart and composed."""
+"""Benchmark: rates, latencies and processor time of the graph, in separate and composed form."""

@@ -55,7 +55,7 @@ LOOP = "loop"
 )
 @click.option(
     "--json", "file", default="bench_output.json", type=click.Path(dir_okay=False, path_type=Path),
-    help="Where the figures go.",
+    help="Output file.",
 )  # fmt: skip
 def command(
     runs: int, seconds: float, quick: bool, only, rates, bridge: bool, file: Path
@@ -81,10 +81,10 @@ def command(
         if LOOP in wanted:
             loop = measure_loop(runs, console)
     except (KeyboardInterrupt, Interrupted):
-        console.fail("stopped; every node was ended in order; these are the figures so far")
+        console.fail("stopped; all nodes ended in order; these are the figures so far")
         code = 130
     except (AlreadyRunning, OSError) as error:
-        console.fail(f"bench did not work: {error}")
+        console.fail(f"bench failed: {error}")
         code = 1
     write(measured, seconds, loop, file)
     if done := _done(measured):
@@ -120,9 +120,9 @@ def measure_graph(
     console: Console,
     save: Callable[[dict[Case, list[Run]]], None],
 ) -> None:
-    """Add `runs` runs to each case, in turn: a change of the machine's mood meets all of them.
+    """Add `runs` runs to each case, in turn, so that a change of the load affects all cases.
 
-    save: called after each run, so that a long measurement is never lost.
+    save: called after each run, so that an interruption loses no finished run.
     """
     with tempfile.TemporaryDirectory(prefix="screw_module_bench-") as folder:
         os.environ.setdefault("ROS_LOG_DIR", folder)
@@ -139,7 +139,7 @@ def measure_graph(
 
 
 def _one_run(case: Case, seconds: float, which: str, console: Console) -> Run | None:
-    """Return one run; None, with a message, when a node of the graph ended."""
+    """Return one run; if a node of the graph ended, show a message and return None."""
     try:
         with console.step(f"{case.title} at {case.rate} Hz, {which}"):
             return measure(case, seconds)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of `bench` from what the amplifier counts: latencies, shares, medians over runs.
+"""Figures of `bench` from the amplifier's counters: latencies, shares, medians over runs.
 
-All counts only rise; a window is the difference of two of them.
+All counters only increase; a figure of a window is the difference of two readings.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ WANTED: dict[tuple[str, int], dict[str, float]] = {
 
 
 class Counts(NamedTuple):
-    """What was counted up to now.
+    """Readings of the counters at one time.
 
-    latency: SYNC to drive write; answer: SYNC to the encoder's answer in hand; own: from the cause
-    in hand (separate: the command, composed: the samples) to the drive write; all histograms of
-    control/timing. late, lost: commands. processor: time used by each process [s]. seconds: clock.
+    latency: SYNC to drive write; answer: SYNC to reception of the encoder's answer; own: from
+    reception of the input (separate: the command, composed: the samples) to the drive write; all
+    histograms of control/timing. late, lost: commands. processor: time used by each process [s].
+    seconds: clock.
     """
 
     latency: list[int]
@@ -55,7 +56,7 @@ class Case(NamedTuple):
 
 
 class Run(NamedTuple):
-    """One run: figures by name, CPU by executable [%], and what else there is to know of it.
+    """One run: figures by name, processor time by executable [% of a core], conditions.
 
     load: the machine's load average (1 min) before the start; enabled: torque passed throughout.
     """
@@ -77,7 +78,7 @@ class Spread(NamedTuple):
 def figures(begin: Counts, end: Counts) -> dict[str, float]:
     """Return the figures of the window between two counts: latencies [us], shares [%].
 
-    Raises ValueError when nothing was written in it.
+    Raises ValueError if the window has no drive write.
     """
     latency = _difference(begin.latency, end.latency)
     written = sum(latency)
@@ -101,7 +102,7 @@ def figures(begin: Counts, end: Counts) -> dict[str, float]:
 
 
 def processor_shares(begin: Counts, end: Counts) -> dict[str, float]:
-    """Return what each process used of one core [%]."""
+    """Return the processor time of each process [% of one core]."""
     elapsed = end.seconds - begin.seconds
     return {
         name: 100.0 * (end.processor[name] - used) / elapsed
@@ -119,7 +120,7 @@ def spreads(runs: Sequence[Mapping[str, float]]) -> dict[str, Spread]:
 
 
 def verdict(case: Case, figure: str, value: float) -> str:
-    """Return `yes` or `MISSED` for a figure that is wanted of this case, empty for the others."""
+    """Return `yes` or `MISSED` for a figure with a limit in this case, else an empty text."""
     wanted = WANTED.get((case.processes, case.rate), {}).get(figure)
     if wanted is None:
         return ""

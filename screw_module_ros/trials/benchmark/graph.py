@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run of the graph for `bench`: started, enabled, listened to for some seconds, ended.
+"""One run of the graph for `bench`: start, enable, measure for some seconds, stop.
 
-The amplifier's and the encoder's histograms come with their diagnostics, once a second.
+Amplifier and encoder publish their histograms in their diagnostics, once a second.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ _TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 
 def measure(case: Case, seconds: float) -> Run:
-    """Start the whole graph, enable the vertical axis, measure for `seconds`, end it.
+    """Start the whole graph, enable the vertical axis, measure for `seconds` [s], stop it.
 
-    In real time, with the guards' own limits: where the machine is too slow for them the torque
-    goes off, with a message, and the measurement goes on with commands of zero force. Raises
-    RobotError when the graph does not come up or a node dies, Interrupted after Ctrl-C.
+    It runs in real time with the default limits of the guards. If the machine is too slow for
+    them, the torque goes off, and the measurement continues with commands of zero force. Raises
+    RobotError if the graph does not start or a node ends, Interrupted after Ctrl-C.
     """
     load = os.getloadavg()[0]
     extra = [*_rates(case.rate), "--disable-stdout-logs"]
@@ -67,7 +67,7 @@ def _rates(rate: int) -> list[str]:
 
 
 def _enable(robot: Robot) -> bool:
-    """Let the spring hold the relaxed hand; return whether the robot lets itself be enabled."""
+    """Enable the axis with a spring and a relaxed hand; return whether that succeeded."""
     try:
         robot.clear_faults()
         robot.home()
@@ -97,7 +97,7 @@ class _Listener:
             self._values[node] = {value.key: value.value for value in status.values}
 
     def counts(self, pids: dict[str, int]) -> Counts:
-        """Return the counts of the next entries. Raises RobotError when there are none."""
+        """Return the counts of the next diagnostics. Raises RobotError if none arrive."""
         self._values.clear()
         self._robot.wait_until(
             lambda: all("rate [1/s]" in self._values.get(n, {}) for n in ("encoder", "amplifier")),
@@ -117,7 +117,7 @@ class _Listener:
 
 
 def processor_time(pid: int) -> float:
-    """Return the processor time a process has used [s], by /proc."""
+    """Return the processor time of a process so far [s], from /proc."""
     with open(f"/proc/{pid}/stat") as file:
         fields = file.read().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / _TICKS_PER_SECOND

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `bench` shows and writes: tables with what is wanted beside what was found, and JSON."""
+"""Tables of `bench` with measured figures and limits, and the content of its JSON file."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .figures import PAGE, PARTS, TIMING, UNITS, WANTED, Case, Run, Spread, spre
 
 WANTED_FACTOR = 200.0
 LEGEND = (
-    "answer: SYNC to the encoder's answer in hand, the way over the bus and through the device. "
-    "own: from there (composed) or from the command in hand (separate) to the drive write."
+    "answer: SYNC to reception of the encoder's answer (bus and device). own: from there "
+    "(composed), or from reception of the command (separate), to the drive write."
 )
 _SUM = "all"
 
@@ -24,7 +24,7 @@ Measured = Mapping[Case, Sequence[Run]]
 
 
 def timing_table(measured: Measured) -> Table:
-    """Return latencies and shares of each case: median (range), with what is wanted."""
+    """Return latencies and shares of each case: median (range) and limit."""
     table = Table(title="SYNC to drive write, median (range) of the runs", title_justify="left")
     for name in ("processes", "rate", "figure", "found", "wanted", ""):
         table.add_column(name, justify="left" if name in ("processes", "figure") else "right")
@@ -69,7 +69,7 @@ def page_table(measured: Measured) -> Table | None:
 
 
 def processor_table(measured: Measured) -> Table:
-    """Return what each process used of one core, and the load the machine had besides."""
+    """Return the processor time of each process, and the machine's load before the runs."""
     title = "Processor time, % of one core, median (range)"
     table = Table(title=title, title_justify="left")
     table.add_column("process")
@@ -105,7 +105,7 @@ def loop_table(found: list[Speed]) -> Table:
 
 
 def content_of(measured: Measured, seconds: float, loop: list[Speed]) -> dict[str, Any]:
-    """Return everything as JSON can hold it: an infinite latency becomes null."""
+    """Return the content of the JSON file; an infinite latency becomes null."""
     graph = [
         {
             **case._asdict(),

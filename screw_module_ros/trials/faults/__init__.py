@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fault catalogue: what can go wrong, as rows that are executed (`make faults`)."""
+"""The fault catalogue: faults as rows that `make faults` carries out on running graphs."""

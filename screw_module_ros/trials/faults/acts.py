@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rows are put together from: acts on a testbed, and what they check of the answers."""
+"""Acts on a testbed, of which rows consist, with the checks of the answers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .row import Act, Failed
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
-    """Make something go wrong in the simulated rig, until `cured`."""
+    """Inject a fault into a device of the simulated rig; `cured` ends it."""
 
     def act(testbed) -> float:
         begin = testbed.just_now()
@@ -27,7 +27,7 @@ def fault(device: str, name: str, value: float = 0.0) -> Act:
 
 
 def cured(device: str) -> Act:
-    """End every fault of a device of the rig."""
+    """End all faults of a device of the rig."""
     return lambda testbed: testbed.robot.inject(device, "clear")
 
 
@@ -46,7 +46,7 @@ def rehomed(testbed) -> None:
 
 
 def both(*acts: Act) -> Act:
-    """Do one after the other; the harm begins with the first that does any."""
+    """Do the acts in order; the fault begins at the first time that an act returns."""
 
     def act(testbed) -> float | None:
         return next(filter(None, [one(testbed) for one in acts]), None)
@@ -55,7 +55,7 @@ def both(*acts: Act) -> Act:
 
 
 def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
-    """Call a service, whatever it answers."""
+    """Call a service; any answer is accepted."""
 
     def act(testbed) -> float:
         begin = testbed.just_now()
@@ -66,30 +66,30 @@ def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
 
 
 def switched(service: str, on: bool) -> Act:
-    """Call a SetBool service, whatever it answers."""
+    """Call a SetBool service; any answer is accepted."""
     return called(service, SetBool, data=on)
 
 
 def refused(service: str, service_type: type = Trigger, said: str = "", **fields: Any) -> Act:
-    """Call a service that must refuse, in a sentence with `said` in it."""
+    """Call a service that must refuse with a message that contains `said`."""
 
     def act(testbed) -> None:
         answer = testbed.robot.call(service_type, service, service_type.Request(**fields))
         if answer.success or said not in answer.message:
-            raise Failed(f"{service} was not refused as it should: {answer.message!r}")
+            raise Failed(f"{service} was not refused with {said!r}: {answer.message!r}")
 
     return act
 
 
 def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
-    """Set a parameter that must be refused, in a sentence with `said` in it."""
+    """Set a parameter that the node must refuse with a reason that contains `said`."""
     given = Parameter(name, value=value).to_parameter_msg()
 
     def act(testbed) -> None:
         request = SetParameters.Request(parameters=[given])
         (result,) = testbed.robot.call(SetParameters, f"{node}/set_parameters", request).results
         if result.successful:
-            raise Failed(f"{node} took {name} = {value!r}")
+            raise Failed(f"{node} accepted {name} = {value!r}")
         if said not in result.reason:
             raise Failed(f"{node} refused {name} = {value!r} without {said!r}: {result.reason}")
 
@@ -99,10 +99,11 @@ def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
 def published(
     kind: type, topic: str, count: int = 0, period: float = 0.002, late: int = 0, **fields: Any
 ) -> Act:
-    """Publish a message with these fields on a topic each `period` [s], `count` times or for good.
+    """Publish a message on a topic each `period` [s], `count` times; 0 = until the row's end.
 
-    Numbered messages look like the next true one: tick number, acquisition of now, `late` ns added.
-    A field may be a function of the testbed, for what is known only then.
+    A message with a tick number gets the number of the next genuine one and the present time plus
+    `late` [ns]. fields: values of the message's fields, `__` for nested ones; a function of the
+    testbed gives a value that is known only at run time.
     """
 
     def make(testbed) -> Any:
@@ -123,7 +124,7 @@ def published(
 
 
 def game(*setpoint: float) -> Act:
-    """Let the game publish x, y, z, vx, vy, vz."""
+    """Set the game's set point: x, y, z [m], vx, vy, vz [m/s]."""
 
     def act(testbed) -> None:
         testbed.heard.setpoint = setpoint
@@ -132,5 +133,5 @@ def game(*setpoint: float) -> Act:
 
 
 def repeated(act: Act, times: int) -> Act:
-    """Do an act so many times."""
+    """Do an act `times` times."""
     return both(*[act] * times)

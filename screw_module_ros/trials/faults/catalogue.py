@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All rows, and the page made of them."""
+"""All rows, and the page docs/faults.md made from them."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ PAGE = "docs/faults.md"
 
 
 def all_rows() -> list[Row]:
-    """Return the catalogue, in the order it is carried out."""
+    """Return all rows in the order of their execution."""
     return [row for module in _MODULES for row in module.rows()]
 
 
 def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
-    """Return the rows of these groups and names, all without any; a name may be a part of one.
+    """Return the rows of these groups whose name contains one of `names`; empty = no filter.
 
-    Raises ValueError naming what does not exist.
+    Raises ValueError naming the unknown group or name.
     """
     rows, groups, names = all_rows(), list(groups), list(names)
     known = list(dict.fromkeys(row.group for row in rows))
@@ -56,7 +56,7 @@ def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
             raise ValueError(f"no group {group!r}; there are {', '.join(known)}")
     for name in names:
         if not any(name in row.name for row in rows):
-            raise ValueError(f"no row with {name!r} in its name; `faults --list` tells them all")
+            raise ValueError(f"no row with {name!r} in its name; `faults --list` lists all rows")
     found = [
         row
         for row in rows
@@ -64,7 +64,7 @@ def chosen(groups: Iterable[str] = (), names: Iterable[str] = ()) -> list[Row]:
         and (not names or any(name in row.name for name in names))
     ]
     if not found:
-        raise ValueError("no row of these groups has such a name; `faults --list` tells them all")
+        raise ValueError("no row of these groups has such a name; `faults --list` lists all rows")
     return found
 
 
@@ -91,9 +91,9 @@ def _line(row: Row) -> str:
 
 _NO_ALARM = {
     GOES_ON: "none",
-    EITHER: "none while it goes on, else any reason in safety_state",
-    OFF: "none: it was asked for",
-    VERTICAL_OFF: "none: it was asked for",
+    EITHER: "none while it continues, else any reason in safety_state",
+    OFF: "none: requested by the operator",
+    VERTICAL_OFF: "none: requested by the operator",
 }
 _FIGURES = {
     "step": LARGEST_STEP,
@@ -104,32 +104,32 @@ _HEAD = """<!-- made by `faults --table`; do not edit -->
 
 `make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
 time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
-moves the handle. The nodes of the vertical axis run as one process (`module`), or apart where a row
-is about one of them or about a topic between them. A row is there because it can fail for a reason
-of its own: what all nodes, modes, fields or parameters have in common is shown by unit tests.
+moves the handle. The nodes of the vertical axis run as one process (`module`), or separately in the
+rows about one of them or about a topic between them. Each row can fail for a reason of its own;
+unit tests cover what all nodes, modes, fields or parameters have in common.
 
-Where the robot stops, a row passes when
+If the robot must stop, a row passes when
 
-- the rig's own motors (`sim/truth`) give no torque any more within the row's time,
-- the alarm comes, on `/diagnostics` and in `safety_state`, as the row says,
-- after the cause has gone, and what had ended is active again, nothing comes back by itself,
-- the recovery leads to operation without restarting the graph and needs no service that the row
+- the rig's motors (`sim/truth`) give no torque after the row's time,
+- the alarm of the row appears on `/diagnostics` and in `safety_state`,
+- no torque returns by itself after the cause has gone and all nodes are active again,
+- the recovery leads to operation without a restart of the graph and needs no service that the row
   does not name, and
-- the patient's resting hand feels no step above {step:g} N on the way: no change by more within
-  25 ms (a knock of 5 ms in the play between nut and handle is none).
+- the patient's resting hand feels no step above {step:g} N during the recovery: no larger change
+  within 25 ms (a knock of 5 ms in the play between nut and handle does not count).
 
-Where it goes on, both drives stay enabled and give torque, no torque exceeds its limit, and it is
-the same when the cause goes. Where both may be, either is judged as what it turned out to be, the
-time from the first drive that went off, and a reason must be reported.
+If the robot must continue, both drives stay enabled and give torque, and no torque exceeds its
+limit, also after the cause has gone. If both outcomes are allowed, the row is judged by the actual
+outcome; a stop is timed from the first drive that went off, and a reason must be reported.
 
-Times are in samples of the vertical chain (1 ms), by simulated time: first the vertical axis, then
-the plane. They hold whatever else the machine does: time waits for every node. A process that was
-stopped (SIGSTOP) is waited for 1 s of wall clock; then time goes on without it. One that was killed
-is not waited for. While the rig itself is away, time stands.
+Times are in samples of the vertical chain (1 ms) of simulated time: first the vertical axis, then
+the plane. They do not depend on the machine's load, because time waits for every node. Time waits
+for a stopped process (SIGSTOP) for 1 s of wall clock, and not for a killed one. Without the rig,
+time stands still.
 
 Safe states:
 {states}"""
 _COLUMNS = (
-    "| row | fault | mode | who notices | within [samples] | safe state | alarm | recovery |\n"
+    "| row | fault | mode | noticed by | within [samples] | safe state | alarm | recovery |\n"
     "|---|---|---|---|---|---|---|---|"
 )

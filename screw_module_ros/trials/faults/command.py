@@ -27,18 +27,18 @@ from .worker_pool import WorkerPool
 @click.command(context_settings={"show_default": True})
 @click.option("--group", multiple=True, help="Only rows of this group (repeat for more).")
 @click.option("--row", multiple=True, help="Only rows with this in their name (repeat for more).")
-@click.option("--list", "listed", is_flag=True, help="Tell the rows, carry out none.")
-@click.option("--table", is_flag=True, help="Print docs/faults.md, carry out none.")
+@click.option("--list", "listed", is_flag=True, help="List the rows without carrying them out.")
+@click.option("--table", is_flag=True, help="Print docs/faults.md without carrying out rows.")
 @click.option(
     "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the verdicts here.",
+    help="Write the verdicts to this file.",
 )  # fmt: skip
 @click.option(
     "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
-    help="Graphs at once, by default one per core; one where ROS_DOMAIN_ID is set.",
+    help="Parallel graphs, by default one per core; one if ROS_DOMAIN_ID is set.",
 )  # fmt: skip
 def command(group, row, listed, table, json_file, jobs) -> None:
-    """Carry out the fault catalogue; exit with 1 when a row fails."""
+    """Carry out the fault catalogue; exit with 1 if a row fails."""
     console = Console()
     try:
         rows = chosen(group, row)
@@ -51,7 +51,7 @@ def command(group, row, listed, table, json_file, jobs) -> None:
             end_without_domain("faults")
             sys.exit(_carried_out(rows, jobs, console, json_file))
     except Interrupted:
-        console.fail("stopped; every node was ended in order")
+        console.fail("stopped; all nodes ended in order")
         sys.exit(130)
     except (ValueError, RobotError, AlreadyRunning, OSError) as error:
         console.fail(f"faults: {error}")
@@ -81,7 +81,7 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
 def _verdict_line(row: Row, verdict: Verdict, number: int, count: int) -> str:
     mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
     if row.safe == GOES_ON:
-        figures = "goes on"
+        figures = "continues"
     else:
         figures = f"{verdict.vertical:.0f} of {row.within}"
         if row.plane_within:
@@ -94,7 +94,7 @@ def _verdict_line(row: Row, verdict: Verdict, number: int, count: int) -> str:
     if verdict.problem:
         line += "\n      [red]" + escape(verdict.problem) + "[/]"
         if verdict.stuck:
-            line += "\n      the graph could not be brought back; a new one is started"
+            line += "\n      the graph did not recover; a new one is started"
     return line
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting by wall clock for processes and the middleware, while simulated time hardly moves.
+"""Waits by wall clock for processes and the middleware, while simulated time hardly advances.
 
-How long they take depends on the machine; what the robot's guards do meanwhile must not.
+Their duration depends on the machine; the reaction of the robot's guards must not.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from screw_module_ros.lockstep.page import alive
 _WALL = WallClock()
 _POLL_NS = 5_000_000
 _STEP_NS, _STEP_S = 100_000_000, 0.0005
-"""Each 0.1 s of wall clock, simulated time [s]: this client is not given up, 1 s costs 5 ms."""
+"""Each 0.1 s of wall clock the client lets 0.5 ms of simulated time pass, so that the lock step
+does not drop it."""
 
 
 def creep_until(clock: Clock, condition: Callable[[], object], seconds: float) -> bool:
-    """Wait until `condition()`, for `seconds` of wall clock at most; return whether it came true.
+    """Wait until `condition()`, at most `seconds` of wall clock; return whether it became true.
 
     clock: of a client that takes part in simulated time.
     """

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from .limits import AT_ONCE, TOLD
+from .limits import AT_ONCE, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 
 GROUP = "intruders"
@@ -14,11 +14,11 @@ def intruder_row(
     back: Act = nothing, safe: str = OFF, within: int = AT_ONCE, watch: float = 0.3,
     apart: bool = False,
 ) -> Row:  # fmt: skip
-    """Return a row of the group; a fault the robot goes on in has no time limit."""
+    """Return a row of the group; `GOES_ON` has no time limit."""
     stops = safe != GOES_ON
     return Row(
         name=name, group=GROUP, fault=text, inject=act, back=back, alarm=alarm, recovery=recovery,
         noticed_by=who, within=within if stops else 0,
-        plane_within=within + TOLD if stops else 0, safe=safe, watch=watch,
+        plane_within=within + VIA_SUPERVISOR if stops else 0, safe=safe, watch=watch,
         apart=apart,
     )  # fmt: skip

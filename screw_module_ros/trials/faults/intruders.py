@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Those who do not belong to the graph: second publishers, second nodes, foreign CAN masters.
+"""Intruders in the graph: second publishers, second nodes, foreign CAN masters.
 
-Their threads take part in simulated time, so that what they do happens at a time of their choice.
+Their threads take part in simulated time, so that they act at defined times.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from ..graph_run import GraphRun
 from .creep import creep_until
 
 _MATCHED_S = 5.0  # wall clock
-_SETTLED_S = 0.05  # the other end may know of a match a moment later
+_SETTLED_S = 0.05  # the subscriber may see the match a moment later
 _TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
-"""Their messages come between the ticks, where a node has nothing else to do."""
+"""Intruders publish between the ticks, when a node is idle."""
 _NUMBER_OF_BUS = {bus.node: number for number, bus in enumerate(BUSES)}
 
 
 class Intruders:
-    """All processes and publishers that were added, until `dismiss`."""
+    """Starts and holds intruding processes, publishers and ports; `dismiss` removes them."""
 
     def __init__(self, clock: Clock, graph: GraphRun):
         self._clock, self._graph = clock, graph
         self._context = Context()
         self._context.init()
-        # Nobody spins it: an executor trips over a publisher that is removed under it.
+        # Not spun: an executor fails if a publisher is removed while it spins.
         self._node = Node("intruder", context=self._context)
         self._inbox = Inbox(self._node, self._clock)
         self._over = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._voices: list[_Voice] = []
+        self._publishers: list[_SecondPublisher] = []
         self._ports: list[Port] = []
         self._guests: list[bringup.Process] = []
 
@@ -59,35 +59,35 @@ class Intruders:
     def publish(
         self, kind: type, topic: str, make: Callable[[], Any], count: int, period: float
     ) -> float:
-        """Publish what `make` returns on a topic each `period` [s], between the ticks.
+        """Publish the messages of `make` on a topic each `period` [s], between the ticks.
 
-        count: so many times, or 0 for until `dismiss`. Returns the simulated time when it began
-        [s].
+        count: number of messages, 0 = until `dismiss`. Returns the simulated time of the start
+        [s]. Raises RobotError without a subscriber.
         """
-        voice = _Voice(self._node, self._clock, kind, topic)
-        self._voices.append(voice)
-        self._await_listeners(voice, topic)
+        second = _SecondPublisher(self._node, self._clock, kind, topic)
+        self._publishers.append(second)
+        self._await_listeners(second, topic)
         begin_ns = self._clock.now_ns()
         if count:
             for _ in range(count):
                 self._clock.sleep_until(_between_ticks(self._clock.now_ns(), period))
-                voice.say(make())
+                second.publish(make())
         else:
-            self.repeat(lambda: voice.say(make()), period)
+            self.repeat(lambda: second.publish(make()), period)
         return begin_ns * 1e-9
 
-    def _await_listeners(self, voice: _Voice, topic: str) -> None:
-        """Wait so that the first message comes before the graph has counted who publishes."""
-        if not creep_until(self._clock, voice.listeners, _MATCHED_S):
-            raise RobotError(f"nobody listens on {topic}")
+    def _await_listeners(self, second: _SecondPublisher, topic: str) -> None:
+        """Wait for a subscriber: the first message must come before the count of publishers."""
+        if not creep_until(self._clock, second.listeners, _MATCHED_S):
+            raise RobotError(f"no subscriber on {topic}")
         creep_until(self._clock, lambda: False, _SETTLED_S)
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
-        """Return what takes the next message of a topic, or None; it works until `dismiss`."""
+        """Return a function that returns the topic's next message or None, until `dismiss`."""
         return self._inbox.subscribe(kind, topic, qos.STATE)
 
     def repeat(self, act: Callable[[], object], period: float) -> None:
-        """Do something each `period` [s] of simulated time until `dismiss`."""
+        """Call `act` each `period` [s] of simulated time until `dismiss`."""
         thread = threading.Thread(target=self._repeat, args=(act, period), daemon=True)
         self._threads.append(thread)
         thread.start()
@@ -108,20 +108,20 @@ class Intruders:
         return port
 
     def dismiss(self) -> None:
-        """Remove all of them."""
+        """Remove all intruders."""
         self._over.set()
         if self._threads:
-            self._clock.idle()  # they end when time has come to their next act
+            self._clock.idle()  # each thread ends at its next act, in simulated time
         for thread in self._threads:
             thread.join(timeout=2.0)
-        for voice in self._voices:
-            voice.close()
+        for second in self._publishers:
+            second.close()
         self._inbox.close()
         for port in self._ports:
             port.close()
         for guest in self._guests:
             guest.stop()
-        self._threads, self._voices, self._ports, self._guests = [], [], [], []
+        self._threads, self._publishers, self._ports, self._guests = [], [], [], []
         self._over.clear()
 
     def close(self) -> None:
@@ -131,32 +131,32 @@ class Intruders:
         self._context.try_shutdown()
 
 
-class _Voice:
-    """A publisher beside the true one, whose messages hold simulated time as well."""
+class _SecondPublisher:
+    """A second publisher of a topic, whose messages also hold simulated time."""
 
     def __init__(self, node: Node, clock: Any, kind: type, topic: str):
         self._node = node
         self._publisher = node.create_publisher(kind, topic, qos.COMMAND)
         self._source = clock.source(self._publisher.topic_name)
-        self._source.counts = True  # also beside another
+        self._source.counts = True  # although another one publishes the topic
 
     def listeners(self) -> int:
-        """Return how many subscriptions there are."""
+        """Return the number of subscriptions."""
         return self._publisher.get_subscription_count()
 
-    def say(self, message: Any) -> None:
-        """Publish a message."""
+    def publish(self, message: Any) -> None:
+        """Publish one message."""
         self._source.publishing()
         self._publisher.publish(message)
         self._source.published()
 
     def close(self) -> None:
-        """Publish no more."""
+        """Remove the publisher."""
         self._node.destroy_publisher(self._publisher)
 
 
 def _between_ticks(now_ns: int, period: float) -> int:
-    """Return a time between two ticks, `period` [s] from now or a little more [ns]."""
+    """Return the first time [ns] between two ticks that is about `period` [s] from now."""
     period_ns = round(period * 1e9)
     if period_ns >= _TICK_NS:
         return (now_ns + period_ns) // _TICK_NS * _TICK_NS + _OFF_TICK_NS

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Carries out one row and says whether the robot kept its promise.
+"""Carries out one row and checks the safety contract.
 
-The promise (design section 6): torque zero within the row's time, nothing re-enables by itself, the
-reason can be read, recovery needs no restart of the graph, and the patient feels no step. All
+The contract (design section 6): torque zero within the row's time, no drive re-enables by itself,
+the reason is reported, recovery needs no restart of the graph, and the patient feels no step. All
 times are simulated.
 """
 
@@ -28,9 +28,9 @@ from .testbed import Testbed
 
 ROW_S = 60.0
 _ALARM_S = 8.0
-_AFTERWARDS_S = 0.2  # what goes on is watched when its cause has gone
+_AFTERWARDS_S = 0.2  # a robot that continues is observed after the cause has gone
 _DRIVES = ("amplifier", "manus")
-_WALL = WallClock()  # for how long a row took
+_WALL = WallClock()  # measures the duration of a row
 
 
 def judge(testbed: Testbed, row: Row) -> Verdict:
@@ -39,15 +39,15 @@ def judge(testbed: Testbed, row: Row) -> Verdict:
 
 
 class _Trial:
-    """One row: in motion, harmed, noticed, taken back, in operation again."""
+    """One row: motion, fault, detection, removal of the cause, recovery to operation."""
 
     def __init__(self, testbed: Testbed, row: Row):
         self.testbed, self.row, self.heard = testbed, row, testbed.heard
         self._facts: dict = {}
-        self._taken_back = False
+        self._cause_removed = False
 
     def verdict(self) -> Verdict:
-        """Carry it out."""
+        """Carry out the row."""
         testbed, begun_ns, begun = self.testbed, _WALL.now_ns(), self.heard.time
         problem = self._problem()
         stuck = bool(problem) and not self._recovered()
@@ -66,21 +66,21 @@ class _Trial:
             row.prepare(testbed)
             testbed.ready(row.mode)
             testbed.patient.move(row.mode)
-            self._strike()
+            self._inject()
         except (Failed, RobotError) as error:
             return str(error)
         except Interrupted:
             raise
         except Exception as error:
-            return f"the row itself is broken: {type(error).__name__}: {error}"
+            return f"defect in the row: {type(error).__name__}: {error}"
         return ""
 
     def _recovered(self) -> bool:
-        """Take the fault back after a failure, so that the next row has a fair chance."""
+        """End the fault and recover after a failure, for the next row; return success."""
         self.testbed.deadline = self.heard.time + ROW_S
         try:
-            if not self._taken_back:
-                self._take_back()
+            if not self._cause_removed:
+                self._remove_cause()
             self.testbed.ready(self.row.mode)
         except Interrupted:
             raise
@@ -88,16 +88,16 @@ class _Trial:
             return False
         return True
 
-    def _take_back(self) -> None:
-        """Take the cause away; what was started again is awaited, it might go on by itself."""
-        self._taken_back = True
+    def _remove_cause(self) -> None:
+        """Remove the cause; wait for restarted nodes, which might enable a drive by themselves."""
+        self._cause_removed = True
         self.row.back(self.testbed)
         self.testbed.intruders.dismiss()
         self.testbed.await_restarted()
 
-    # The harm --------------------------------------------------------------------------------
+    # Fault -----------------------------------------------------------------------------------
 
-    def _strike(self) -> None:
+    def _inject(self) -> None:
         row, testbed = self.row, self.testbed
         before = self.heard.mark()
         begin = row.inject(testbed) or max(before, testbed.just_now())
@@ -109,7 +109,7 @@ class _Trial:
             self._stops(begin)
 
     def _stops(self, begin: float) -> None:
-        if self.row.safe == EITHER:  # the harm began at some time, and then it was noticed
+        if self.row.safe == EITHER:  # the time of its effect is unknown: count from the stop
             begin = min(self.heard.disabled_at().values())
             self._await_reason()
         self._await_no_torque(begin)
@@ -117,7 +117,7 @@ class _Trial:
             self._check_drives({"manus"})
             self._check_torque(self._longest, plane, "the plane")
         self._await_alarm()
-        self._take_back()
+        self._remove_cause()
         self._check_it_stays_off(begin)
         self._recover()
         on = set(_DRIVES) - set(self.heard.disabled_at())
@@ -132,11 +132,11 @@ class _Trial:
 
     @property
     def _longest(self) -> float:
-        """The longer of the row's times [s]."""
+        """The longer time limit of the row [s]."""
         return max(self.row.within, self.row.plane_within) * PERIOD
 
     def _await_no_torque(self, begin: float) -> None:
-        """Wait until the row's time is over and judge what the rig's motors did meanwhile."""
+        """Wait for the row's time limits, then check the torque of the rig's motors."""
         row = self.row
         self._pass(begin + self._longest + 10 * PERIOD)
         moments = self.heard.since(begin)
@@ -148,7 +148,7 @@ class _Trial:
             raise Failed(f"planar torque after {row.plane_within} samples ({self._reasons()})")
 
     def _check_it_stays_off(self, begin: float) -> None:
-        """The fault is gone: nothing may come back by itself."""
+        """Check that no torque and no drive comes back by itself after the fault."""
         heard, row = self.heard, self.row
         heard.forget_enabled()
         quiet = heard.time
@@ -163,7 +163,7 @@ class _Trial:
             raise Failed(f"{', '.join(sorted(again))} enabled by itself")
 
     def _recover(self) -> None:
-        """Do what the row says, no more, and see what the patient feels of it."""
+        """Recover with the services of the row only; check the force step on the patient's hand."""
         self.testbed.recovery.steps.clear()
         self.testbed.ready(self.row.mode)
         self._facts["step"] = largest_step(self.heard.since(self.testbed.recovery.enabled_at))
@@ -176,7 +176,7 @@ class _Trial:
     # On ----------------------------------------------------------------------------------------
 
     def _goes_on(self, before: float, begin: float) -> None:
-        """The robot must work on, also when the cause goes; an alarm must come all the same."""
+        """Check that the robot continues, also after the cause has gone, and reports an alarm."""
         self._pass(begin + self.row.watch)
         self._await_alarm()
         if problem := beyond_limits(self.heard.since(before)):
@@ -187,8 +187,8 @@ class _Trial:
             self._check_torque(half, plane, "the plane")
             if self.row.mode != MODE_OFF:
                 self._check_torque(half, vertical, "the vertical axis")
-        self._take_back()
-        if self.row.safe == GOES_ON:  # else it may take the torque off to take the fault back
+        self._remove_cause()
+        if self.row.safe == GOES_ON:  # with EITHER the end of the fault may stop the robot
             self._pass(self.heard.time + _AFTERWARDS_S)
             self._check_drives(set(_DRIVES))
 
@@ -201,14 +201,14 @@ class _Trial:
             raise Failed(f"{', '.join(silent)} is silent")
 
     def _check_torque(self, seconds: float, has_torque, which: str) -> None:
-        """A drive that is enabled and gives nothing does not work on."""
+        """Check that an enabled drive gives torque."""
         if not any(map(has_torque, self.heard.since(self.heard.time - seconds))):
             raise Failed(f"{which} is enabled but gives no torque")
 
-    # What is told ------------------------------------------------------------------------------
+    # Reports -----------------------------------------------------------------------------------
 
     def _reasons(self) -> str:
-        return "; ".join(self.heard.reasons()) or "no reason told"
+        return "; ".join(self.heard.reasons()) or "no reason reported"
 
     def _await_reason(self) -> None:
         if not self.testbed.until(self.heard.reasons, _ALARM_S):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The safety contract's limits, in samples of the vertical chain (1 ms), as rows use them."""
+"""Limits of the safety contract for the rows, in samples of the vertical chain (1 ms)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ PERIOD_NS = round(PERIOD * 1e9)
 TRUTH_RATE = 500.0  # sim/truth [Hz]
 
 STALE = 5
-"""Samples after which a silent sensor or controller is noticed."""
+"""Samples until a silent sensor or controller is detected."""
 COMMAND = 20
 """Samples without an RPDO after which a drive drops its torque by itself."""
 HEARTBEAT = 150
@@ -19,13 +19,14 @@ SAFETY = 100
 LOST = 200
 """Samples after which the supervisor counts a silent node as lost."""
 FROZEN = 500
-"""Samples after which a force sensor that repeats itself is noticed."""
+"""Samples until a force sensor with a constant reading is detected."""
 
 DYING = 8
-"""Samples: torque dies away with the amplifier's pole, and sim/truth shows every second one."""
-TOLD = 40
-"""Samples: a fault is told at 100 Hz, decided upon at 50 Hz, and heard each 4 ms by the drives."""
+"""Samples: the torque decays with the amplifier's pole; sim/truth has every second sample."""
+VIA_SUPERVISOR = 40
+"""Samples: a node reports a fault at 100 Hz, the supervisor decides at 50 Hz, and the drives' nodes
+read its state each 4 ms."""
 AT_ONCE = 2 + DYING
-"""Samples: noticed by the first sample, or by the first answer of a drive."""
+"""Samples: detected in the first sample, or in the first answer of a drive."""
 BY_SERVICE = 6 + DYING
-"""Samples: the supervisor says so at once, the drives look each 4 ms."""
+"""Samples: the supervisor publishes at once, the drives' nodes read its state each 4 ms."""

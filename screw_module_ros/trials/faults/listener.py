@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened on the rig and in the graph, in simulated time, and the game that is being played.
+"""Records the events on the rig and in the graph, in simulated time; publishes a game's set points.
 
-The rig's own torque decides, not what the nodes say about it.
+The rig's true torque decides a row, not the torque that the nodes report.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import Robot
 
 NO_TORQUE = 5e-4
-"""Less is no torque: the amplifier's pole dies away [Nm]; 0.17 N at the handle."""
+"""A smaller torque counts as zero, as it decays with the amplifier's pole [Nm]; 0.17 N at the
+handle."""
 NO_JOINT_TORQUE = 5e-3
 """The same for a joint of the plane [Nm]; 0.01 N at the handle."""
 _KEPT = 20_000
-_MIDDLE, _BEYOND = 0.18, 0.02  # of the travel [m], and what the stops give way
+_MIDDLE, _BEYOND = 0.18, 0.02  # middle of the travel, and the stops' compression [m]
 _FRESH_NS = 300_000_000
 _GAME_NS = 50_000_000
 _ALARMS = (DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
@@ -43,7 +44,7 @@ _ALL = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""Nothing is left out between two looks."""
+"""Deep enough for all messages between two calls of `look`."""
 
 
 class Moment(NamedTuple):
@@ -61,11 +62,10 @@ class Moment(NamedTuple):
 
 
 class Listener:
-    """Subscribes to everything a row is judged by; publishes the set points of a game.
+    """Subscribes to the topics that decide a row; publishes the set points of a game.
 
-    It belongs to the thread of `robot`: `look` takes what has come, and must be called at least
-    each 0.5 s of simulated time. setpoint: (x, y, z, vx, vy, vz) of the game [m], [m/s]; None = no
-    game.
+    It belongs to the thread of `robot`, which calls `look` at least each 0.5 s of simulated time.
+    setpoint: (x, y, z, vx, vy, vz) of the game [m], [m/s]; None = no game.
     """
 
     def __init__(self, robot: Robot):
@@ -95,11 +95,11 @@ class Listener:
         self._wires.append((self._inbox.subscribe(kind, topic, profile), note))
 
     def close(self) -> None:
-        """Listen no more."""
+        """Remove the subscriptions."""
         self._inbox.close()
 
     def look(self) -> None:
-        """Take what has come, and publish the game's set point when it is due."""
+        """Take the waiting messages, and publish the game's set point when it is due."""
         for take, note in self._wires:
             while (message := take()) is not None:
                 note(message)
@@ -108,7 +108,7 @@ class Listener:
             self._game_due_ns = now_ns + _GAME_NS
             self._robot.set_setpoint(*self.setpoint[:3], self.setpoint[3:])
 
-    # What comes in -------------------------------------------------------------------------
+    # Messages ------------------------------------------------------------------------------
 
     def _arrived(self, what: str) -> None:
         self._arrivals[what] = self._clock.now_ns()
@@ -150,27 +150,27 @@ class Listener:
         self._arrived("endpoint_state")
 
     def _sample(self, sample: EncoderSample) -> None:
-        # An operator who reads of a place outside the travel homes, whatever the encoder believes.
+        # An operator homes if the position is outside the travel, even if the encoder is homed.
         self._homed = sample.homed and abs(sample.position - _MIDDLE) < _MIDDLE + _BEYOND
         self._arrived("encoder")
 
     def _wrench(self, _: WrenchStamped) -> None:
         self._arrived("force_sensor")
 
-    # What it adds up to --------------------------------------------------------------------
+    # Results -------------------------------------------------------------------------------
 
     @property
     def homed(self) -> bool:
-        """Whether the encoder says so, and says it now."""
+        """Whether the encoder reports that it is homed, and the report is fresh."""
         return self._homed and self.fresh("encoder")
 
     @property
     def time(self) -> float:
-        """Simulated time of now [s]."""
+        """Present simulated time [s]."""
         return self._clock.now_ns() * 1e-9
 
     def mark(self) -> float:
-        """Forget the reports so far; return the simulated time of now [s]."""
+        """Forget the reports so far; return the present simulated time [s]."""
         self.look()
         self._statuses.clear()
         self._reasons.clear()
@@ -179,7 +179,7 @@ class Listener:
         return self.time
 
     def forget_enabled(self) -> None:
-        """Forget who was enabled so far."""
+        """Forget which drives were enabled so far."""
         self.look()
         self._ever_enabled.clear()
 
@@ -200,18 +200,18 @@ class Listener:
         return found[::-1]
 
     def fresh(self, what: str) -> bool:
-        """Return whether a node's topic (or `diagnostics of NODE`) came just now."""
+        """Return whether a node's topic (or `diagnostics of NODE`) is fresh."""
         return self.silent_for(what) < _FRESH_NS * 1e-9
 
     def silent_for(self, what: str) -> float:
-        """Return for how long no message has come [s], infinity if none ever did."""
+        """Return the time since the last message [s], infinity without any."""
         self.look()
         if what not in self._arrivals:
             return math.inf
         return (self._clock.now_ns() - self._arrivals[what]) * 1e-9
 
     def alarms(self) -> dict[str, list[str]]:
-        """Return the messages of every diagnostics entry above OK since `mark`, by node."""
+        """Return the messages of all diagnostics entries above OK since `mark`, by node."""
         self.look()
         found: dict[str, list[str]] = {}
         for node, level, message in self._statuses:
@@ -220,21 +220,21 @@ class Listener:
         return found
 
     def reasons(self) -> list[str]:
-        """Return every reason of safety_state since `mark`."""
+        """Return all reasons of safety_state since `mark`."""
         self.look()
         return list(self._reasons)
 
     def enabled(self, node: str) -> bool:
-        """Return whether `amplifier` or `manus` says so now; a silent one is not."""
+        """Return whether `amplifier` or `manus` reports enabled now; a silent node is not."""
         return self.fresh(node) and self._enabled.get(node, False)
 
     def ever_enabled(self) -> set[str]:
-        """Return who was enabled at some time since `mark` or `forget_enabled`."""
+        """Return the nodes that were enabled at any time since `mark` or `forget_enabled`."""
         self.look()
         return set(self._ever_enabled)
 
     def disabled_at(self) -> dict[str, float]:
-        """Return who was not enabled since `mark`, and since which simulated time [s]."""
+        """Return the nodes that were not enabled since `mark`, with the first such time [s]."""
         self.look()
         return dict(self._disabled_at)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a row is judged by: how long there was torque, what the patient felt, what was reported."""
+"""Measures of a row: duration of the torque, force on the patient, reported alarms."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener, Moment
 from .row import Alarm
 
 STEP_S = 0.025
-"""Time within which a change of the force on the hand is a step [s]."""
+"""A change of the force on the hand within this time is a step [s]."""
 LARGEST_STEP = 5.0
 """Allowed change of the force on the resting hand within `STEP_S` [N]."""
 SILENT_S = 2.5
-"""Without a diagnostics entry for so long, a node no longer speaks [s]."""
+"""A node without a diagnostics entry for this time counts as silent [s]."""
 LARGEST_TORQUE = 0.34
-"""A command of 95 N and the linearization's 0.025 Nm [Nm]."""
+"""Torque of a command of 95 N, plus the linearization's 0.025 Nm [Nm]."""
 LARGEST_JOINT_TORQUE = 26.0
 """Limit of the planar drives [Nm]."""
 
@@ -35,7 +35,7 @@ def plane(moment: Moment) -> bool:
 def torque_samples(
     moments: Sequence[Moment], begin: float, has_torque: Callable[[Moment], bool]
 ) -> float:
-    """Return for how many samples after `begin` [s] there was torque."""
+    """Return the number of samples from `begin` [s] to the last torque."""
     last = max((moment.time for moment in moments if has_torque(moment)), default=begin)
     return (last - begin) / PERIOD
 
@@ -52,7 +52,7 @@ def beyond_limits(moments: Sequence[Moment]) -> str:
 def largest_step(moments: Sequence[Moment]) -> float:
     """Return the largest change of a component of the patient's force within STEP_S [N].
 
-    A knock in the play between nut and handle, of 5 ms, is none: the median of three counts.
+    The median of three samples removes a knock of 5 ms in the play between nut and handle.
     """
     largest, first = 0.0, 0
     times = [moment.time for moment in moments[1:-1]]
@@ -70,13 +70,13 @@ def _median(three: Sequence[Moment]) -> tuple[float, ...]:
 
 
 def missing_of(alarm: Alarm, heard: Listener, facts: dict[str, str]) -> str:
-    """Return which part of the alarm has not come, empty when all has.
+    """Return the missing part of the alarm, empty if it is complete.
 
-    facts: gets the messages found, as `alarm` and `reason`.
+    facts: receives the found messages as `alarm` and `reason`.
     """
     if alarm.node and not alarm.said:
         if heard.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:
-            return f"{alarm.node} still speaks"
+            return f"{alarm.node} still publishes diagnostics"
     elif alarm.node:
         said = heard.alarms().get(alarm.node, [])
         found = [message for message in said if re.search(alarm.said, message)]

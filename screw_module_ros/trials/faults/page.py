@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A therapist's page as a program: attends a session through the bridge, or floods it."""
+"""A program in place of a therapist's page: attends a session through the bridge, or floods it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ _WORD = {"op": "publish", "topic": f"/{graph.THERAPY_ATTENDANCE}", "msg": {}}
 
 
 class Page:
-    """Attends in a thread of its own until `close`.
+    """Publishes attendance from a thread until `close`.
 
-    sent: messages so far; floods: may be set; end: why the connection has ended, empty before.
+    sent: number of messages; floods: set it to send without a pause; end: reason of the end of the
+    connection, empty before.
     """
 
     def __init__(self, address: str, token_file: str):
@@ -42,7 +43,7 @@ class Page:
             async with aiohttp.ClientSession() as session, session.ws_connect(self._url) as socket:
                 reading = asyncio.create_task(self._read(socket))
                 while not self._closing.is_set() and not reading.done():
-                    with contextlib.suppress(ConnectionError):  # what reads tells why
+                    with contextlib.suppress(ConnectionError):  # `_read` notes the reason
                         await socket.send_json(_WORD)
                     self.sent += 1
                     await asyncio.sleep(0.0 if self.floods else _ATTEND_S)
@@ -51,7 +52,7 @@ class Page:
             self.end = self.end or f"{type(error).__name__}: {error}"
 
     async def _read(self, socket: aiohttp.ClientWebSocketResponse) -> None:
-        """Note what the bridge says before it closes the connection."""
+        """Note the bridge's last message before it closes the connection."""
         async for message in socket:
             if message.type is aiohttp.WSMsgType.TEXT:
                 self.end = json.loads(message.data).get("msg", "")

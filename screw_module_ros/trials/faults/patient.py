@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated patient's hand, and that of the technician who carries the handle."""
+"""The hand on the rig's handle: the patient's, and the technician's who carries the handle."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from screw_module_ros.operator.robot import Robot, RobotError, arm
 
 from .listener import NO_JOINT_TORQUE, NO_TORQUE, Listener
 
-HOME = 0.25  # where the hand is and the reference mark is [m]
-SPRING = (0.05, 0.05, HOME + 0.06, 0.0, 0.0, 0.0)  # where the springs pull, so that torque is out
-_AMPLITUDE, _OMEGA = (0.02, 0.02, 0.06), 3.0  # of the hand that moves [m], [rad/s]
-_DAMPING = 40.0  # a hand that comes to rest [Ns/m]
+HOME = 0.25  # height of the hand and of the reference mark [m]
+SPRING = (0.05, 0.05, HOME + 0.06, 0.0, 0.0, 0.0)  # set point off the hand, so that torque acts
+_AMPLITUDE, _OMEGA = (0.02, 0.02, 0.06), 3.0  # of the moving hand [m], [rad/s]
+_DAMPING = 40.0  # of the arm [Ns/m]: the hand comes to rest
 _STILL = (0.0, 0.0, 0.0)
-_LOWEST, _HIGHEST = 0.02, 0.33  # where the hand may rest [m]
+_LOWEST, _HIGHEST = 0.02, 0.33  # heights at which the hand may rest [m]
 _AT_HOME, _RESTING, _RESTING_JOINT = 0.002, 0.004, 0.01
 _AT_PLANE_HOME = 0.005  # the joints' stiction holds a soft hand 2 mm from its mark [m]
-_REST_S, _RESTING_FORCE = 0.1, 0.3  # a hand that rests feels less change in this time [s], [N]
+_REST_S, _RESTING_FORCE = 0.1, 0.3  # at rest the force changes by less in this time [s], [N]
 _HOMING_S = 20.0  # a joint whose drive has lost its settings brakes
 
 
 class Patient:
-    """Rests, moves, or is carried; says what the hand feels."""
+    """Moves the hand, lets it rest, carries the handle; checks whether the hand is at rest."""
 
     def __init__(self, robot: Robot, heard: Listener):
         self._robot, self._heard = robot, heard
 
     def set_up(self) -> None:
-        """Give the rig's patient mass, stiffness and damping, after a start of the rig."""
+        """Set mass, stiffness and damping of the rig's patient, after a start of the rig."""
         self._robot.set_arm(arm(kind="active", mass=3.0, stiffness=300.0, damping=_DAMPING))
 
     def rest(self) -> None:
-        """Let the hand rest: at the reference mark, or where the handle has stopped."""
+        """Let the hand rest at the reference mark; with a drive off, where the handle is."""
         heard = self._heard
         heard.setpoint = SPRING
         (x, y), z = (0.0, 0.0), HOME
@@ -47,7 +47,7 @@ class Patient:
         )
 
     def move(self, mode: int) -> None:
-        """Move the hand and wait until torque is out, as `mode` has it. Raises RobotError."""
+        """Move the hand until the motors give torque, in `mode`. Raises RobotError if not."""
         self._robot.set_arm(
             arm(target=(0.0, 0.0, HOME), amplitude=_AMPLITUDE, omega=(_OMEGA,) * 3)
         )
@@ -66,7 +66,7 @@ class Patient:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the hand rests: what it feels from now on is the robot."""
+        """Whether the hand rests: from now on only the robot changes the force on it."""
         moments = self._heard.since(self._heard.now.time - _REST_S)
         forces = [moment.force for moment in moments]
         return bool(moments) and all(
@@ -74,9 +74,9 @@ class Patient:
         )
 
     def place(self) -> None:
-        """Carry the handle to the mark, as a technician does; the hand is there as well.
+        """Carry the handle and the hand to the reference mark, as a technician does.
 
-        Raises RobotError when it does not come there.
+        Raises RobotError if they do not arrive.
         """
         robot, rest = self._robot, (math.nan, math.nan, 0.0)
         robot.set_arm(arm((math.nan, math.nan, HOME), amplitude=rest, omega=rest))
@@ -98,7 +98,7 @@ class Patient:
             )
 
     def place_plane(self) -> None:
-        """Hold the handle on the plane's reference mark. Raises RobotError when it stays off it."""
+        """Hold the handle on the plane's reference mark. Raises RobotError if it stays off."""
         robot = self._robot
         robot.set_arm(arm((0.0, 0.0, math.nan), 0.2, amplitude=_STILL, omega=_STILL))
         if not robot.met(self._plane_at_home, _HOMING_S):

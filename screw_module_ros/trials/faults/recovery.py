@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The documented recovery and no other: home, tare, clear_fault, reset, enable."""
+"""The documented recovery, with these services only: home, tare, clear_fault, reset, enable."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .patient import Patient
 _READY_S, _STEP_S, _SETTLE_S = 30.0, 0.02, 0.6
 _TARE_AGAIN_S = 1.5
 AGAIN = "against the last homing"
-"""In the answer of a homing that wants a second word."""
+"""Part of the answer to a homing request that must be repeated to confirm it."""
 SECOND_WORD_S = 1.5
 
 
 class Recovery:
-    """Does what an operator would do next until the robot works.
+    """Calls the services that an operator would call, until the robot works.
 
-    steps: services it needed since this was last cleared. enabled_at: simulated time when it began
-    to enable [s].
+    steps: services called since the set was cleared. enabled_at: simulated time of the first enable
+    request [s].
     """
 
     def __init__(self, robot: Robot, heard: Listener, patient: Patient):
@@ -35,7 +35,7 @@ class Recovery:
         self._tared = -_TARE_AGAIN_S
 
     def go(self, mode: int) -> None:
-        """Bring the robot to operation in `mode`. Raises RobotError if stuck."""
+        """Bring the robot to operation in `mode`. Raises RobotError after 30 s."""
         end = self._heard.time + _READY_S
         self._one_enabled = False
         while missing := self._improve(mode):
@@ -44,7 +44,7 @@ class Recovery:
             self._robot.pause(_STEP_S)
 
     def _improve(self, mode: int) -> str:
-        """Do the next thing an operator would do; return what is missing, empty for nothing."""
+        """Do the operator's next step; return what is missing, empty if nothing is."""
         for step in (self._sensors, self._drives, self._permission):
             missing = step()
             if missing:
@@ -65,9 +65,9 @@ class Recovery:
         return ""
 
     def _tare(self) -> str:
-        """Let the handle go and tare; the diagnostics need a moment to say that all is well."""
+        """Let the handle go and tare; the diagnostics show the result a moment later."""
         if self._heard.time - self._tared < _TARE_AGAIN_S and self._heard.fresh("force_sensor"):
-            return "force_sensor: its diagnostics still say so"
+            return "force_sensor: its diagnostics are not OK yet"
         self._robot.set_fixture("free")
         refused = self._try(Trigger, "force_sensor/tare")
         self._patient.place()
@@ -89,7 +89,7 @@ class Recovery:
         return ""
 
     def _home(self, service: str) -> str:
-        """Home, with a second word where the count contradicts the last time: it is at the mark."""
+        """Home; repeat the request if the count contradicts the last homing, to confirm it."""
         refused = self._try(Trigger, service)
         if AGAIN not in refused:
             return refused
@@ -132,7 +132,7 @@ class Recovery:
         return "just enabled"
 
     def _try(self, kind: type, service: str, **fields: Any) -> str:
-        """Call a service; return what it said when it refused, else empty."""
+        """Call a service; return its message if it refused, else an empty text."""
         try:
             answer = self._robot.call(kind, service, kind.Request(**fields), 6.0)
         except RobotError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One row of the catalogue: a fault, who must notice it, how soon, and the recovery."""
+"""One row of the catalogue: a fault, the node that must detect it, time limits, the recovery."""
 
 from __future__ import annotations
 
@@ -12,34 +12,36 @@ if TYPE_CHECKING:
     from .testbed import Testbed
 
 Act = Callable[["Testbed"], object]
-"""What is done to a testbed. Raises Failed when the robot's answer breaks the promise."""
+"""An act on a testbed; returns the simulated time [s] or None. Raises Failed if the robot's answer
+breaks the safety contract."""
 
 # Safe states.
 OFF = "both torques zero"
-VERTICAL_OFF = "vertical torque zero, plane works on"
-GOES_ON = "goes on"
-EITHER = "goes on, or both torques zero"
+VERTICAL_OFF = "vertical torque zero, plane continues"
+GOES_ON = "continues"
+EITHER = "continues, or both torques zero"
 SAFE_STATES = {
     OFF: "torque of all axes zero, drives disabled, coasting",
-    VERTICAL_OFF: "vertical torque zero, coasting; the plane works on",
-    GOES_ON: "works on, no drive goes off or silent and no torque limit is exceeded",
-    EITHER: "works on so, or stops in good order: it depends on chance",
+    VERTICAL_OFF: "vertical torque zero, coasting; the plane continues to work",
+    GOES_ON: "continues to work; no drive goes off or silent, no torque limit is exceeded",
+    EITHER: "continues to work or stops as above, by chance",
 }
 
 MISSED = "amplifier/clear_fault if it missed commands"
-"""Of the recovery: the amplifier latches that before it hears of the supervisor's stop, or not."""
+"""Part of a recovery: the amplifier may latch the missing commands before the supervisor's stop
+reaches it."""
 
 
 class Failed(Exception):
-    """The row's promise was broken; the message says how."""
+    """The robot broke the safety contract in this row; the message says how."""
 
 
 class Alarm(NamedTuple):
-    """How the fault is reported.
+    """Report of a fault.
 
-    node: whose diagnostics entry, empty where it passes too soon for one; said: regular expression
-    on its message, empty when the alarm is that its entry no longer comes; reason: regular
-    expression on one of safety_state's reasons, empty when motion stays permitted.
+    node: the node of the diagnostics entry, empty if the fault is too short for one; said: regular
+    expression on its message, empty if the alarm is the absence of its entry; reason: regular
+    expression on one of safety_state's reasons, empty if motion stays permitted.
     """
 
     node: str
@@ -48,25 +50,25 @@ class Alarm(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The alarm for people."""
+        """The alarm as text for the table."""
         parts = [f"{self.node}: “{self.said}”" if self.said else f"{self.node}: no entry any more"]
         reason = [f"safety_state: “{self.reason}”"] if self.reason else []
         return "; ".join((parts if self.node else []) + reason)
 
 
 def nothing(testbed: Testbed) -> None:
-    """Do nothing: the fault is over by itself."""
+    """Do nothing: the fault ends by itself."""
 
 
 class Row(NamedTuple):
     """One fault.
 
-    name: stable id; fault: what is injected; within, plane_within: samples of the vertical chain
-    after which the vertical axis and the plane may have no torque left, 0 where the robot goes on;
-    watch: how long it is watched [s]; prepare, inject, back: before the robot is made ready, make
-    it happen (and tell since when, in simulated time), take its cause away; apart: each node must
-    be a process of its own, else `module` is one; limp: the drive works on without torque;
-    recovery: what an operator does then, with each service he calls.
+    name: stable id; fault: description; within, plane_within: samples of the vertical chain after
+    which the vertical axis and the plane must give no torque, 0 if the robot continues; watch:
+    time of observation [s]; prepare: before the robot is made ready; inject: causes the fault and
+    returns its simulated time; back: removes the cause; apart: each node in a process of its own,
+    else the vertical axis as `module`; limp: the drive continues without torque; recovery: the
+    operator's actions, with all services.
     """
 
     name: str
@@ -88,16 +90,17 @@ class Row(NamedTuple):
 
     @property
     def mode_name(self) -> str:
-        """Name of the control mode it happens in."""
+        """Name of the control mode during the fault."""
         return MODE_NAMES[self.mode]
 
 
 class Verdict(NamedTuple):
-    """What came of a row.
+    """Result of a row.
 
-    problem: why it failed, empty when it passed; stuck: the robot could not be brought back;
-    vertical, plane: samples until no torque was left; step: largest force step on the patient's
-    hand on recovery [N]; seconds, simulated: the row took, by wall clock and by the rig's [s].
+    problem: why it failed, empty if it passed; stuck: the robot did not recover; vertical, plane:
+    samples until the torque was zero; step: largest force step on the patient's hand on recovery
+    [N]; seconds, simulated: duration by wall clock and in simulated time [s]; alarm, reason: as
+    reported.
     """
 
     name: str
@@ -113,5 +116,5 @@ class Verdict(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Whether all was as the row says."""
+        """Whether the robot behaved as the row requires."""
         return not self.problem

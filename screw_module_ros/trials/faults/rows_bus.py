@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every device's cable and frames: what a CAN bus does to a robot."""
+"""Rows about CAN cables and frames, for every device."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from .acts import cured, fault
-from .limits import COMMAND, DYING, STALE, TOLD
+from .limits import COMMAND, DYING, STALE, VIA_SUPERVISOR
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 
 GROUP = "bus"
-_BY_CHANCE = TOLD + 2 * DYING
+_BY_CHANCE = VIA_SUPERVISOR + 2 * DYING
 
 
 class Device(NamedTuple):
     """A device of the rig.
 
-    noticed_by: who drives it; within: samples in which its silence takes its own axis' torque;
-    kinds: names of what is done to it.
+    noticed_by: its driver; within: samples from its silence to zero torque of its own axis; kinds:
+    names of the faults.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Device(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """What happens to a device's frames; safe: what must come of it."""
+    """A fault of a device's frames; safe: required safe state."""
 
     fault: str
     text: str
@@ -40,14 +40,14 @@ class Kind(NamedTuple):
 
     @property
     def name(self) -> str:
-        """How rows call it."""
+        """Name of the fault in the rows."""
         return f"{self.fault}-{self.value:g}ms" if self.fault == "delay" else self.fault
 
 
 KINDS = {kind.name: kind for kind in (
     Kind("cable_out", "CAN cable out, later back"),
     Kind("bus_off", "its CAN controller goes bus-off, later back"),
-    Kind("mute", "nothing goes out, later it does"),
+    Kind("mute", "it sends nothing, later it sends again"),
     Kind("truncate", "every frame loses its last byte"),
     Kind("lengthen", "every frame grows by a byte"),
     Kind("wrong_id", "frames carry a foreign identifier"),
@@ -60,9 +60,9 @@ KINDS = {kind.name: kind for kind in (
     Kind("foreign_ids", "a foreign frame follows each of its own", GOES_ON, watch=0.3),
     Kind("flood", "a babbling device floods the bus, 1000 frames/s", EITHER, 1.0, 1.0),
 )}  # fmt: skip
-# What all devices have in common is done to one of them: wrong lengths and identifiers, foreign
-# frames and floods meet the same code. To its node a sensor that says nothing is the same whatever
-# the reason. Both joints are read by the code that reads the vertical drive.
+# Faults that meet the same code in all devices are injected into one of them: wrong lengths and
+# identifiers, foreign frames, floods. For its node a silent sensor is the same for any reason. The
+# driver of the vertical drive also reads both joints.
 DEVICES = (
     Device("encoder", "impedance_controller", STALE + 2 + DYING, Alarm("impedance_controller",
            "encoder:", "encoder"),
@@ -89,7 +89,7 @@ _PLANAR = ("shoulder", "elbow")
 
 
 def rows() -> Iterator[Row]:
-    """Every device x its kinds; all cables and all power at once."""
+    """Every device x its faults; all cables and all power at once."""
     for device in DEVICES:
         for kind in device.kinds:
             yield _row(device, KINDS[kind])
@@ -99,7 +99,7 @@ def rows() -> Iterator[Row]:
         inject=fault("all", "cable_out"), back=cured("all"),
         alarm=Alarm("amplifier", "drive|command", "encoder|amplifier|manus|force"),
         recovery=f"mend it; clear_fault, {MISSED}, reset, enable",
-        noticed_by="everybody; the drives themselves", within=COMMAND + 2 + DYING,
+        noticed_by="all nodes; the drives themselves", within=COMMAND + 2 + DYING,
         plane_within=COMMAND + 4 + DYING,
     )  # fmt: skip
     yield Row(
@@ -108,14 +108,14 @@ def rows() -> Iterator[Row]:
         alarm=Alarm("amplifier", "drive|command|restarted|boot-up",
                     "encoder|amplifier|manus|force"),
         recovery="power on; encoder/home, force_sensor/tare, manus/home, clear_fault, reset, "
-        "enable", noticed_by="everybody", within=within, plane_within=within,
+        "enable", noticed_by="all nodes", within=within, plane_within=within,
     )  # fmt: skip
 
 
 def _row(device: Device, kind: Kind) -> Row:
     stops = kind.safe == OFF
-    within, follows = device.within, device.within + TOLD
-    # A drive that is deaf drops its own torque; the other axes follow.
+    within, follows = device.within, device.within + VIA_SUPERVISOR
+    # A drive without commands drops its own torque; the other axes follow.
     vertical, plane = (follows, within) if device.name in _PLANAR else (within, follows)
     return Row(
         name=f"{device.name}-{kind.name}",
@@ -125,7 +125,7 @@ def _row(device: Device, kind: Kind) -> Row:
         back=cured(device.name),
         alarm=_alarm(device, kind) if stops else None,
         recovery=device.recovery if kind.safe != GOES_ON else "none is needed",
-        noticed_by=device.noticed_by if kind.safe != GOES_ON else "nobody: not our frames",
+        noticed_by=device.noticed_by if kind.safe != GOES_ON else "no node: not our frames",
         within=0 if kind.safe == GOES_ON else vertical if stops else _BY_CHANCE,
         plane_within=0 if kind.safe == GOES_ON else plane if stops else _BY_CHANCE,
         safe=kind.safe,
@@ -134,6 +134,6 @@ def _row(device: Device, kind: Kind) -> Row:
 
 
 def _alarm(device: Device, kind: Kind) -> Alarm:
-    if kind.fault == "garbage":  # whichever of its lies is found out first
+    if kind.fault == "garbage":  # the first wrong value found decides the message
         return Alarm("supervisor", ".", ".")
     return device.alarm

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""NaN, infinities and absurd values on topics and services; set points; parameters."""
+"""Rows about NaN, infinity and absurd values on topics, services, set points and parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from screw_module_msgs.srv import SetControlMode, SetImpedance
 from screw_module_ros import graph
 
 from .acts import both, game, parameter_refused, published, refused
-from .limits import BY_SERVICE, TOLD
+from .limits import BY_SERVICE, VIA_SUPERVISOR
 from .patient import SPRING
 from .row import GOES_ON, OFF, Act, Alarm, Row, nothing
 
@@ -34,8 +34,8 @@ _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _FORCE = Alarm("impedance_controller", "force sensor|nodes publish handle/force", "force")
 _TWO_SUPERVISORS = "nodes publish safety_state"
 _COMMAND = Alarm("amplifier", "force command|second node|publish", "amplifier")
-# Every field and every value are gone through by test/properties/test_watches.py; here is one of
-# each way in. Topic, type, field, value, who notices, alarm:
+# test/properties/test_watches.py covers all fields and values; here is one of each input path.
+# Topic, type, field, value, noticed by, alarm:
 _SAMPLES = (
     (graph.ENCODER, EncoderSample, "position", _NAN, "impedance_controller", _ENCODER),
     (graph.ENCODER, EncoderSample, "velocity", _INF, "impedance_controller", _ENCODER),
@@ -51,10 +51,10 @@ _STAMPED = (
     (graph.FORCE, ForceSample, "impedance_controller", _FORCE),
     (graph.FORCE_COMMAND, ForceCommand, "amplifier", _COMMAND),
 )
-_WITHIN = BY_SERVICE + TOLD
-"""Samples: the first comes after 7 of them; a state is heard by the supervisor."""
+_WITHIN = BY_SERVICE + VIA_SUPERVISOR
+"""Samples: the first message comes after 7 of them; the supervisor receives a state."""
 _COUNTED = 100 + _WITHIN
-"""Samples: who publishes what one alone may is counted each 0.1 s."""
+"""Samples: the nodes count a topic's publishers each 0.1 s."""
 _TRUE_GAME = game(*SPRING)
 _LATE_NS = 3_600_000_000_000
 
@@ -71,7 +71,7 @@ def rows() -> Iterator[Row]:
         )  # fmt: skip
     for topic, kind, who, alarm in _STAMPED:
         yield _foreign(
-            f"{topic}-future", f"{topic} stamped an hour ahead: its clock has jumped",
+            f"{topic}-future", f"{topic} stamped an hour ahead, as after a jump of the clock",
             kind, topic, who, alarm, late=_LATE_NS,
         )  # fmt: skip
     yield from _states()
@@ -87,9 +87,9 @@ def _height(testbed) -> float:
 def _foreign(
     name: str, text: str, kind: type, topic: str, who: str, alarm: Alarm, **fields: object
 ) -> Row:  # fmt: skip
-    """Samples or commands of a foreign sender.
+    """Return the row of samples or commands from a foreign sender.
 
-    The true force samples hide some of its, or all; that there are two senders they do not.
+    The genuine force samples hide its samples; the second publisher still shows.
     """
     if kind is not ForceSample:
         act = published(kind, topic, _COUNT, _EVERY_S, **fields)
@@ -97,7 +97,7 @@ def _foreign(
     act = published(kind, topic, _MANY, _TICK_S, **fields)
     who += ": two nodes publish it"
     row = _stops(name, text, act, who, alarm, apart=True)
-    return row._replace(within=_COUNTED, plane_within=_COUNTED + TOLD)
+    return row._replace(within=_COUNTED, plane_within=_COUNTED + VIA_SUPERVISOR)
 
 
 def _stops(
@@ -112,7 +112,7 @@ def _stops(
         recovery="stop the sender; clear_fault or home, reset, enable",
         noticed_by=who,
         within=_WITHIN,
-        plane_within=_WITHIN + TOLD,
+        plane_within=_WITHIN + VIA_SUPERVISOR,
         safe=OFF,
         apart=apart,
     )
@@ -127,14 +127,14 @@ def _goes_on(
     )  # fmt: skip
 
 
-# topic, type, fields, what it pretends, who notices, alarm; None = nobody is misled
+# topic, type, fields, content, noticed by, alarm; None = no node acts on it
 _STATES = (
     (graph.AMPLIFIER_STATE, AmplifierState, {"faulted": True, "reason": "smoke"}, "a fault",
      "supervisor", Alarm("supervisor", "amplifier: smoke", "amplifier: smoke")),
     (graph.MANUS_STATE, PlanarState, {"enabled": True, "position": [_NAN, _NAN]}, "NaN as position",
-     "nobody who drives anything hears it", None),
+     "no controller or driver subscribes to it", None),
     (graph.ENDPOINT_STATE, EndpointState, {"position__x": _NAN, "position__z": _INF},
-     "NaN as position", "only games hear it", None),
+     "NaN as position", "only games subscribe to it", None),
     (graph.SAFETY_STATE, SafetyState, {"level": 200, "vertical_permitted": True,
                                    "planar_permitted": True}, "a level that does not exist",
      "amplifier, manus: two nodes publish it", Alarm("amplifier", _TWO_SUPERVISORS)),
@@ -144,11 +144,11 @@ _STATES = (
 
 
 def _states() -> Iterator[Row]:
-    """States of nodes, published by a foreign sender."""
+    """Return the rows of nodes' states from a foreign sender."""
     for topic, kind, fields, what, who, alarm in _STATES:
         name = f"{topic}-{what}".replace("/", "-").replace(" ", "-").lower()
         text = f"{what} on {topic}, from a foreign sender"
-        # Who permits is told of as long as there are two of them.
+        # The alarm of two supervisors lasts only as long as both publish.
         count = 0 if topic == graph.SAFETY_STATE else _MANY
         act = published(kind, topic, count, _TICK_S, **fields)
         if alarm is None:
@@ -166,7 +166,7 @@ def _states() -> Iterator[Row]:
     yield _goes_on("diagnostics-absurd", "entries without a name, of 50 kB and an unknown level on "
                    "/diagnostics", published(DiagnosticArray, graph.DIAGNOSTICS, _COUNT, _EVERY_S,
                                              status=[odd]),
-                   "nobody is misled", nothing)  # fmt: skip
+                   "no node acts on it", nothing)  # fmt: skip
 
 
 def _setpoints() -> Iterator[Row]:
@@ -184,7 +184,7 @@ def _setpoints() -> Iterator[Row]:
                    limited)  # fmt: skip
     yield _goes_on("setpoint-jump-floor", "set point jumps below the travel",
                    game(-0.2, -0.2, -0.1, 0.0, 0.0, 0.0), limited)  # fmt: skip
-    yield _goes_on("setpoint-gone-moving", "the game dies while its point moves",
+    yield _goes_on("setpoint-gone-moving", "the game ends while its set point moves",
                    both(game(x, y, z, 0.1, 0.1, 0.1), _wait, _no_game),
                    "controller and manus: after 0.2 s its velocity counts as zero",
                    watch=0.8)  # fmt: skip
@@ -212,8 +212,8 @@ def _services() -> Iterator[Row]:
 
 
 def _parameters() -> Iterator[Row]:
-    """One of each kind: unit tests go through them all."""
-    yield _refuses("amplifier", "command_up", 100.0, "set to 100 in motion, where it is fixed")
+    """Return one row of each kind; unit tests cover all parameters."""
+    yield _refuses("amplifier", "command_up", 100.0, "set to 100 in motion, when it is fixed")
     yield _refuses("impedance_controller", "stiffness", _NAN, "set to NaN in motion")
     yield _refuses("impedance_controller", "mode", 7, "set to 7 in motion")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a CiA 402 drive can do, and fail to do."""
+"""Rows about faults of a CiA 402 drive."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from collections.abc import Iterator
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, cured, fault
-from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, TOLD
+from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, Alarm, Failed, Row
 
 GROUP = "drives"
 _SILENT = COMMAND + 4 + DYING
 _BEAT = HEARTBEAT + 2 + DYING
 _MODE = 100 + AT_ONCE
-"""Samples: the mode is told with the drive's second PDO, each 100 ms."""
+"""Samples: the drive's second PDO reports the mode each 100 ms."""
 _STUCK = 400
-"""Samples in which a wrong torque is seen to stay: by time, and by the position."""
+"""Samples until a lasting wrong torque is detected, by its duration and by the position."""
 _APART = 900
-"""Samples until the patient's hand has moved by more than the tolerance of two positions."""
+"""Samples until the hand has moved by more than the tolerance between two positions."""
 
-# fault of the rig, text, samples until noticed (0 = goes on), regular expression of the alarm
+# fault of the rig, text, samples until noticed (0 = continues), regular expression of the alarm
 _FAULTS = (
     ("over_current", "over-current, 2310", AT_ONCE, "2310"),
     ("over_temperature", "device too hot, 4210", AT_ONCE, "4210"),
@@ -29,22 +29,22 @@ _FAULTS = (
     ("disable", "it drops to switch on disabled by itself", AT_ONCE, "left operation enabled"),
     ("torque_off", "safe torque off", AT_ONCE, "left operation enabled"),
     ("mode_lost", "it leaves torque mode", _MODE, "torque mode"),
-    ("heartbeat_lost", "its heartbeat stops, all else goes on", _BEAT, "heartbeat"),
-    ("pdos_lost", "its PDOs stop, all else goes on", _SILENT, "drive|position"),
-    ("deaf", "it hears nothing: RPDO timeout, heartbeat of the master lost",
+    ("heartbeat_lost", "its heartbeat stops, all else continues", _BEAT, "heartbeat"),
+    ("pdos_lost", "its PDOs stop, all else continues", _SILENT, "drive|position"),
+    ("deaf", "it receives nothing: RPDO timeout, heartbeat of the master lost",
      _SILENT, "RPDO|8250|8130|heartbeat|position|PRE-OPERATIONAL"),
-    ("rpdos_lost", "our RPDOs do not arrive, all else does: RPDO timeout", _SILENT,
+    ("rpdos_lost", "only our RPDOs do not arrive: RPDO timeout", _SILENT,
      "RPDO|8250|position"),
-    ("reset", "it restarts in mid-run", AT_ONCE, "restarted|boot-up|position"),
+    ("reset", "it restarts in operation", AT_ONCE, "restarted|boot-up|position"),
     ("power_off", "it loses its supply, later back", AT_ONCE,
      "restarted|boot-up|heartbeat|position"),
-    ("stuck_torque", "it gives a torque nobody asked for", _STUCK, "torque|disagree|turns"),
+    ("stuck_torque", "it gives a torque without a command", _STUCK, "torque|disagree|turns"),
     ("motor_open", "a motor wire is broken: enabled, but no torque", 0, ""),
-    ("warning", "it warns (statusword bit 7)", 0, ""),
+    ("warning", "it reports a warning (statusword bit 7)", 0, ""),
     ("sdo_silent", "it does not answer SDO requests", 0, ""),
     ("inputs", "its limit switch inputs are set", 0, ""),
 )  # fmt: skip
-# The planar drives are driven by the same code; what differs is what follows for two of them.
+# The planar drives have the same driver; the rows cover what differs with two of them.
 _SHOULDER_TOO = ("over_current", "disable", "pdos_lost", "deaf", "reset", "power_off",
                  "stuck_torque")  # fmt: skip
 _ELBOW_TOO = ("over_current", "reset")
@@ -80,7 +80,7 @@ def rows() -> Iterator[Row]:
 
 def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
     stops = within > 0
-    follows = within + TOLD
+    follows = within + VIA_SUPERVISOR
     vertical, plane = (within, follows) if device == "drive" else (follows, within)
     return Row(
         name=f"{device}-{name}",
@@ -90,7 +90,7 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         back=cured(device),
         alarm=_alarm(device, node, name, said) if stops else None,
         recovery=_BACK[node] if stops else "none is needed",
-        noticed_by=f"{node}; the drive itself" if stops else "nobody: no torque is too much",
+        noticed_by=f"{node}; the drive itself" if stops else "no node: no torque is excessive",
         within=vertical if stops else 0,
         plane_within=plane if stops else 0,
         safe=OFF if stops else GOES_ON,
@@ -100,13 +100,13 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
 
 
 def _alarm(device: str, node: str, name: str, said: str) -> Alarm:
-    if (device, name) == ("drive", "pdos_lost"):  # whoever is first: it depends on the rate
+    if (device, name) == ("drive", "pdos_lost"):  # which node is first depends on the rate
         return Alarm("supervisor", "amplifier|disagree", "amplifier|disagree")
     return Alarm(node, said, node)
 
 
 def _refuses_to_enable() -> Row:
-    """Over-temperature, and then a drive that does not come back at the first try."""
+    """Return the row of over-temperature with a clear_fault while the cause persists."""
     row = _row("drive", "amplifier", "over_temperature", "too hot; cleared too early", AT_ONCE,
                "4210")  # fmt: skip
     return row._replace(
@@ -116,7 +116,7 @@ def _refuses_to_enable() -> Row:
 
 
 def _without_limit() -> Row:
-    """A drive that restarts and then has no torque limit of its own is not enabled."""
+    """Return the row of a restarted drive without a torque limit, which must stay disabled."""
     row = _row("drive", "amplifier", "reset", "it restarts and refuses a torque limit, 6072",
                AT_ONCE, "6072")  # fmt: skip
     return row._replace(
@@ -148,7 +148,7 @@ def _restarted_without_limit(testbed) -> float:
 
 
 def _clear_in_vain(testbed) -> None:
-    """Ask for what cannot be had while the cause persists; it must be refused."""
+    """Request enable and clear_fault while the cause persists; both must be refused."""
     robot = testbed.robot
     if robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True)).success:
         raise Failed("amplifier/enable was granted in fault")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A foreign master on a CAN bus."""
+"""Rows about a foreign master on a CAN bus."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _NO_LIMIT = 10_000  # per mille
 
 
 def rows() -> Iterator[Row]:
-    """SDO, controlwords, NMT and SYNC from another node of the bus."""
+    """Return the rows of SDO, controlwords, NMT and SYNC from another node of the bus."""
     torque = struct.pack("<BHBi", 0x2B, 0x6071, 0, _FOREIGN_TORQUE)
     limit = struct.pack("<BHBi", 0x2B, 0x6072, 0, _NO_LIMIT)
     for name, text, data in (
         ("torque", "writes 6071 by SDO, 100 a second", torque),
-        ("limit", "takes the drive's torque limit 6072 away by SDO", limit),
+        ("limit", "removes the drive's torque limit 6072 by SDO", limit),
     ):
         yield _row(f"foreign-sdo-{name}", f"a foreign master {text}",
                    _frames_on("amplifier", 0x601, data, 0.01),
@@ -40,7 +40,7 @@ def rows() -> Iterator[Row]:
                "swapped", _frames_on("amplifier", 0x201, wrong, 0.01), "amplifier: the drive left",
                Alarm("amplifier", "drive", "amplifier"),
                "stop it; amplifier/clear_fault, reset, enable", within=AT_ONCE + 11)  # fmt: skip
-    yield _row("foreign-walk-up", "a foreign master walks the drive up, which nobody has enabled",
+    yield _row("foreign-walk-up", "a foreign master enables the disabled drive, step by step",
                _walk_up,
                "amplifier: somebody else commands the drive; it stops the node",
                Alarm("amplifier", "somebody else commands the vertical drive", "amplifier"),
@@ -67,7 +67,7 @@ def _frames_on(node: str, can_id: int, data: bytes, period: float) -> Act:
 
 
 def _walk_up(testbed) -> float:
-    """Send it to operation enabled with torque, between our commands, a thousand times a second."""
+    """Command operation enabled with torque between our commands, 1000 times a second."""
     for node in ("amplifier", "manus"):
         switched(f"{node}/enable", False)(testbed)
     port = testbed.intruders.port("amplifier")

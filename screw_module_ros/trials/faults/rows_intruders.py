@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A second node of a kind, and a foreign sender on a topic."""
+"""Rows about a second node of a kind and about a foreign sender on a topic."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from .row import GOES_ON, Act, Alarm, Failed, Row
 _FUTURE = 1_000_000
 _TWO_COMMAND = Alarm("amplifier", "force command|nodes publish", "amplifier")
 _FAST = AT_ONCE + 12
-"""Samples: ten more than one sender's make a second one."""
+"""Samples: ten more messages than expected indicate a second sender."""
 _COUNTED = 100 + AT_ONCE + 4
-"""Samples: who publishes commands is counted each 0.1 s."""
+"""Samples: the amplifier counts the publishers of commands each 0.1 s."""
 
 
 def rows() -> Iterator[Row]:
-    """Two controllers, amplifiers, supervisors, games; commands of foreign senders."""
+    """Return the rows of two controllers, amplifiers, supervisors, games, and foreign commands."""
     yield from _twins()
     yield from _topics()
 
@@ -42,7 +42,7 @@ def _twins() -> Iterator[Row]:
                    Alarm(f"{node}_2", "already driven by another process"), "stop it",
                    safe=GOES_ON, watch=1.0)  # fmt: skip
     yield _row("two-supervisors", "emergency stop, while a second supervisor permits motion",
-               both(_permits, called("supervisor/estop"), _enable_in_vain),
+               both(_permits, called("supervisor/estop"), _enable_refused),
                "amplifier, manus: two nodes publish safety_state",
                Alarm("supervisor", "emergency stop", "emergency stop"),
                "stop it; clear_fault, reset, enable", within=BY_SERVICE)  # fmt: skip
@@ -56,7 +56,7 @@ def _guest(node: str) -> Act:
 
 
 def _second_controller(testbed) -> float:
-    """Start it; the harm begins with its first command, the second for the same sample."""
+    """Start it; the fault begins with its first command, the second one for the same sample."""
     take = testbed.intruders.listen(ForceCommand, graph.FORCE_COMMAND)
     testbed.start_guest("impedance_controller", "-r", "__node:=impedance_controller_2")
     newest = -1
@@ -70,7 +70,7 @@ def _second_controller(testbed) -> float:
         return False
 
     if not testbed.until(doubled, 15.0):
-        raise Failed("the second controller commands nothing")
+        raise Failed("the second controller sends no command")
     return testbed.just_now()
 
 
@@ -81,8 +81,8 @@ def _permits(testbed) -> None:
     )(testbed)  # fmt: skip
 
 
-def _enable_in_vain(testbed) -> None:
-    """No drive may be enabled while two senders contradict each other."""
+def _enable_refused(testbed) -> None:
+    """Check that no drive can be enabled while two senders contradict each other."""
     testbed.robot.pause(0.3)
     for node in ("amplifier", "manus"):
         for _ in range(10):
@@ -105,10 +105,10 @@ def _topics() -> Iterator[Row]:
                apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, graph.FORCE_COMMAND, 1, 0.01, force=149.0),
-               "amplifier: two nodes publish it; it is followed by 4 N at most", _TWO_COMMAND,
+               "amplifier: two nodes publish it; it changes the force by 4 N at most", _TWO_COMMAND,
                "stop the sender; amplifier/clear_fault, reset, enable", within=_COUNTED,
                apart=True)  # fmt: skip
-    yield _row("command-4-khz", "30 N, 4000 times a second, each newer than the true one before it",
+    yield _row("command-4-khz", "30 N, 4000 times a second, each newer than the genuine command",
                _fast_commands, "amplifier", _TWO_COMMAND,
                "stop the sender; amplifier/clear_fault, reset, enable", within=_FAST,
                apart=True)  # fmt: skip

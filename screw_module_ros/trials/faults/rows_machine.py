@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the computer does."""
+"""Rows about the computer: disk, bag, clock, start order."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from .row import Act, Alarm, Row
 from .rows_operator import goes_on
 
 _DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
-_ENDING = 100  # samples in which nodes that end in order have all heard of it
+_ENDING = 100  # samples until SIGTERM has reached all nodes
 _BAG_LIMIT = 200_000  # [B]
 
 
 def rows() -> Iterator[Row]:
-    """Disk, bag, clock, and a start in the wrong order."""
+    """Return the rows of disk, bag, clock, and a start in the wrong order."""
     yield goes_on("disk-full-while-recording", "the disk is full while recording", _disk_full,
                    "session_recorder", _disk_again)._replace(
         group="machine", alarm=Alarm("session_recorder", "File too large|No space"),
@@ -34,7 +34,7 @@ def rows() -> Iterator[Row]:
                    _disk_again)._replace(group="machine", watch=0.5)  # fmt: skip
     yield goes_on("clock-jump", "set points with stamps of another year",
                    both(_stamped(4_000_000_000), _stamped(1)),
-                   "nobody: only the time of arrival counts")._replace(group="machine")  # fmt: skip
+                   "no node: only the arrival time counts")._replace(group="machine")  # fmt: skip
     yield Row(
         name="bring-up-in-reverse", group="machine",
         fault="supervisor, drivers and controllers stopped in motion, started in the wrong order",
@@ -61,7 +61,7 @@ def _limit_files(testbed, size: int) -> None:
 
 
 def _disk_again(testbed) -> None:
-    """There is room again: stop what was recorded, and a new recording works."""
+    """Make room again, stop the recording, and check that a new one works."""
     _limit_files(testbed, resource.RLIM_INFINITY)
     called("session_recorder/stop")(testbed)
     folder = _recording(testbed)
@@ -75,7 +75,7 @@ def _delete_bag(testbed) -> None:
 
 
 def _stamped(second: int) -> Act:
-    """Set points that are right but for their stamp."""
+    """Publish set points that are valid except for their stamp."""
     x, y, z, *_ = SPRING
     return published(
         EndpointSetpoint, graph.SETPOINT, 20, 0.005, header__stamp__sec=second,

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every node killed, frozen and stopped."""
+"""Rows about nodes: each one killed, frozen and stopped."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from .limits import AT_ONCE, COMMAND, DYING, LOST, SAFETY, STALE, TOLD
+from .limits import AT_ONCE, COMMAND, DYING, LOST, SAFETY, STALE, VIA_SUPERVISOR
 from .row import GOES_ON, MISSED, OFF, Alarm, Row
 
 GROUP = "nodes"
 KILLED, FROZEN, STOPPED = "killed", "frozen", "stopped"
-_ENDING = 30  # samples in which a node that ends in order still speaks
+_ENDING = 30  # samples for which a node still publishes after SIGTERM
 
 
 class Part(NamedTuple):
-    """A process and what its loss means.
+    """A process and the effect of its loss.
 
-    within: samples for the vertical axis and for the plane; apart, mode: see `Row`; acts: what is
-    done to it.
+    within: samples for the vertical axis and for the plane; apart, mode: see `Row`; acts: the
+    faults.
     """
 
     node: str
@@ -33,9 +33,9 @@ class Part(NamedTuple):
 
 
 _LOST = r"no message for more than"
-_SENSOR = (STALE + 2 + DYING, STALE + 2 + TOLD + DYING)
+_SENSOR = (STALE + 2 + DYING, STALE + 2 + VIA_SUPERVISOR + DYING)
 _DRIVE = COMMAND + 4 + DYING  # the drive drops the torque by itself
-_MISSING = LOST + 2 * 20 + 6 + DYING  # taken and decided upon at 50 Hz each
+_MISSING = LOST + 2 * 20 + 6 + DYING  # the supervisor reads and decides at 50 Hz each
 _SILENT = SAFETY + 6 + DYING
 _AMPLIFIER_BACK = "start it; clear_fault, reset, enable"
 PARTS = (
@@ -61,9 +61,9 @@ PARTS = (
     Part("manus", "the planar drives themselves; supervisor", (_MISSING, _DRIVE),
          Alarm("supervisor", f"manus: {_LOST}", f"manus: {_LOST}"),
          "start it; manus/home at the reference mark, clear_fault, reset, enable"),
-    Part("endpoint_state", "who looks: its diagnostics entry is missing", (0, 0),
+    Part("endpoint_state", "the operator: its diagnostics entry is missing", (0, 0),
          Alarm("endpoint_state", ""), "start it", GOES_ON, acts=(KILLED, FROZEN)),
-    Part("session_recorder", "who looks: its diagnostics entry is missing", (0, 0),
+    Part("session_recorder", "the operator: its diagnostics entry is missing", (0, 0),
          Alarm("session_recorder", ""), "start it", GOES_ON, acts=(KILLED, FROZEN)),
 )  # fmt: skip
 _ACTS = {
@@ -74,13 +74,13 @@ _ACTS = {
 
 
 def rows() -> Iterator[Row]:
-    """Every node x signal; the rig, whose loss is that of all power."""
+    """Return the rows of every node x signal, and of the rig, whose loss is that of all power."""
     for part in PARTS:
         for act in part.acts:
             yield _row(part, act)
     yield Row(
         name="sim_rig-killed", group=GROUP, fault="sim_rig killed (SIGKILL): simulated time "
-        "stands, then all devices are switched on anew", inject=_power_cycle,
+        "stands still, then all devices start again", inject=_power_cycle,
         alarm=Alarm("amplifier", "drive|position|command|sample", "encoder|amplifier|manus|force"),
         recovery="encoder/home, force_sensor/tare, manus/home, clear_fault, reset, enable",
         noticed_by="amplifier, manus, encoder: boot-ups", within=AT_ONCE, plane_within=AT_ONCE,

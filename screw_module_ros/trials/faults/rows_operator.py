@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an operator does."""
+"""Rows about actions of an operator."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from screw_module_ros.control.modes import COMBINED
 from screw_module_ros.operator.robot import arm
 
 from .acts import both, called, cured, fault, refused, repeated, switched
-from .limits import BY_SERVICE, DYING, STALE, TOLD
+from .limits import BY_SERVICE, DYING, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .recovery import AGAIN
 from .row import GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
@@ -24,7 +24,7 @@ _HEARD_S = 0.02
 
 
 def rows() -> Iterator[Row]:
-    """Emergency stop, reset, enable, home, lock."""
+    """Return the rows of emergency stop, reset, enable, home and lock."""
     yield _stops("estop", "emergency stop", called("supervisor/estop"), "supervisor", _ESTOP,
                  _RESET)._replace(mode=COMBINED)  # fmt: skip
     yield from _operator()
@@ -38,7 +38,7 @@ def _stops(name: str, text: str, act: Act, who: str, alarm: Alarm | None, recove
 
 
 def goes_on(name: str, text: str, act: Act, who: str, back: Act = nothing) -> Row:
-    """Return a row after which the robot works on without any recovery."""
+    """Return a row in which the robot continues without any recovery."""
     return Row(
         name=name, group="operator", fault=text, inject=act, back=back, alarm=None,
         recovery="none is needed", noticed_by=who, safe=GOES_ON, watch=0.3,
@@ -62,10 +62,10 @@ def _operator() -> Iterator[Row]:
                  "supervisor refuses", Alarm("supervisor", "encoder", "encoder"),
                  f"plug it in; {MISSED}, reset, enable")._replace(
         back=cured("encoder"), within=STALE + 2 + DYING,
-        plane_within=STALE + 2 + DYING + TOLD)  # fmt: skip
+        plane_within=STALE + 2 + DYING + VIA_SUPERVISOR)  # fmt: skip
     yield _stops("estop-and-supervisor-killed", "emergency stop, and the supervisor killed at once",
                  both(estop, lambda testbed: testbed.kill("supervisor")),
-                 "supervisor: started again it is still stopped", Alarm("", "", "emergency stop"),
+                 "supervisor: still stopped after its restart", Alarm("", "", "emergency stop"),
                  "start it; clear_fault of both drives, reset, enable")._replace(
         back=_still_estopped)  # fmt: skip
     yield goes_on("reset-while-enabled", "reset while a drive is enabled",
@@ -80,17 +80,17 @@ def _operator() -> Iterator[Row]:
                    "encoder refuses")  # fmt: skip
     yield goes_on("home-while-enabled", "encoder/home while enabled, the hand at rest elsewhere",
                    both(_at_rest_elsewhere, refused("encoder/home", said="disable it first")),
-                   "encoder refuses: soft stops and set points would move with the origin"
+                   "encoder refuses: a new origin would move soft stops and set points"
                    )  # fmt: skip
     yield goes_on("home-elsewhere", "encoder/home while disabled, away from the mark",
-                   _home_elsewhere, "encoder refuses the first time, and who asks again at once",
+                   _home_elsewhere, "encoder refuses the first request, and a repetition at once",
                    )._replace(safe=OFF, within=BY_SERVICE, plane_within=BY_SERVICE,
                               recovery="encoder/home at the mark, enable")  # fmt: skip
     yield goes_on("plane-home-while-enabled", "manus/home while enabled",
                    refused("manus/home", said="disable"), "manus refuses")  # fmt: skip
     yield Row(
         name="lock-vertical", group="operator", fault="supervisor/lock_vertical in motion",
-        inject=both(switched("supervisor/lock_vertical", True), _told_locked),
+        inject=both(switched("supervisor/lock_vertical", True), _lock_reported),
         back=switched("supervisor/lock_vertical", False), alarm=None,
         recovery="lock_vertical off, amplifier/enable", noticed_by="supervisor",
         within=BY_SERVICE + 20, plane_within=0, safe=VERTICAL_OFF,
@@ -101,7 +101,7 @@ def _operator() -> Iterator[Row]:
 
 
 def _heard(testbed) -> None:
-    """Wait until the drives have got it: a request at the same time meets enabled drives."""
+    """Wait until the stop has reached the drives' nodes: before, the drives are still enabled."""
     testbed.robot.pause(_HEARD_S)
 
 
@@ -109,37 +109,37 @@ def _still_estopped(testbed) -> None:
     testbed.restart("supervisor")
     testbed.await_restarted()
     if not testbed.robot.newest(SafetyState).estopped:
-        raise Failed("the emergency stop was forgotten")
+        raise Failed("the emergency stop was lost in the restart")
 
 
-def _told_locked(testbed) -> None:
+def _lock_reported(testbed) -> None:
     def is_reported() -> bool:
         state = testbed.robot.state(SafetyState)
         return state is not None and state.vertical_locked
 
     if not testbed.until(is_reported, 3.0):
-        raise Failed("safety_state does not tell of the lock")
+        raise Failed("safety_state does not report the lock")
 
 
 def _until_latched(testbed) -> None:
     testbed.until(lambda: len(testbed.heard.disabled_at()) == 2, 3.0)
     testbed.until(lambda: any("encoder" in r for r in testbed.heard.reasons()), 3.0)
-    testbed.robot.pause(0.6)  # until the encoder counts as lost, not only as late
+    testbed.robot.pause(0.6)  # until the encoder counts as lost instead of late
 
 
 def _at_rest_elsewhere(testbed) -> None:
-    """Let the hand rest where the spring and its arm let it, some way from the mark."""
+    """Let the hand rest in the equilibrium of spring and arm, away from the mark."""
     testbed.patient.rest()
     if not testbed.until(lambda: testbed.patient.at_rest, 5.0):
         raise Failed("the hand does not come to rest")
 
 
 def _home_elsewhere(testbed) -> float:
-    """Ask for it where the last homing is far off, again and again: the origin must not move."""
+    """Request homing repeatedly, away from the last homing position: the origin must not move."""
     begin = testbed.just_now()
     for node in ("amplifier", "manus"):
         testbed.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
-    there = (math.nan, math.nan, HOME + 0.08)  # friction holds it on the way
+    there = (math.nan, math.nan, HOME + 0.08)  # friction stops the handle before it
     still = (math.nan, math.nan, 0.0)
     testbed.robot.set_arm(arm(there, amplitude=still, omega=still))
     if not testbed.until(lambda: testbed.heard.now.height > HOME + 0.02, 5.0):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a patient does."""
+"""Rows about actions of a patient."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.operator.robot import arm
 
 from .acts import both
-from .limits import DYING, TOLD
+from .limits import DYING, VIA_SUPERVISOR
 from .row import EITHER, Act, Failed, Row
 from .rows_operator import goes_on
 
-_BY_CHANCE = TOLD + 2 * DYING
+_BY_CHANCE = VIA_SUPERVISOR + 2 * DYING
 _BOTTOM, _TOP = 0.005, 0.355  # the end stops are at 0 and 0.36 [m]
 _FAST = 0.5  # [m/s]
 
 
 def rows() -> Iterator[Row]:
-    """Throws against the end stops, letting go, the lock pin."""
+    """Return the rows of throws against the end stops, letting go, and the lock pin."""
     yield Row(
         name="end-stop-full-speed", group="operator",
         fault="the patient throws the handle against the upper end stop",
@@ -39,12 +39,12 @@ def rows() -> Iterator[Row]:
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8, mode=3,
     )  # fmt: skip
     yield goes_on("patient-lets-go", "the patient lets go of the handle", _fixture("free"),
-                   "nobody: forces stay within their limits",
+                   "no node: forces stay within their limits",
                    _fixture("human_arm"))._replace(mode=FORCE_FEEDBACK, watch=0.8)  # fmt: skip
     yield Row(
-        name="pin-in-while-enabled", group="operator", fault="the lock pin goes in in motion",
+        name="pin-in-while-enabled", group="operator", fault="the lock pin is inserted in motion",
         inject=_pin(True), back=_pin(False), alarm=None, recovery="pin out, reset, enable",
-        noticed_by="nobody, or impedance_controller by the jolt", within=_BY_CHANCE,
+        noticed_by="no node, or impedance_controller by the jolt", within=_BY_CHANCE,
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8,
     )  # fmt: skip
 
@@ -59,15 +59,15 @@ def _throw(height: float) -> Act:
 
 
 def _hits(arrived: Callable[[float], bool]) -> Act:
-    """Wait until the handle has come to the stop, and fast."""
+    """Wait until the handle reaches the stop; check its speed."""
 
     def act(testbed) -> None:
         begin = testbed.just_now()
         if not testbed.until(lambda: arrived(testbed.heard.now.height), 3.0):
-            raise Failed("the handle did not come to the end stop")
+            raise Failed("the handle did not reach the end stop")
         fastest = max(abs(moment.speed) for moment in testbed.heard.since(begin))
         if fastest < _FAST:
-            raise Failed(f"the handle came to the end stop with {fastest:.2f} m/s")
+            raise Failed(f"the handle reached the end stop with only {fastest:.2f} m/s")
 
     return act
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What encoder and force sensor can say that is wrong."""
+"""Rows about wrong readings of encoder and force sensor."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Iterator
 from screw_module_ros.control.watch import FORCE_FAULT_BITS
 
 from .acts import both, cured, fault, rehomed
-from .limits import AT_ONCE, DYING, FROZEN, STALE, TOLD
+from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
 
 _APART_M = 0.005
 _SILENT, _APART = STALE + 2 + DYING, 900
-"""Samples until noticed: by the absence of a sample; against the drive's own position, which takes
-until the patient's hand has moved by more than their tolerance."""
+"""Samples until noticed: by the absence of a sample; by comparison with the drive's own position,
+after the hand has moved by more than the tolerance."""
 _BITS = (0, 4, 14)
-"""Of the ATI status word: one that is no fault, two that are. A unit test goes through them all."""
+"""Bits of the ATI status word: one without and two with a fault. A unit test covers all bits."""
 _GAUGES = (0, 5)
-"""One of each of the two frames of a sample."""
+"""One gauge of each of the two frames of a sample."""
 _UNHOMED = f"mend it; encoder/home at the reference mark, {MISSED}, reset, enable"
 _RESET = f"{MISSED}, reset, enable"
 _TARE = f"mend it; let go of the handle, force_sensor/tare, {MISSED}, reset, enable"
@@ -38,13 +38,13 @@ _ENCODER_FAULTS = (
      Alarm("encoder", "7305|index", "encoder"), _UNHOMED),
     ("position_error", 0, "position error (alarm, EMCY 7300)", OFF, _SILENT,
      Alarm("encoder", "7300|position", "encoder"), _UNHOMED),
-    ("reset", 0, "restarts in mid-run", OFF, _SILENT, Alarm("encoder", "restarted", "encoder"),
+    ("reset", 0, "restarts in operation", OFF, _SILENT, Alarm("encoder", "restarted", "encoder"),
      _UNHOMED),
     ("power_off", 0, "loses its supply, later back", OFF, _SILENT, _ENCODER, _UNHOMED),
     ("emcy", 0x3100, "an emergency frame 3100 (mains)", OFF, _SILENT,
      Alarm("encoder", "3100", "encoder"), _UNHOMED),
-    ("pdos_lost", 0, "its PDOs stop, all else goes on", OFF, _SILENT, _ENCODER, _RESET),
-    ("heartbeat_lost", 0, "its heartbeat stops, all else goes on", GOES_ON, 0, None, _NOT_NEEDED),
+    ("pdos_lost", 0, "its PDOs stop, all else continues", OFF, _SILENT, _ENCODER, _RESET),
+    ("heartbeat_lost", 0, "its heartbeat stops, all else continues", GOES_ON, 0, None, _NOT_NEEDED),
     ("sdo_silent", 0, "it does not answer SDO requests", GOES_ON, 0, None, _NOT_NEEDED),
 )  # fmt: skip
 _FORCE = Alarm("impedance_controller", "force sensor", "force")
@@ -63,7 +63,7 @@ _FORCE_FAULTS = (
 
 
 def rows() -> Iterator[Row]:
-    """Both sensors; the force sensor in the mode that uses it."""
+    """Return the rows of both sensors; those of the force sensor in force feedback."""
     for given in _ENCODER_FAULTS:
         yield _row("encoder", 1, *given)
     yield _rollover()
@@ -88,9 +88,9 @@ def _row(device, mode, name, value, text, safe, within, alarm, recovery) -> Row:
         back=both(cured(device), rehomed) if recovery == _UNHOMED else cured(device),
         alarm=alarm,
         recovery=recovery,
-        noticed_by=_who(alarm, device) if stops else "nobody: it cannot be told from a patient",
+        noticed_by=_who(alarm, device) if stops else "no node: it looks like the patient's force",
         within=within,
-        plane_within=within + TOLD if stops else 0,
+        plane_within=within + VIA_SUPERVISOR if stops else 0,
         mode=mode,
         safe=safe,
         watch=0.3 if safe != OFF else 0.2,
@@ -102,9 +102,9 @@ def _who(alarm: Alarm | None, device: str) -> str:
 
 
 def _status(bit: int) -> Row:
-    """Each bit of the ATI status word, by itself."""
+    """Return the row of one bit of the ATI status word."""
     meaning = FORCE_FAULT_BITS.get(bit)
-    text = f"status bit {bit}: {meaning}" if meaning else f"status bit {bit}, which is no fault"
+    text = f"status bit {bit}: {meaning}" if meaning else f"status bit {bit}, not a fault"
     alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if meaning else None
     safe, within = (OFF, AT_ONCE) if meaning else (GOES_ON, 0)
     row = _row("force_sensor", 3, "status", bit, text, safe, within, alarm, _TARE)
@@ -115,7 +115,7 @@ def _status(bit: int) -> Row:
 
 
 def _moved_across(testbed) -> None:
-    """Wait until the handle has been on either side of the wrap, 1.3 mm above the mark."""
+    """Wait until the handle has been on both sides of the wrap, 1.3 mm above the mark."""
     begin = testbed.just_now()
 
     def across() -> bool:
@@ -123,11 +123,11 @@ def _moved_across(testbed) -> None:
         return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
 
     if not testbed.until(across, 6.0):
-        raise Failed("the handle was not moved across the wrap")
+        raise Failed("the handle did not move across the wrap")
 
 
 def _rollover() -> Row:
-    """The counter wraps while the patient moves the handle across it."""
+    """Return the row of a counter that wraps while the patient moves the handle."""
     row = _row(
         "encoder", 1, "rollover", 0, "counter wraps at 2^32 in motion", GOES_ON, 0, None,
         _NOT_NEEDED,
@@ -135,6 +135,6 @@ def _rollover() -> Row:
     return row._replace(
         prepare=both(fault("encoder", "near_rollover", 2000.0), rehomed),
         inject=_moved_across,
-        noticed_by="nobody: the driver unwraps it",
+        noticed_by="no node: the driver unwraps it",
         watch=1.0,
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a clumsy user or program asks for again and again, or at the wrong moment."""
+"""Rows about requests that a user or program repeats, or makes at the wrong time."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .limits import COMMAND, DYING, LOST, STALE
 from .row import GOES_ON, MISSED, Act, Alarm, Failed, Row
 
 _MISSED = LOST + 2 * 20 + 20 + DYING
-"""Samples in which the supervisor misses a node that left in order."""
+"""Samples until the supervisor counts a deactivated node as lost."""
 _SPECTATOR = "endpoint_state"
 _FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
 _STUTTERS, _STUTTER_S = 10, 0.017
 
 
 def rows() -> Iterator[Row]:
-    """Services, parameters and transitions in motion; a subscriber that stutters."""
+    """Return the rows of services, parameters and transitions in motion, and a slow subscriber."""
     yield _row("clear-fault-storm", "clear_fault while enabled, again and again",
                _storm([("amplifier/clear_fault", Trigger, {}), ("manus/clear_fault", Trigger, {})]),
                "amplifier, manus: nothing changes", None, "none is needed",
@@ -56,9 +56,9 @@ def rows() -> Iterator[Row]:
                     refused("force_sensor/untare", said="enabled")),
                "force_sensor refuses while a drive is enabled", None, "none is needed",
                safe=GOES_ON)  # fmt: skip
-    yield _row("spectator-stutters", "a program that hears every sample is stopped and continued "
-               "again and again", _stutter, "nobody: who listens cannot hold up who speaks", None,
-               "none is needed", _flowing, safe=GOES_ON, watch=1.0)  # fmt: skip
+    yield _row("spectator-stutters", "a program that subscribes to every sample is stopped and "
+               "continued repeatedly", _stutter, "no node: a subscriber cannot delay a publisher",
+               None, "none is needed", _flowing, safe=GOES_ON, watch=1.0)  # fmt: skip
 
 
 def _storm(calls: list[tuple]) -> Act:
@@ -70,7 +70,7 @@ def _storm(calls: list[tuple]) -> Act:
 
 
 def _parameter_storm(testbed) -> None:
-    """Without waiting for answers."""
+    """Set the stiffness to and fro without waiting for the answers."""
     service = "impedance_controller/set_parameters"
     client = testbed.robot.client(SetParameters, service)
     for number in range(200):
@@ -88,7 +88,7 @@ def _transition(node: str, number: int) -> Act:
         ready = creep_until(robot.clock, client.service_is_ready, _FOUND_S)
         begin = testbed.just_now()
         future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
-        # The request is on its way by wall clock; what the node does then takes simulated time.
+        # The request travels by wall clock; the transition takes simulated time.
         creep_until(robot.clock, future.done, _ASKED_S)
         if not (ready and robot.met(future.done, _DONE_S) and future.result().success):
             raise Failed(f"{node} refused the transition")

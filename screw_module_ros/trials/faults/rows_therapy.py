@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slots of a therapy session, its node, the therapist's page and the bridge in between."""
+"""Rows about therapy: slots, the session's node, the therapist's page and the web bridge."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ GROUP = "therapy"
 _RENEW_S = 0.05
 _ONE_S = round(1.0 / _RENEW_S)
 _SESSION, _BRIDGE = "therapy_session", "web_bridge"
-_PAGE, _TOLD = "page", "what the session tells"
+_PAGE, _STATES = "page", "states"
 _WITHIN = 60
-"""Samples: by speed or jump, where a slot throws the hand; it is a robot's stop like any other."""
-_SILENCE_S = 2.0  # of a page, until the session pauses
+"""Samples: a slot may throw the hand and so trip the limits of speed or position jump."""
+_SILENCE_S = 2.0  # of a page; then the session pauses
 _SLOT = {
     "planar": True, "vertical": True, "start__z": HOME, "target__y": 0.1, "target__z": HOME + 0.05,
     "duration": 1.4, "back_stiffness": 200.0, "side_stiffness": 200.0, "damping": 5.0,
     "half_width": 0.01, "end_half_width": 0.002, "growth": 20.0,
 }  # fmt: skip
-_FADES = "controller and manus: a slot that is not renewed for 0.3 s fades out"
+_FADES = "controller and manus: a slot fades out without renewal for 0.3 s"
 
 
 def rows() -> Iterator[Row]:
-    """Slots, the session's node, the page, the bridge."""
+    """Return the rows of slots, of the session's node, of the page and of the bridge."""
     yield from _slots()
     yield from _sessions()
     yield from _pages()
@@ -64,8 +64,8 @@ def _slots() -> Iterator[Row]:
     refuse = "controller and manus refuse it, naming the field: there is no slot"
     yield _row("slot-nan", "a slot of no duration (NaN)", _slot(duration=math.nan), refuse)
     yield _row("slot-absurd", "a slot with walls of 1e300 N/m", _slot(back_stiffness=1e300), refuse)
-    yield _row("slot-strongest", "the stiffest slot there may be, from a foreign sender, its time "
-               "over for hours, its target far from the hand",
+    yield _row("slot-strongest", "the stiffest valid slot, from a foreign sender, expired for "
+               "hours, with its target far from the hand",
                _slot(start_ns=1, duration=0.1, target__x=0.15, target__y=0.15,
                      target__z=HOME + 0.09, back_stiffness=2000.0, side_stiffness=2000.0,
                      growth=500.0),
@@ -75,7 +75,7 @@ def _slots() -> Iterator[Row]:
     yield _row("slot-storm", "another slot 500 times a second, to and fro",
                _slot(0, 0.002, target__x=lambda testbed: next(sides)),
                "controller and manus: one slot fades out before the next one comes")  # fmt: skip
-    yield _row("slot-sender-gone", "who asks for a slot falls silent",
+    yield _row("slot-sender-gone", "the sender of a slot falls silent",
                _slot(_ONE_S), _FADES)  # fmt: skip
 
 
@@ -86,9 +86,9 @@ def _sessions() -> Iterator[Row]:
                "later continued", _signalled(signal.SIGSTOP), _FADES, _continued)  # fmt: skip
     wishes = itertools.cycle((-1e6, 1e6))
     wish = {f"position__{axis}": lambda testbed: next(wishes) for axis in "xyz"}
-    yield _row("wish-absurd", "a game wishes the hand a thousand kilometres away, to and fro",
+    yield _row("wish-absurd", "a game requests points a thousand kilometres away, to and fro",
                both(_session, published(EndpointSetpoint, graph.THERAPY_WISH, 0, 0.002, **wish)),
-               "therapy_session: within the workspace, no faster than allowed")  # fmt: skip
+               "therapy_session: limits the point to the workspace, and its speed")  # fmt: skip
 
 
 def _pages() -> Iterator[Row]:
@@ -105,38 +105,38 @@ def _pages() -> Iterator[Row]:
                _page_closed)  # fmt: skip
 
 
-# What is done ------------------------------------------------------------------------------------
+# Acts --------------------------------------------------------------------------------------------
 
 
 def _session(testbed) -> None:
     """Start the session's node beside the graph."""
     testbed.added[_SESSION] = testbed.intruders.start(_SESSION)
     testbed.robot.wait_until_ready([_SESSION])
-    testbed.added[_TOLD] = testbed.intruders.listen(TherapyState, graph.THERAPY_STATE)
+    testbed.added[_STATES] = testbed.intruders.listen(TherapyState, graph.THERAPY_STATE)
 
 
 def _started(testbed) -> float:
-    """Start a session, and wait until its slot is in force: it brings the hand to the start."""
+    """Start a session, and wait for its slot, which brings the hand to the start."""
     request = StartTherapy.Request(protocol="reach_3d", patient="P-22222", record=False)
 
     def begun() -> bool:
         answer = testbed.robot.call(StartTherapy, f"{_SESSION}/start", request)
         if not answer.success and graph.ENDPOINT_STATE not in answer.message:
-            raise Failed(f"no session begins: {answer.message}")
+            raise Failed(f"the session does not start: {answer.message}")
         return answer.success
 
-    testbed.robot.wait_until(begun, 10.0, "the session's node hears no endpoint_state")
-    _until_told(testbed, lambda state: state.state == TherapyState.RUNNING
-                and state.phase == TherapyState.PREPARE, "the session does not run")  # fmt: skip
+    testbed.robot.wait_until(begun, 10.0, "the session's node receives no endpoint_state")
+    _wait_for(testbed, lambda state: state.state == TherapyState.RUNNING
+              and state.phase == TherapyState.PREPARE, "the session does not run")  # fmt: skip
     testbed.robot.pause(0.3)  # until the slot is in force
     return testbed.just_now()
 
 
-def _until_told(testbed, wanted, problem: str, seconds: float = 5.0) -> TherapyState:
+def _wait_for(testbed, wanted, problem: str, seconds: float = 5.0) -> TherapyState:
     found: list[TherapyState] = []
 
     def heard() -> bool:
-        while (state := testbed.added[_TOLD]()) is not None:
+        while (state := testbed.added[_STATES]()) is not None:
             found.append(state)
         return bool(found) and wanted(found[-1])
 
@@ -162,15 +162,15 @@ def _continued(testbed) -> None:
 
 
 def _paused(testbed) -> None:
-    """Wait until the session has paused, and why."""
-    state = _until_told(testbed, lambda state: state.state == TherapyState.PAUSED,
-                        "the session does not pause", _SILENCE_S + 2.0)  # fmt: skip
+    """Wait until the session has paused; check its reason."""
+    state = _wait_for(testbed, lambda state: state.state == TherapyState.PAUSED,
+                      "the session does not pause", _SILENCE_S + 2.0)  # fmt: skip
     if "page has been silent" not in state.reason:
         raise Failed(f"the session paused because {state.reason}")
 
 
 def _attended(testbed) -> None:
-    """Start the bridge, and a page that attends through it."""
+    """Start the bridge, and a page that publishes its attendance through it."""
     tokens = f"{testbed.graph.place.state.name}/web_bridge/tokens.json"
     arguments = ("-p", "port:=0", "-p", f"token_file:={tokens}")
     testbed.added[_BRIDGE] = testbed.intruders.start(_BRIDGE, *arguments)
@@ -193,7 +193,7 @@ def _flooded(testbed) -> float:
     page = testbed.added[_PAGE]
     page.floods = True
     if not testbed.until(lambda: page.end, 10.0):
-        raise Failed("nobody cuts off a page that floods")
+        raise Failed("the bridge does not cut off a page that floods it")
     if "messages a second" not in page.end:
         raise Failed(f"the page was cut off because {page.end}")
     return begin

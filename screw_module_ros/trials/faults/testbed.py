@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One running graph on which the rows are carried out, one after the other.
+"""One running graph, on which rows are carried out one after the other.
 
-`ready` brings the robot from whatever state to operation; the graph is not started anew.
+`ready` brings the robot from any state to operation without a restart of the graph.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ _ONE_SENDER = {
     graph.ENCODER: "encoder",
     graph.FORCE: "force_sensor",
 }
-"""Topics whose hearers enable nothing while there are two senders. The middleware forgets one that
-was killed after 20 s of wall clock."""
+"""Topics with a single publisher: with two, their subscribers enable no drive. The middleware
+drops a killed publisher after 20 s of wall clock."""
 _POLL_NS = 5_000_000
-_WALL = WallClock()  # processes end and start by it
+_WALL = WallClock()  # for the start and end of processes
 _FAST = ("-p", "sim_rig:speed:=0.0", "-p", f"sim_rig:truth_rate:={TRUTH_RATE}")
 
 
 class Testbed:
-    """The graph in simulated time, an operator, a patient, a game, and means to do harm.
+    """The graph in simulated time, an operator, a patient, a game, and faults.
 
-    deadline: simulated time by which the row must be over [s]. added: what a row has put beside the
-    graph, by a name of its own.
+    deadline: simulated time by which the row must end [s]. added: what the row has added to the
+    graph, by name.
     """
 
     def __init__(self, extra: Iterable[str] = (), composed: bool = False):
@@ -92,7 +92,7 @@ class Testbed:
             return
         self.heard.look()
         if self.heard.time > self.deadline:
-            raise RobotError(f"the row's time is over{self.robot.complaints_text()}")
+            raise RobotError(f"the row takes too long{self.robot.complaints_text()}")
 
     def _prepare(self) -> None:
         self.robot.wait_until(lambda: self.heard.now is not None, 5.0, "no sim/truth")
@@ -103,7 +103,7 @@ class Testbed:
         self.configure()
 
     def configure(self) -> None:
-        """Set what the controllers start with, after a start of theirs."""
+        """Set the controllers' parameters, after their start."""
         robot = self.robot
         robot.set_impedance(STIFFNESS, 0.0)
         robot.set_impedance(PLANE_STIFFNESS, PLANE_DAMPING, node="manus")
@@ -112,7 +112,7 @@ class Testbed:
     # Processes -----------------------------------------------------------------------------
 
     def kill(self, node: str) -> None:
-        """End a node with SIGKILL; time stands until it has ended."""
+        """End a node with SIGKILL; simulated time stands still until it has ended."""
         self.graph.signal(node, signal.SIGKILL)
         self._await_by_wall(lambda: self.graph.exit_code(node) is not None, f"{node} did not end")
 
@@ -126,7 +126,7 @@ class Testbed:
         self.graph.signal(node, signal.SIGSTOP, ends=False)
 
     def thaw(self, node: str) -> None:
-        """Let a frozen process go on."""
+        """Continue a frozen process."""
         self._frozen.discard(node)
         if self.graph.exit_code(node) is None:
             self.graph.signal(node, signal.SIGCONT, ends=False)
@@ -147,29 +147,29 @@ class Testbed:
             _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
 
     def restart(self, node: str) -> None:
-        """Start a node again that has ended, or is about to."""
+        """Start a node again, after waiting for its end."""
         self.await_end([node])
         self.graph.restart(node)
         self._restarted.add(node)
 
     def start_guest(self, node: str, *arguments: str) -> None:
-        """Start one more process of an executable; return when it takes part in the time."""
+        """Start one more process of an executable; return when it takes part in simulated time."""
         self._await_start(self.intruders.start(node, *arguments), f"the second {node}")
 
     def just_now(self) -> float:
-        """Return the simulated time of now [s]."""
+        """Return the present simulated time [s]."""
         return self.heard.time
 
     # Recovery ------------------------------------------------------------------------------
 
     def ready(self, mode: int) -> None:
-        """Bring the robot to operation in `mode`, the hand at rest. Raises RobotError if stuck."""
+        """Bring the robot to operation in `mode`, the hand at rest. Raises RobotError if not."""
         self.await_restarted()
         self.patient.rest()
         self.recovery.go(mode)
 
     def await_restarted(self) -> None:
-        """Wait until the nodes that were started again are active, and set them up."""
+        """Wait until the restarted nodes are active, and set their parameters."""
         if not self._restarted:
             return
         processes, self._restarted = self._restarted, set()
@@ -181,7 +181,7 @@ class Testbed:
             if owner in nodes:
                 self._creep_until(
                     lambda topic=topic: self.robot.node.count_publishers(topic) <= 1,
-                    f"the middleware does not forget who sent {topic}",
+                    f"the middleware does not drop the ended publisher of {topic}",
                 )
         if nodes & {"impedance_controller", "manus"}:
             self.configure()
@@ -194,7 +194,7 @@ class Testbed:
         self._creep_until(lambda: pid in page.slot_pid, f"{name} does not start")
 
     def _creep_until(self, condition: Callable[[], object], what: str) -> None:
-        """Wait for processes and the middleware. Raises RobotError(`what`) if in vain."""
+        """Wait for processes and the middleware. Raises RobotError(`what`) after 60 s."""
 
         def watched() -> object:
             self.graph.watch()
@@ -204,5 +204,5 @@ class Testbed:
             raise RobotError(what)
 
     def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        """Wait for a condition; return whether it came true in time."""
+        """Wait for a condition; return whether it became true in time."""
         return self.robot.met(condition, deadline_s)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several graphs at once, each with a process of its own that carries out one row after the other.
+"""Parallel graphs, each with a worker process that carries out one row after the other.
 
-A graph in lock step keeps little more than one core busy, as its nodes wait for each other.
+A graph in lock step uses little more than one core, because its nodes wait for each other.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _POLL_S = 0.2
 
 
 class WorkerPool:
-    """Carries out rows on `jobs` graphs at once.
+    """Carries out rows on `jobs` parallel graphs.
 
     with WorkerPool(rows, 2) as pool:
         for verdict in pool.verdicts(): ...
@@ -37,7 +37,7 @@ class WorkerPool:
     def __init__(self, rows: Sequence[Row], jobs: int):
         self._waiting = list(rows)
         self._jobs = min(jobs, len(rows))
-        self._apart: dict[Connection, bool] = {}  # which graph a member has, or begins with
+        self._apart: dict[Connection, bool] = {}  # kind of graph of each worker, see `Row.apart`
         self._workers: dict[Connection, BaseProcess] = {}
         self._stopping = StopFlag()
 
@@ -56,14 +56,14 @@ class WorkerPool:
     def __exit__(self, kind: type | None, *_: object) -> None:
         for pipe, worker in self._workers.items():
             if kind is not None and worker.is_alive():
-                worker.terminate()  # a graph that runs is ended in order
+                worker.terminate()  # the worker shuts its graph down
             pipe.close()
         for worker in self._workers.values():
             worker.join()
         self._stopping.release()
 
     def verdicts(self) -> Iterator[Verdict]:
-        """Yield the verdicts as they come.
+        """Yield the verdicts as they arrive.
 
         Raises Interrupted after Ctrl-C or SIGTERM, RobotError when a graph cannot be started.
         """
@@ -80,7 +80,7 @@ class WorkerPool:
                 raise Interrupted
 
     def _send_next(self, pipe: Connection) -> bool:
-        """Send the next row that fits the member's graph, else one for the other kind of graph."""
+        """Send the next row for the worker's kind of graph, else one for the other kind."""
         if not self._waiting:
             return False
         fitting = (row for row in self._waiting if row.apart == self._apart[pipe])
@@ -97,15 +97,15 @@ class WorkerPool:
             if self._stopping:
                 raise Interrupted from None
             worker = self._workers[pipe]
-            raise RobotError(f"{worker.name} ended by itself, code {worker.exitcode}") from None
+            raise RobotError(f"{worker.name} ended, exit code {worker.exitcode}") from None
         if isinstance(answer, Verdict):
             return answer
         raise RobotError(answer)
 
 
 def _work(pipe: Connection) -> None:
-    """Carry out the rows whose names come, until none does; started as a process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's affair while no graph runs
+    """Carry out the rows whose names arrive until the pipe closes; runs in a worker process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it while no graph runs
     rows = {row.name: row for row in all_rows()}
     with tempfile.TemporaryDirectory(prefix="faults_") as folder:
         os.environ["ROS_LOG_DIR"] = folder
@@ -118,7 +118,7 @@ def _work(pipe: Connection) -> None:
 
 
 def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
-    """Take names and give verdicts; a graph that cannot be brought back is replaced."""
+    """Receive names and send verdicts; replace a graph that did not recover."""
     extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
     testbed: Testbed | None = None
     try:
@@ -139,7 +139,7 @@ def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
 
 
 def _next(pipe: Connection) -> str | None:
-    """Return the next row's name, None when there is no more."""
+    """Return the next row's name, None after the last."""
     try:
         return pipe.recv()
     except EOFError:

@@ -33,7 +33,7 @@ CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")
 
 
 class Goal:
-    """One goal under way: the handle, what was fed back, the result."""
+    """A running goal: its handle, feedback and result."""
 
     def __init__(self, robot: Robot, client: ActionClient, name: str, folder: Any, **settings: Any):
         self._robot = robot
@@ -65,7 +65,7 @@ class Goal:
 
 
 class Bench:
-    """The operator, the action and how the graph was found."""
+    """The operator, the action client and the graph's former state."""
 
     def __init__(self, robot: Robot, client: ActionClient):
         self.robot, self.client = robot, client

@@ -213,7 +213,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("trial", "said"),
         [
-            (TorqueTrial(1.0, 0.5, 1.0), "the motor bears 0.42 Nm"),
+            (TorqueTrial(1.0, 0.5, 1.0), "continuous torque of 0.42 Nm"),
             (TorqueTrial(100.0, 0.1, 1.0), "a sine of 100 Hz needs more than 200"),
             (TorqueTrial(1.0, 0.1, 1.0, rate=2000.0), "wants 2000 samples per second"),
         ],

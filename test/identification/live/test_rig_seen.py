@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nobody's hands are taken for granted but those of a rig that was seen on its bus."""
+"""Only a rig that was detected on its bus needs no confirmation of an operator."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROBOT = SimpleNamespace(clock=SimpleNamespace(simulated=False))
 
 @pytest.fixture
 def bus(can_port_base, monkeypatch):
-    """Return the bus that the node `encoder` says it is on."""
+    """Return the bus in the parameters of the node `encoder`."""
     settings = BusSettings(interface="virtual", channel=f"rig{can_port_base}")
     told = {"can.interface": "virtual", "can.channel": settings.channel,
             "can.port": settings.port, "node_id": 2}  # fmt: skip
@@ -28,7 +28,7 @@ def bus(can_port_base, monkeypatch):
 
 @pytest.fixture
 def talking(bus):
-    """Let somebody send frames of an identifier, until the test ends."""
+    """Send frames of an identifier until the test ends."""
     ends, threads = threading.Event(), []
 
     def talk(identifier: int) -> None:
