@@ -74,7 +74,11 @@ def outflow_step(
     rms = math.sqrt(force_square.twice)
     source = power.twice < -LOST_SHARE * rms * math.sqrt(speed_square.twice)
     lives = force_square.once > STEADY * force_square.twice
-    lasting = state.lasting + dt * rms / least if source and lives and rms > least else 0.0
+    lasting = state.lasting
+    if rms <= least or power.twice >= 0.0:
+        lasting = 0.0
+    elif source and lives:  # between, ripple: what has lasted stays
+        lasting += dt * rms / least
     return OutflowState(force_pass, speed_pass, force_square, speed_square, power, lasting)
 
 

@@ -11,12 +11,15 @@ import pytest
 from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.clock import ManualClock, WallClock
+from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.live import experiment as live_session
 from screw_module_ros.identification.live import trials as live_trials
 from screw_module_ros.identification.live.feedback import Feedback
+from screw_module_ros.identification.live.motion import check_possible
 from screw_module_ros.identification.live.samples import (
     Recording,
     SamplesLost,
@@ -26,7 +29,12 @@ from screw_module_ros.identification.live.samples import (
     zero_of,
 )
 from screw_module_ros.identification.live.torque_source import Sine, TorqueSource
-from screw_module_ros.identification.trials import Cancelled, NotPossible, TorqueTrial
+from screw_module_ros.identification.trials import (
+    Cancelled,
+    MotionTrial,
+    NotPossible,
+    TorqueTrial,
+)
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
@@ -266,3 +274,19 @@ class TestFeedback:
         feedback.progress("map", 0.0, 0.0)
         assert told[-1][0] == 1.0
         assert math.isfinite(told[-1][1])
+
+
+class TestMotionTrials:
+    QUIET = MotionTrial(modes.OBSERVER, VerticalSettings())
+
+    @pytest.mark.parametrize("what", ["side_force", "tremor", "changed"])
+    def test_what_only_the_bench_in_process_has_is_refused(self, what):
+        with pytest.raises(NotPossible, match="`make reproduce`.*side_force: 0.0"):
+            check_possible(self.QUIET._replace(**{what: 1}), simulated=True)
+
+    @pytest.mark.parametrize("change", [{"way": 0.05}, {"released_after": 3.0}])
+    def test_the_rig_s_hand_holds_off_the_centre_and_lets_go_a_person_s_does_not(self, change):
+        trial = self.QUIET._replace(**change)
+        check_possible(trial, simulated=True)
+        with pytest.raises(NotPossible, match="needs the simulated rig"):
+            check_possible(trial, simulated=False)
