@@ -33,8 +33,8 @@ def lagging(loss):
 
 
 @pytest.mark.parametrize("loss", [-0.2, -0.5, -1.5])
-def test_a_robot_that_feeds_an_oscillation_is_found_within_six_tenths_of_a_second(loss):
-    assert found_after(wave(3.0, lagging(loss)), wave(0.1), 3.0) < 0.6
+def test_a_robot_that_feeds_an_oscillation_is_found_within_a_second(loss):
+    assert found_after(wave(3.0, lagging(loss)), wave(0.1), 3.0) < 1.0
 
 
 def test_one_that_grows_is_found_soon_after_it_is_large_enough():
@@ -51,6 +51,8 @@ def test_one_that_grows_is_found_soon_after_it_is_large_enough():
         (wave(3.0, lagging(math.pi)), wave(0.1)),  # a mass
         (wave(3.0, lagging(0.4)), wave(0.1)),  # a hand that trembles and drives the robot
         (wave(1.2, lagging(-0.5)), wave(0.05)),  # too little
+        # The robot pushes a hand once.
+        (lambda t: -65.0 * min(1.0, t / 0.3), lambda t: 0.05 if t < 0.3 else 0.0),
         (wave(12.0, frequency=0.5), wave(0.3, -lagging(-0.5), frequency=0.5)),  # a hand at work
         (wave(3.0, lagging(-0.2), -6.0), wave(0.1, 0.0, -6.0)),  # a wall rings
     ],
