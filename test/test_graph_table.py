@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of the graph: what is started, and that everything else that lists it agrees.
 
-That the running graph agrees with the security policy is `test/nodes/test_policy.py`.
+That the running graph agrees with the security policy is `test/nodes/test_graph.py`.
 """
 
 from __future__ import annotations

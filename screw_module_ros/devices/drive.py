@@ -209,6 +209,7 @@ class Drive:
             state = self.reports.state(now_ns)
         self._look_at_torque(state, now_ns)
         heard_ns = self._started_ns if node.heartbeat_ns is None else node.heartbeat_ns
+        recovering = logic.recovery.active
         controlword = logic.step(
             state, self.reports.shown, heard_ns if self._hears else None, node.state, now_ns
         )
@@ -221,6 +222,9 @@ class Drive:
         if logic.nmt_stop_due(now_ns):
             # After the zero command: with 6007 altered, a stopped drive may keep its torque.
             node.stop()
+        if recovering and not logic.recovery.active and state is State.UNKNOWN:
+            # Silent for a whole recovery: it may have restarted while its boot-up could not come.
+            self.stop()
         self._asked = per_mille * self._torque_of
         return self._asked
 
@@ -307,8 +311,8 @@ class Drive:
     def clear_fault(self) -> None:
         """Begin to recover; `recovering` is True until the drive is back, at most switched on.
 
-        After a boot-up, or if another SDO client may have changed an object, this configures the
-        drive again, which blocks and raises as `configure`.
+        After a boot-up, after a recovery without an answer, or if another SDO client may have
+        changed an object, this configures the drive again, which blocks and raises as `configure`.
         """
         if not self.node.configured or self._altered:
             self._altered = False  # a client that continues meanwhile sets it again

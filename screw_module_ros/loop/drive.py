@@ -143,9 +143,9 @@ class VerticalDrive:
         Zero torque is always written, whatever fault exists.
         """
         accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
-        if self._watch.fault and not self.drives.fault:
-            self.drives.fault = self._watch.fault
-            self._watch.reset()
+        if self._watch.fault:
+            self.drives.fault = self.drives.fault or self._watch.fault
+            self._watch.reset()  # else it would latch again after `clear_fault`
         if accepted:
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample

@@ -11,7 +11,7 @@ from screw_module_ros.plant.world import ArmSettings
 def enabled_plane(bench, arm: ArmSettings):
     bench.world.set_arm(arm)
     assert bench.enable_plane() == ""
-    bench.seconds(1.0)
+    bench.seconds(0.5)
     return bench
 
 
@@ -32,7 +32,7 @@ def test_a_patient_who_moves_a_frozen_joint_is_noticed(bench):
     arm = ArmSettings(kind="active", amplitude=(0.08, 0.06, 0.0), omega=(5.0, 4.0, 0.0))
     enabled_plane(bench, arm)
     bench.rig.inject("shoulder", "position_freeze", 0.0, 0.0, bench.now_ns)
-    bench.seconds(2.0)
+    bench.seconds(1.5)
     assert "shoulder drive: position (6064)" in bench.axes.drives.reason
 
 
@@ -49,5 +49,5 @@ def test_healthy_joints_are_not_doubted(bench, arm):
     enabled_plane(bench, arm)
     bench.planar_setpoint = (0.03, 0.05, 0.0, 0.0)
     bench.axes.settings = bench.axes.settings._replace(stiffness=200.0)
-    bench.seconds(2.5)
+    bench.seconds(2.0)
     assert bench.axes.drives.enabled, bench.axes.drives.reason

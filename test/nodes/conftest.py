@@ -6,12 +6,15 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
+from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.nodes.support.module_node import ModuleNode
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 def node_class(name: str) -> type[ModuleNode]:

@@ -12,6 +12,7 @@ import threading
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from policy_profiles import CLOCK, NODES, all_seen, policy
 from rclpy.qos import ReliabilityPolicy
 from screw_module_msgs.msg import (
     AmplifierState,
@@ -22,7 +23,14 @@ from screw_module_msgs.msg import (
 )
 from std_srvs.srv import SetBool
 
-from screw_module_ros.graph import GRAPH, table
+from screw_module_ros.graph import (
+    BESIDE,
+    ENCODER_DECIMATED,
+    FORCE_DECIMATED,
+    GRAPH,
+    table,
+)
+from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.operator.robot import Robot, RobotError, arm
@@ -255,10 +263,54 @@ def test_a_sensor_fault_stays_until_somebody_clears_it(ready):
     ready.inject("force_sensor", "status", 5.0)
     ready.wait_until(lambda: "supply" in ready.said("force_sensor"), 10.0, "the fault is not told")
     ready.inject("force_sensor", "clear")
-    ready.pause(2.5)
+    ready.pause(1.2)
     assert "supply" in ready.said("force_sensor")
     ready.tare()
     ready.wait_until(lambda: ready.said("force_sensor") == "sampling", 10.0, "still in fault")
+
+
+def profiles_seen(robot, found) -> dict:
+    """Return the profiles of the running nodes, and of those beside them."""
+    simulated = ["--ros-args", "-p", "use_sim_time:=true"]
+    of_any_port = {"web_bridge": ["-p", "port:=0"]}
+    ours = [bringup.Process(name, [*simulated, *of_any_port.get(name, [])]) for name in BESIDE]
+    seen: dict = {}
+    try:
+        robot.wait_until_ready(BESIDE)
+        robot.met(lambda: all_seen(robot.node, found, seen), 20.0)
+    finally:
+        bringup.stop(ours)
+    return seen
+
+
+@pytest.mark.parametrize("run", [False], ids=["separate"], indirect=True)
+def test_the_policy_is_the_running_graph(robot):
+    """What each node publishes, hears, offers and runs, name by name.
+
+    What the recorder hears and asks is what there is; what `characterize` takes over while an
+    experiment runs is allowed beyond what it has when idle.
+    """
+    found = policy()
+    seen = profiles_seen(robot, found)
+    for name in (*NODES, "therapy_session", "web_bridge"):
+        allowed, has = found[name][name], seen[name]
+        assert allowed.publish == has.publish, name
+        assert allowed.reply == has.reply, name
+        if name != "session_recorder":
+            assert allowed.subscribe - {CLOCK} == has.subscribe - {CLOCK}, name
+            assert allowed.request == has.request, name
+    idle, allowed = seen["characterize"], found["characterize"]["characterize"]
+    assert allowed.publish - idle.publish == {"/screw/force_command", "/screw/controller_state"}
+    assert (allowed.subscribe - {CLOCK}, allowed.reply, allowed.execute) == (
+        idle.subscribe - {CLOCK}, idle.reply, idle.execute
+    )  # fmt: skip
+    published = frozenset().union(*(profile.publish for profile in seen.values()), {"/setpoint"})
+    slow = {f"/{name}" for name in (ENCODER_DECIMATED, FORCE_DECIMATED)}  # never recorded
+    recorder = found["session_recorder"]["session_recorder"]
+    assert recorder.subscribe == published - slow
+    asked = {f"/{name}/{service}" for name in (*NODES, *BESIDE) if name != "session_recorder"
+             for service in ("get_parameters", "list_parameters")}  # fmt: skip
+    assert recorder.request == asked
 
 
 def test_a_second_copy_is_refused(run):

@@ -15,7 +15,7 @@ from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(300)]
 
-SECONDS = 3.0
+SECONDS = 2.0
 
 
 def test_every_tick_is_answered_beside_busy_loops_and_stopped_processes():

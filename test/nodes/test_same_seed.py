@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
 BETWEEN_TICKS_NS = 500_000
 S = 1_000_000_000
-ENABLED_S, END_S = 5.0, 6.5
+RECORDED_S, ENABLED_S, END_S = 3.6, 4.0, 5.1
 STILL = (0.0, 0.0, 0.0)
 
 
@@ -40,7 +40,7 @@ def played(folder: Path, seed: int) -> Path:
     """Run the script; return the bag."""
     extra = ["-p", f"session_recorder:folder:={folder}", "-p", "session_recorder:name:=session"]
     extra += ["-p", f"sim_rig:seed:={seed}"]
-    extra += ["-p", "sim_rig:speed:=0.05"]  # the graph starts before the first time of the script
+    extra += ["-p", "sim_rig:speed:=0.04"]  # the graph starts before the first time of the script
     with (
         GraphRun(extra=extra) as graph,
         Robot("script", watch=graph.watch, simulated=True) as robot,
@@ -48,28 +48,28 @@ def played(folder: Path, seed: int) -> Path:
         robot.wait_until_ready(graph.names)
         robot.set_parameter("sim_rig", "speed", 0.0)
         script = Script(robot)
-        script.at(3.0).set_fixture("free")
-        script.at(3.1).clear_faults()
-        script.at(3.3).home()
-        script.at(3.5).tare()
-        script.at(3.8).set_fixture("human_arm")
-        script.at(3.9).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
-        script.at(4.0).set_impedance(100.0, 5.0)
-        script.at(4.1).set_mode(ForceCommand.FORCE_FEEDBACK)
-        script.at(4.2).permit()
-        script.at(4.3).start_recording()
-        script.at(4.6).enable()
-        script.at(4.8).enable_plane()
+        script.at(2.0).set_fixture("free")
+        script.at(2.1).clear_faults()
+        script.at(2.3).home()
+        script.at(2.5).tare()
+        script.at(2.8).set_fixture("human_arm")
+        script.at(2.9).set_arm(arm((0.0, 0.0, 0.25), 0.3, STILL, STILL, kind="active"))
+        script.at(3.0).set_impedance(100.0, 5.0)
+        script.at(3.1).set_mode(ForceCommand.FORCE_FEEDBACK)
+        script.at(3.2).permit()
+        script.at(3.3).start_recording()
+        script.at(3.6).enable()
+        script.at(3.8).enable_plane()
         script.at(ENABLED_S).set_arm(
             arm(amplitude=(0.02, 0.03, 0.1), omega=(3.0, 2.0, 4.0), target=(0.0, 0.0, 0.2))
         )
-        for number in range(20):
-            angle = 2.0 * math.pi * number / 20.0
+        for number in range(15):
+            angle = 2.0 * math.pi * number / 15.0
             script.at(ENABLED_S + 0.02 + 0.04 * number).set_setpoint(
                 0.03 * math.sin(angle), 0.0, 0.25 - 0.02 * math.sin(angle)
             )
-        script.at(ENABLED_S + 0.9).set_mode(ForceCommand.COMBINED)
-        script.at(ENABLED_S + 1.2).set_impedance(200.0, 5.0)
+        script.at(ENABLED_S + 0.7).set_mode(ForceCommand.COMBINED)
+        script.at(ENABLED_S + 0.9).set_impedance(200.0, 5.0)
         script.at(END_S).check_enabled()
         robot.stop_recording()
     assert_of_simulated_time(folder / "session")
@@ -79,7 +79,7 @@ def played(folder: Path, seed: int) -> Path:
 def samples(bag: Path) -> dict[str, list[bytes]]:
     """Return the messages of each topic between enabling and the end, in order."""
     found: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
-    begin, end = (START_NS + round(t * S) for t in (4.6, END_S))
+    begin, end = (START_NS + round(t * S) for t in (RECORDED_S, END_S))
     for message in raw_messages(bag, [f"/{topic}" for topic in TOPICS]):
         if begin <= message.log_time < end:
             found[message.topic.lstrip("/")].append(message.data)
@@ -96,7 +96,7 @@ def test_two_runs_with_one_seed_are_the_same_bit_for_bit(tmp_path):
     one, other = (samples(played(tmp_path / name, seed=3)) for name in ("one", "other"))
     for topic in TOPICS:
         per_second = 100 if topic == "sim/truth" else 1000
-        assert len(one[topic]) == round(per_second * (END_S - 4.6)), topic
+        assert len(one[topic]) == round(per_second * (END_S - RECORDED_S)), topic
         assert len(one[topic]) == len(other[topic])
         pairs = zip(one[topic], other[topic], strict=True)
         differing = [number for number, (first, second) in enumerate(pairs) if first != second]

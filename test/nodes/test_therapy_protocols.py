@@ -25,14 +25,16 @@ KINDS = ["reach", "reach", "circle", "hold", "resisted", "strength"]
 def write_short(folder, name):
     """Write a protocol with each of its different blocks once, of one target, in little time."""
     content = yaml.safe_load(resource_path(f"params/therapy/{name}.yaml").read_text())
-    blocks = content["blocks"][:2] if name == "elevator" else content["blocks"]
+    blocks = content["blocks"][1:2] if name == "elevator" else content["blocks"]
     for block in blocks:
         block["circuits"] = 1
         block["targets"] = {**block["targets"], "count": 1, "rounds": 1}
         if "duration" in block:
             block["duration"] = 4.0 if block["kind"] == "circle" else 1.0
     content["blocks"] = blocks
-    content["rules"].update(hit_radius=0.02, wait=0.5, give_up=4.0, hold=0.1, settle_time=0.05)
+    content["rules"].update(
+        hit_radius=0.02, wait=0.5, give_up=4.0, hold=0.1, settle_time=0.05, prepare_duration=1.2
+    )
     (folder / f"{name}_short.yaml").write_text(yaml.safe_dump(content))
     return f"{name}_short.yaml"
 
@@ -88,9 +90,9 @@ def play(robot, player, states, protocol):
 def test_the_elevator_goes_up_and_down_and_back(results):
     found = results["elevator"]
     heights = [round(result.target.z, 2) for result in found]
-    assert heights == [0.32, 0.18, 0.04, 0.18] * 2
-    assert [result.assisted for result in found] == [False] * 4 + [True] * 4
-    assert sum(result.reached for result in found) >= 6
+    assert heights == [0.32, 0.18, 0.04, 0.18]
+    assert all(result.assisted for result in found)
+    assert sum(result.reached for result in found) >= 3
     assert all(math.isfinite(result.sparc) for result in found if result.moved)
     assert {result.missing for result in found} == {0}
 

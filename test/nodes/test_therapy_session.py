@@ -46,7 +46,7 @@ def short_protocol(folder):
         {**content["blocks"][index], "circuits": 1, "targets": targets} for index in (0, 1)
     ]
     content["guidance"]["duration"] = 1.0
-    content["rules"].update(wait=1.0, give_up=4.0, hold=0.2)
+    content["rules"].update(wait=0.7, give_up=4.0, hold=0.1, prepare_duration=1.0)
     file = folder / "short.yaml"
     file.write_text(yaml.safe_dump(content))
     return file

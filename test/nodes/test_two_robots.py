@@ -19,8 +19,9 @@ from screw_module_ros.recording.verify import verify
 pytestmark = pytest.mark.graph
 
 NAMES = ("left", "right")
-ONE_ROBOT = ["sim_rig", "supervisor", "encoder", "force_sensor", "impedance_controller",
-             "amplifier", "session_recorder"]  # fmt: skip
+ONE_ROBOT = ["sim_rig", "supervisor", "module", "session_recorder"]
+NODES = ["sim_rig", "supervisor", "encoder", "force_sensor", "impedance_controller",
+         "amplifier", "session_recorder"]  # fmt: skip
 PLANE_IS_NOT_NEEDED = (
     "supervisor:required:=[encoder, force_sensor, impedance_controller, amplifier]"
 )
@@ -50,7 +51,8 @@ def robots(bags, ros_domain_id, module_ports):
         for number, name in enumerate(NAMES):
             extra = ["-p", PLANE_IS_NOT_NEEDED, "-p", f"session_recorder:folder:={bags}"]
             processes[name] = bringup.start(
-                namespace=name, first_port=module_ports + 4 * number, only=ONE_ROBOT, extra=extra
+                namespace=name, first_port=module_ports + 4 * number, only=ONE_ROBOT, extra=extra,
+                composed=True,
             )
         with ExitStack() as stack:
             found = {
@@ -58,7 +60,7 @@ def robots(bags, ros_domain_id, module_ports):
                 for name in NAMES
             }
             for robot in found.values():
-                robot.wait_until_ready(ONE_ROBOT)
+                robot.wait_until_ready(NODES)
             yield found
     finally:
         for started in processes.values():
@@ -75,7 +77,7 @@ def test_each_has_the_values_of_the_file(robots, module_ports):
         }  # fmt: skip
         assert parameters(robot, "amplifier", ["module_serial"]) == {"module_serial": "SIM-0001"}
         rig = parameters(robot, "sim_rig", ["devices.command_latency"])
-        assert rig == {"devices.command_latency": 0.6e-3}
+        assert rig == {"devices.command_latency": 0.3e-3}  # composed
 
 
 def test_what_one_does_the_other_does_not(robots, bags):

@@ -5,15 +5,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import sys
-from pathlib import Path
 
 import pytest
-from screw_module_msgs.msg import TherapyState
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped
+from screw_module_msgs.msg import TherapyState
 
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(400)]
 

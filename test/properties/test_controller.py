@@ -139,7 +139,7 @@ class Controller(RuleBasedStateMachine):
 
 
 TestController = Controller.TestCase
-TestController.settings = fixed(100, 30)
+TestController.settings = fixed(50, 30)
 
 
 def test_a_fault_that_the_amplifiers_end_follows_at_once_stays():

@@ -135,13 +135,13 @@ class PlanarLaw(RuleBasedStateMachine):
 
 
 TestVerticalLaw = VerticalLaw.TestCase
-TestVerticalLaw.settings = fixed(80, 30)
+TestVerticalLaw.settings = fixed(40, 30)
 TestPlanarLaw = PlanarLaw.TestCase
-TestPlanarLaw.settings = fixed(80, 30)
+TestPlanarLaw.settings = fixed(40, 30)
 
 
 @pytest.mark.parametrize("kind", [VerticalSettings, PlanarSettings, WatchSettings])
-@fixed(60)
+@fixed(30)
 @given(data=st.data())
 def test_no_setting_out_of_its_range_is_taken(kind, data):
     fields = [f for f in declared(kind).values() if f.kind is float]

@@ -315,4 +315,4 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
 
 TestPlanarAxes = PlanarAxesMachine.TestCase
-TestPlanarAxes.settings = fixed(20, 15)
+TestPlanarAxes.settings = fixed(12, 15)

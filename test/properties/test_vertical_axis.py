@@ -322,6 +322,6 @@ class AxisMachine(Machine):
 
 
 TestDrive = DriveMachine.TestCase
-TestDrive.settings = fixed(60, 25)
+TestDrive.settings = fixed(30, 25)
 TestVerticalAxis = AxisMachine.TestCase
-TestVerticalAxis.settings = fixed(40, 20)
+TestVerticalAxis.settings = fixed(20, 20)

@@ -108,6 +108,6 @@ class Samples(RuleBasedStateMachine):
 
 
 TestCommands = Commands.TestCase
-TestCommands.settings = fixed(60, 30)
+TestCommands.settings = fixed(30, 30)
 TestSamples = Samples.TestCase
-TestSamples.settings = fixed(60, 30)
+TestSamples.settings = fixed(30, 30)

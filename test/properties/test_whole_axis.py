@@ -129,7 +129,7 @@ class WholeAxis(RuleBasedStateMachine):
 
 
 TestWholeAxis = WholeAxis.TestCase
-TestWholeAxis.settings = fixed(5, 12)
+TestWholeAxis.settings = fixed(3, 12)
 
 
 def test_frozen_gauges_are_not_fed_back():

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fault of the command stream is latched once, and cleared with the others."""
+
+from __future__ import annotations
+
+MS = 1_000_000
+
+
+def implausible(bench) -> None:
+    """Send a new command that no controller may give."""
+    bench.clock.time_ns += MS
+    bench.axis.command(bench.now_ns // MS, bench.now_ns, 1e6, bench.now_ns)
+
+
+def test_a_command_fault_is_latched(bench):
+    implausible(bench)
+    assert "beyond anything" in bench.axis.drives.fault
+
+
+def test_one_clear_fault_clears_what_came_behind_another_fault(bench):
+    bench.axis.drives.fault = "20 deadlines missed in a row"
+    implausible(bench)
+    assert bench.axis.drives.fault == "20 deadlines missed in a row", "the first is the cause"
+    assert bench.clear_fault() == ""
+    bench.ticks(20)
+    assert bench.axis.drives.fault == "", "nothing has happened since"
