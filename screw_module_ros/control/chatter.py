@@ -8,6 +8,8 @@ within `FALL`, and the law replaces it by a damper. The share returns within `RE
 to a ceiling, a part of the share at which the oscillation began. The ceiling rises again with the
 time constant `FORGET`. So a contact that is unstable at full gain does not oscillate every few
 seconds.
+
+An oscillation as slow as a hand's motion trips the guard too when the robot feeds it (`outflow`).
 """
 
 from __future__ import annotations
@@ -66,8 +68,13 @@ def guarded(share: float) -> str:
     )
 
 
-def guard_step(state: GuardState, force: float, limit: float, dt: float) -> GuardState:
-    """Return the guard after a sample of the handle force [N]; limit: rms [N]; dt [s]."""
+def guard_step(
+    state: GuardState, force: float, fed: bool, limit: float, dt: float
+) -> GuardState:
+    """Return the guard after a sample of the handle force [N].
+
+    fed: the robot feeds an oscillation (`outflow.feeds`); limit: rms [N]; dt [s].
+    """
     coefficients = lowpass_coefficients(CORNER, dt)
     slow, first = lowpass_step(coefficients, state.first, force)
     slower, second = lowpass_step(coefficients, state.second, force - slow)
@@ -77,7 +84,10 @@ def guard_step(state: GuardState, force: float, limit: float, dt: float) -> Guar
     rms = math.sqrt(mean_square)
     # A stronger oscillation trips the guard sooner, because an instability must not grow.
     above = state.above + dt * rms / limit if rms > limit else 0.0
-    tripped = rms > QUIET * limit if state.tripped else above > LASTING
+    if state.tripped:
+        tripped = fed or rms > QUIET * limit or state.share > 0.0
+    else:
+        tripped = fed or above > LASTING
     ceiling = clamp(state.ceiling + dt / FORGET, 0.0, 1.0)
     if tripped and not state.tripped:
         ceiling = KEPT_SHARE * state.share

@@ -10,7 +10,8 @@ F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. T
 with the Jacobian and never inverts it, so a stretched arm is no special case. As in the vertical
 law nothing jumps: the force fades in after enabling, impedance and set point move at limited rates,
 and each torque changes by at most `torque_rate` dt per step (0.6 Nm at 500 Hz by default). Only a
-step to zero is exempt.
+step to zero is exempt. Friction of the joints and a part of the module's mass can be compensated
+(`planar_compensation`); both are off by default.
 """
 
 from __future__ import annotations
@@ -21,6 +22,13 @@ from typing import NamedTuple
 from ..geometry import MANUS, PlanarArm, forward, jacobian
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
+from .planar_compensation import (
+    AT_REST,
+    CarriedAxis,
+    carried_force,
+    friction_torque,
+    least_planar_damping,
+)
 from .planar_settings import PlanarSettings
 from .setpoint import Range, SetPoint, at_rest, follow
 
@@ -80,7 +88,8 @@ class PlanarState(NamedTuple):
     """Memory of the law.
 
     x, y: set point in use; stiffness [N/m] and damping [Ns/m] in use; weight of the force, 0 to 1;
-    shoulder_torque, elbow_torque: last command [Nm].
+    shoulder_torque, elbow_torque: last command [Nm]; carried_x, carried_y: of the mass that is
+    carried; shoulder, elbow: last angles [rad]; shoulder_friction, elbow_friction: modelled [Nm].
     """
 
     x: SetPoint
@@ -90,6 +99,12 @@ class PlanarState(NamedTuple):
     weight: float
     shoulder_torque: float
     elbow_torque: float
+    carried_x: CarriedAxis
+    carried_y: CarriedAxis
+    shoulder: float
+    elbow: float
+    shoulder_friction: float
+    elbow_friction: float
 
 
 def initial_state(settings: PlanarSettings) -> PlanarState:
@@ -117,25 +132,39 @@ def planar_step(
     vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
     vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
     if not inp.active:
-        idle = _idle(settings, x, y)
+        idle = _idle(settings, x, y, inp.shoulder, inp.elbow)
         return _nothing(x, y, vx, vy, idle), idle
 
-    # While a slot guides the hand the set point follows the hand: leaving the slot causes no pull.
-    alone = state.weight == 0.0 or inp.slot_weight >= 1.0
-    start = _idle(settings, x, y) if alone else state
+    start = state
+    if state.weight == 0.0:
+        start = _idle(settings, x, y, inp.shoulder, inp.elbow)
     to_x, to_y = start.x, start.y
+    if inp.slot_weight >= 1.0:
+        # While a slot guides the hand the set point follows it: leaving the slot causes no pull.
+        to_x, to_y = _set_point_at(settings, x, y)
     if inp.slot_weight < 1.0:
         half_x, half_y = settings.half_width, settings.half_depth
         to_x = _followed(settings, half_x, to_x, inp.setpoint_x, inp.setpoint_vx, dt)
         to_y = _followed(settings, half_y, to_y, inp.setpoint_y, inp.setpoint_vy, dt)
     stiffness = slew(state.stiffness, settings.stiffness, settings.stiffness_rate * dt)
-    damping = slew(state.damping, settings.damping, settings.damping_rate * dt)
+    enough = max(
+        settings.damping,
+        least_planar_damping(stiffness, settings.module_mass, settings.carried_mass),
+    )
+    damping = slew(state.damping, enough, settings.damping_rate * dt)
     weight = min(1.0, state.weight + dt / settings.fade_time)
 
     spring_x = spring_damper(stiffness, damping, to_x.position - x, to_x.velocity - vx)
     spring_y = spring_damper(stiffness, damping, to_y.position - y, to_y.velocity - vy)
     asked_x = (1.0 - inp.slot_weight) * spring_x + inp.slot_x
     asked_y = (1.0 - inp.slot_weight) * spring_y + inp.slot_y
+    carried_x, kept_x = carried_force(
+        start.carried_x, vx, settings.carried_mass, settings.carried_limit, dt
+    )
+    carried_y, kept_y = carried_force(
+        start.carried_y, vy, settings.carried_mass, settings.carried_limit, dt
+    )
+    asked_x, asked_y = asked_x + carried_x, asked_y + carried_y
     kept = _within(settings.force_limit, asked_x, asked_y)
     force_x = _bounded(settings, asked_x * kept, x, vx, settings.half_width)
     force_y = _bounded(settings, asked_y * kept, y, vy, settings.half_depth)
@@ -143,6 +172,8 @@ def planar_step(
     force_x, force_y = force_x * again, force_y * again
 
     wanted_s, wanted_e = x_s * force_x + y_s * force_y, x_e * force_x + y_e * force_y
+    friction_s, friction_e = _friction(settings, start, inp)
+    wanted_s, wanted_e = wanted_s + weight * friction_s, wanted_e + weight * friction_e
     allowed_s, allowed_e = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
     step = settings.torque_rate * dt
     shoulder = slew(state.shoulder_torque, allowed_s, step)
@@ -151,7 +182,10 @@ def planar_step(
     output = PlanarOutput(
         shoulder, elbow, force_x, force_y, x, y, vx, vy, to_x.position, to_y.position, limited
     )
-    return output, PlanarState(to_x, to_y, stiffness, damping, weight, shoulder, elbow)
+    return output, PlanarState(
+        to_x, to_y, stiffness, damping, weight, shoulder, elbow, kept_x, kept_y, inp.shoulder,
+        inp.elbow, friction_s, friction_e,
+    )  # fmt: skip
 
 
 def _usable(inp: PlanarInput, dt: float) -> bool:
@@ -168,16 +202,32 @@ def _usable(inp: PlanarInput, dt: float) -> bool:
     )
 
 
-def _idle(settings: PlanarSettings, x: float, y: float) -> PlanarState:
-    """Return the state in which nothing is commanded, set point at x, y [m]."""
+def _idle(
+    settings: PlanarSettings, x: float, y: float, shoulder: float = 0.0, elbow: float = 0.0
+) -> PlanarState:
+    """Return the state in which nothing is commanded, set point at x, y [m], joints at their angles
+    [rad]."""
+    set_x, set_y = _set_point_at(settings, x, y)
     return PlanarState(
-        at_rest(clamp(x, -settings.half_width, settings.half_width)),
-        at_rest(clamp(y, -settings.half_depth, settings.half_depth)),
-        settings.stiffness,
-        settings.damping,
-        0.0,
-        0.0,
-        0.0,
+        set_x, set_y, settings.stiffness, settings.damping, 0.0, 0.0, 0.0, AT_REST, AT_REST,
+        shoulder, elbow, 0.0, 0.0,
+    )  # fmt: skip
+
+
+def _set_point_at(settings: PlanarSettings, x: float, y: float) -> tuple[SetPoint, SetPoint]:
+    """Return the set point at rest at x, y [m], or at the nearest edge of the workspace."""
+    half_x, half_y = settings.half_width, settings.half_depth
+    return at_rest(clamp(x, -half_x, half_x)), at_rest(clamp(y, -half_y, half_y))
+
+
+def _friction(
+    settings: PlanarSettings, state: PlanarState, inp: PlanarInput
+) -> tuple[float, float]:
+    """Return the torques that compensate the friction of shoulder and elbow [Nm]."""
+    level, stiffness = settings.joint_friction, settings.joint_friction_stiffness
+    return (
+        friction_torque(level, stiffness, state.shoulder_friction, inp.shoulder - state.shoulder),
+        friction_torque(level, stiffness, state.elbow_friction, inp.elbow - state.elbow),
     )
 
 

@@ -37,6 +37,28 @@ class PlanarSettings(NamedTuple):
     damping_rate: Annotated[
         float, Setting("rate at which the damping follows its setting", "N/m", 1.0, 1e3)
     ] = 50.0
+    joint_friction: Annotated[
+        float,
+        Setting("friction of each joint that is fed forward, 0 = none; less than the joint's own",
+                "Nm", 0.0, 1.0, live=True),
+    ] = 0.0
+    joint_friction_stiffness: Annotated[
+        float,
+        Setting("spring of that friction at a reversal, softer than the joint's", "Nm/rad",
+                1.0, 1000.0),
+    ] = 100.0
+    carried_mass: Annotated[
+        float,
+        Setting("part of the module's mass that is carried for the hand, 0 = none", "kg",
+                0.0, 3.0, live=True),
+    ] = 0.0
+    module_mass: Annotated[
+        float, Setting("vertical module at the handle", "kg", 3.5, 20.0)
+    ] = 5.5
+    carried_limit: Annotated[
+        float,
+        Setting("rms of rapid force beyond which the carried mass is taken away", "N", 0.2, 50.0),
+    ] = 0.5
     half_width: Annotated[float, Setting("half of the workspace in x", "m", 0.02, 0.5)] = 0.1905
     half_depth: Annotated[float, Setting("half of the workspace in y", "m", 0.02, 0.5)] = 0.2286
     box_zone: Annotated[

@@ -23,15 +23,19 @@ command also carries the weight and overcomes friction; its limits are 95 N and 
 
 from __future__ import annotations
 
+import math
+
 from ..filters import lowpass_coefficients, lowpass_step
 from .carried_mass import carried_step
 from .chatter import damper_share, guard_step
 from .force_feedback import feedback_force
 from .friction import FrictionModel
+from .hold import free_share, hold_step
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .modes import uses_impedance
 from .observer import least_damping, observer_at, observer_step, remembered
+from .outflow import feeds, outflow_step
 from .presliding import presliding_step, ratio_step, trusted
 from .setpoint import Range, SetPoint, follow
 from .vertical_blend import Blend, blended
@@ -52,6 +56,7 @@ FARTHEST = 10.0  # [m]
 FASTEST = 100.0  # [m/s]
 STRONGEST = 1e5  # [N]
 RESTING_SPEED = 3e-4  # [m/s]
+FED_SHARE = 0.92  # of `chatter_limit`, from which an oscillation that the robot feeds counts
 
 
 def vertical_step(
@@ -72,7 +77,9 @@ def vertical_step(
     dt = min(dt, LONGEST_STEP)
     coefficients = lowpass_coefficients(settings.force_cutoff, dt)
     handle_force, lowpass = lowpass_step(coefficients, state.lowpass, inp.force)
-    guard = guard_step(state.guard, inp.force, settings.chatter_limit, dt)
+    guard = guard_step(
+        state.guard, inp.force, feeds(state.outflow), _guard_limit(settings, state), dt
+    )
     if not inp.active:
         idle = idle_state(settings, inp.position, lowpass, guard)
         return no_output(idle), idle
@@ -96,7 +103,13 @@ def vertical_step(
     ratio = ratio_step(
         state.ratio, modelled, friction + observer.disturbance, observer.velocity, dt
     )
-    spring = _pull(settings, blend, setpoint, inp, observer.velocity, damper_share(guard))
+    outflow = outflow_step(
+        state.outflow, inp.force, observer.velocity, FED_SHARE * settings.chatter_limit, dt
+    )
+    held = hold_step(state.held, handle_force, dt)
+    spring = _pull(
+        settings, blend, setpoint, inp, observer.velocity, damper_share(guard), free_share(held)
+    )
     pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
@@ -138,7 +151,7 @@ def vertical_step(
     observer = remembered(observer, force)
     return output, VerticalState(
         setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
-        error_lowpass, speed_lowpass, guard,
+        error_lowpass, speed_lowpass, guard, outflow, held,
     )  # fmt: skip
 
 
@@ -190,6 +203,16 @@ def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -
     return feedback_force(blend.gain, beyond, 0.0, settings.feedback_limit)
 
 
+def _guard_limit(settings: VerticalSettings, state: VerticalState) -> float:
+    """Return the limit of the chatter guard [N], infinite while it has nothing to reduce.
+
+    The law does not shake the handle then: somebody mounts it, or it hits a stop without torque.
+    """
+    blend = state.blend
+    lively = max(blend.friction, blend.feedback, blend.observer)
+    return settings.chatter_limit if lively > 0.0 else math.inf
+
+
 def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
     """Return whether the handle is at rest with a tolerable force error.
 
@@ -209,12 +232,14 @@ def _pull(
     inp: VerticalInput,
     estimated: float,
     guarded: float,
+    free: float,
 ) -> float:
     """Return the force of spring and damper [N].
 
     OBSERVER uses the velocity estimated by its observer [m/s], which lags less than the filtered
     one. Its damping never falls below the least damping that it needs, whatever the settings are
-    now. guarded: weight of the chatter guard's damper.
+    now. guarded: weight of the chatter guard's damper; free: how
+    far nobody holds the handle, 0 to 1.
     """
     weight = blend.observer
     velocity = inp.velocity + weight * (estimated - inp.velocity)
@@ -225,6 +250,7 @@ def _pull(
     damping = blend.damping + weight * max(0.0, least - blend.damping)
     lively = max(weight, blend.feedback, blend.friction)
     damping += lively * guarded * settings.chatter_damping
+    damping += blend.friction * free * settings.free_damping
     return spring_damper(
         blend.stiffness,
         damping,

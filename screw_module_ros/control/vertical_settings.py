@@ -90,6 +90,11 @@ class VerticalSettings(NamedTuple):
     chatter_damping: Annotated[
         float, Setting("damper that replaces the gains reduced by the guard", "Ns/m", 0.0, 200.0)
     ] = 80.0
+    free_damping: Annotated[
+        float,
+        Setting("damper where a friction model works and nobody holds the handle", "Ns/m",
+                0.0, 100.0),
+    ] = 8.0
     fade_time: Annotated[
         float, Setting("time in which a part of the force fades in or out", "s", 0.05, 10.0)
     ] = 0.5

@@ -9,6 +9,7 @@ from ..filters import LowpassState
 from .chatter import QUIET_GUARD, GuardState
 from .limits import clamp
 from .observer import ObserverState, observer_at
+from .outflow import NO_OUTFLOW, OutflowState
 from .setpoint import SetPoint, at_rest
 from .vertical_blend import Blend
 from .vertical_settings import VerticalSettings
@@ -61,7 +62,7 @@ class VerticalState(NamedTuple):
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
     ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
     back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the
-    force gains.
+    force gains; outflow: of power at the handle; held: largest recent handle force [N].
     """
 
     setpoint: SetPoint
@@ -76,6 +77,8 @@ class VerticalState(NamedTuple):
     error_lowpass: LowpassState
     speed_lowpass: LowpassState
     guard: GuardState
+    outflow: OutflowState
+    held: float
 
 
 def initial_state(settings: VerticalSettings) -> VerticalState:
@@ -94,6 +97,7 @@ def idle_state(
     return VerticalState(
         setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
         observer_at(position), LowpassState(0.0, 0.0), LowpassState(0.0, 0.0), guard,
+        NO_OUTFLOW, 0.0,
     )  # fmt: skip
 
 
@@ -102,7 +106,7 @@ def unplaced(state: VerticalState) -> VerticalState:
     return VerticalState(
         state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
         state.friction, state.ratio, state.observer, state.error_lowpass, state.speed_lowpass,
-        state.guard,
+        state.guard, state.outflow, state.held,
     )  # fmt: skip
 
 

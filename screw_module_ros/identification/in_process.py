@@ -50,11 +50,13 @@ from .loop import (
     nothing_under_way,
     run_ticks,
 )
+from .planar_loop import plane_samples
 from .trials import (
     AnalyzerTrial,
     MotionTrial,
     NotPossible,
     OnProgress,
+    PlanarTrial,
     Samples,
     StageTrial,
     TorqueTrial,
@@ -105,6 +107,8 @@ class InProcessBench:
         """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
         if isinstance(trial, AnalyzerTrial):
             return analyzer_samples(self.world, trial)
+        if isinstance(trial, PlanarTrial):
+            return plane_samples(self.world, trial, on_progress)
         params = self._params(trial)
         state = self._start(trial, params)
         force, torque, state = self._zero(params, state)

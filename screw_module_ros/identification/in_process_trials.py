@@ -20,6 +20,7 @@ from .loop import (
     LoopParams,
 )
 from .trials import (
+    WAY_S,
     AnalyzerTrial,
     MotionTrial,
     Samples,
@@ -29,7 +30,6 @@ from .trials import (
 )
 
 ZERO_S = 0.5  # over which the transducer's zero is averaged
-_WAY_S = 1.0  # time of the hand's move to the middle of its sine
 _SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 
 
@@ -74,7 +74,7 @@ def hand_path(trial: MotionTrial) -> HandPath:
     """Return the path of the virtual hand during the excitation."""
     c, way = float(trial.centre), float(trial.way)
     amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
-    return HandPath(c, c + way, 0.0, _WAY_S if way else 0.0, amplitude, omega, tremor)
+    return HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
 
 
 def length_of(trial: Trial) -> float:

@@ -37,6 +37,12 @@ class Settings(NamedTuple):
         "slow", "fast", "small", "holding", "released",
     )  # fmt: skip
     change: Annotated[int, Setting("seed of the rig's change", "", 1, 2**31 - 1)] = 1
+    states: Annotated[
+        tuple[str, ...], Setting("of the rig: uncalibrated, calibrated, changed", choices=())
+    ] = tuple(STATES)
+    side_force: Annotated[
+        float, Setting("amplitude of the sideways force during motion", "N", 0.0, 50.0)
+    ] = force_error.SIDE_FORCE
 
 
 def run(lab: Lab, settings: Settings) -> Result:
@@ -49,6 +55,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     unknown = set(settings.modes) - set(modes.MODE_NAMES)
     if unknown:
         raise ValueError(f"modes: {min(unknown)} is unknown; known are {list(modes.MODE_NAMES)}")
+    if strange := set(settings.states) - set(STATES):
+        raise ValueError(f"states: {min(strange)!r} is unknown; known are {', '.join(STATES)}")
     given = {
         "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
         "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),
@@ -60,8 +68,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     jobs = {}
     for mode in settings.modes:
         for name in settings.cases:
-            case = force_error.case_of(name)
-            for state in STATES:
+            case = force_error.pressed(force_error.case_of(name), settings.side_force)
+            for state in settings.states:
                 law = plain if state == "uncalibrated" else own
                 more = {} if state == "uncalibrated" else given
                 if state == "changed":

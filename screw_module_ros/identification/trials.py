@@ -19,7 +19,10 @@ import numpy as np
 
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization
+from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
+
+WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 OnProgress = Callable[[float], None]
 """Called with the share of a trial that is done, 0 to 1; may raise `Cancelled`."""
@@ -92,7 +95,8 @@ class MotionTrial(NamedTuple):
     way: distance of the sine's middle from the centre, reached within a second [m]; side_force:
     amplitude of the hand's sideways force, at 2 rad/s [N]; tremor: of the hand [m]; released_after:
     time at which the hand lets go [s]; changed: seed of the rig's change since its calibration
-    (`plant.settings.changed_later`), 0 = no change. These and `preloaded` need a simulated module.
+    (`plant.settings.changed_later`), 0 = no change. side_force, tremor, changed and `preloaded`
+    need the bench in process, way and released_after a simulated module.
     """
 
     mode: int
@@ -112,7 +116,27 @@ class MotionTrial(NamedTuple):
     changed: int = 0
 
 
-Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial
+class PlanarTrial(NamedTuple):
+    """The hand moves the handle in the plane while the planar law runs; in process only.
+
+    settings: of the law; arm; direction: of the motion, from +x counter-clockwise [rad]; amplitude
+    [m], omega [rad/s], way, tremor, duration, released_after: as in `MotionTrial`, about the
+    workspace centre, where the set point stays. Its samples have two columns, x and y, in place of
+    position, velocity and force.
+    """
+
+    settings: PlanarSettings
+    arm: Arm = Arm()
+    direction: float = 0.0
+    amplitude: float = 0.0
+    omega: float = 0.0
+    duration: float = 8.0
+    way: float = 0.0
+    tremor: float = 0.0
+    released_after: float = math.inf
+
+
+Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial
 
 
 class Samples(NamedTuple):
@@ -124,8 +148,9 @@ class Samples(NamedTuple):
     for this sample [Nm] ([A] for the analyser); current: of the motor [A], NaN if not measured; for
     a TorqueTrial the output of the current sensor of thesis C.2 [V].
 
-    True values, None on a real module: handle [m], handle_velocity [m/s], true_force: of the
-    patient on the robot [N]; share: remaining force gain after the chatter guard, 0 to 1.
+    True values, None on the live graph: handle [m], handle_velocity [m/s], true_force: of the
+    patient on the robot [N]. share: remaining force gain after the chatter guard, 0 to 1; on the
+    live graph its value at the end.
     """
 
     time: np.ndarray

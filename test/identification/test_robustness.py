@@ -85,6 +85,14 @@ def test_calibration_is_needed_and_modes_are_checked(lab, tmp_path):
         robustness.run(Lab(lab.bench, tmp_path / "empty"), OBSERVER_FAST)
     with pytest.raises(ValueError, match="modes: 9 is unknown"):
         robustness.run(lab, OBSERVER_FAST._replace(modes=(9,)))
+    with pytest.raises(ValueError, match="states: 'new' is unknown; known are uncalibrated"):
+        robustness.run(lab, OBSERVER_FAST._replace(states=("new",)))
+
+
+def test_one_state_alone_is_measured_without_a_force_sideways(lab):
+    """What the live graph can do, which has no such force."""
+    found = robustness.run(lab, OBSERVER_FAST._replace(states=("calibrated",), side_force=0.0))
+    assert [q.name for q in found.quantities] == ["rms_observer_fast_calibrated"]
 
 
 def test_change_is_the_rig_s_own(bench):

@@ -22,6 +22,7 @@ from screw_module_ros.identification.trials import (
     MotionTrial,
     NotPossible,
     OnProgress,
+    PlanarTrial,
     Samples,
     StageTrial,
     TorqueTrial,
@@ -112,6 +113,11 @@ class LiveBench:
             return stage_trial(self._experiment, trial, on_progress)
         if isinstance(trial, MotionTrial):
             return self._motion.trial(trial, on_progress)
+        if isinstance(trial, PlanarTrial):
+            raise NotPossible(
+                "trials of the plane are only there in process: run this experiment with "
+                "`make reproduce`"
+            )
         raise NotPossible(
             "this trial needs a signal analyser on the servo amplifier, which the graph does not "
             "have: run the experiment in process"

@@ -62,6 +62,9 @@ class Fixture(Protocol):
     def hand_moves(self, trial: MotionTrial) -> None:
         """Let the hand move up and down as the trial says."""
 
+    def hand_lets_go(self) -> None:
+        """Have the hand let the handle go where it is."""
+
     def hand_rests(self, centre: float) -> None:
         """Let the hand come back and rest at a height [m]."""
 

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
+from screw_module_msgs.msg import ImpedanceState
 
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.calibration.linearization_file import load_linearization
@@ -45,22 +46,6 @@ _CALM_S, _SETTLE_S, _REST_LIMIT_S = 0.5, 1.5, 5.0
 _SPARE_S = 5.0
 
 
-def _check_possible(trial: MotionTrial) -> None:
-    """Raise NotPossible with the way out for what only the simulated module in process has."""
-    given = (trial.way, trial.side_force, trial.tremor, trial.changed)
-    if any(given) or math.isfinite(trial.released_after):
-        raise NotPossible(
-            "a hand that holds off the centre, presses sideways, trembles or lets go, and a "
-            "rig that changed, are only there in process: run this experiment with "
-            "`make reproduce`"
-        )
-    if trial.preloaded:
-        raise NotPossible(
-            "a nut without backlash is only there in process: leave it out with the goal's "
-            "settings '{preloaded: false}', or run this experiment with `make reproduce`"
-        )
-
-
 class Motion:
     """The controller's settings, from the first motion trial until `put_back`."""
 
@@ -76,13 +61,15 @@ class Motion:
         experiment = self._experiment
         fixture, robot = experiment.fixture, experiment.robot
         fixture.require("human_arm")
-        _check_possible(trial)
+        check_possible(trial, fixture.simulated)
         experiment.check_homed()
         check_disabled(robot)
         linearization = self._fitting_linearization(trial)
         self._check_friction(trial)
         experiment.say("zero of the transducer, handle unloaded")
-        before = experiment.unloaded_zero()
+        fixture.unload()
+        robot.tare()  # as in process: the laws feel an old zero as a force
+        before = experiment.zero()
         experiment.say(f"the hand goes to {1e3 * trial.centre:.0f} mm")
         fixture.hand_at(trial.arm, trial.centre)
         experiment.check_height(trial.centre, _SAG)
@@ -93,20 +80,29 @@ class Motion:
             experiment.enable()
         self._come_to_rest(trial)
         track = self._moved(trial, on_progress)
+        state = robot.newest(ImpedanceState)
         experiment.torque_off()
         robot.set_mode(OFF)
         experiment.say("zero of the transducer again")
         after = experiment.unloaded_zero()
         fixture.reload()
         track = track._replace(command=self._commands(track.command, linearization, trial.mode))
-        return samples_of(track, experiment.rate, before, after)
+        samples = samples_of(track, experiment.rate, before, after)
+        return samples._replace(share=np.full(len(samples.time), state.gain_share))
 
     def _moved(self, trial: MotionTrial, on_progress: OnProgress) -> Track:
         experiment, on_elapsed = self._experiment, share_of(on_progress, trial.duration)
 
+        held = True
+
         def watch(elapsed: float) -> None:
+            nonlocal held
             if trial.mode != OFF:
                 experiment.check_enabled()
+            if held and elapsed >= trial.released_after:
+                held = False
+                experiment.say("the hand lets go")
+                experiment.fixture.hand_lets_go()
             on_elapsed(elapsed)
 
         experiment.say(f"the hand moves, {MODE_NAMES[trial.mode]}")
@@ -223,6 +219,29 @@ class Motion:
             made, heat = commanded(chain, heat, float(newtons), 1.0, 1.0 / self._experiment.rate)
             commands[row] = on_the_wire(chain, made.command)
         return commands
+
+
+def check_possible(trial: MotionTrial, simulated: bool) -> None:
+    """Raise NotPossible with the way out for a trial that a live module cannot do.
+
+    simulated: the rig's hand can hold off the centre and let go; a person cannot do so in a second.
+    """
+    if trial.side_force or trial.tremor or trial.changed:
+        raise NotPossible(
+            "a hand that presses sideways or trembles and a rig that changed are only there in "
+            "process: run this experiment with `make reproduce`, or choose other cases and states, "
+            "with side_force: 0.0"
+        )
+    if trial.preloaded:
+        raise NotPossible(
+            "a nut without backlash is only there in process: leave it out with the goal's "
+            "settings '{preloaded: false}', or run this experiment with `make reproduce`"
+        )
+    if not simulated and (trial.way or math.isfinite(trial.released_after)):
+        raise NotPossible(
+            "a hand that holds off the centre or lets go needs the simulated rig: choose cases in "
+            "which the hand moves"
+        )
 
 
 def linearization_of(robot: Robot) -> tuple[Linearization | None, str]:

@@ -94,6 +94,10 @@ class OperatorFixture:
             f"{1e3 * trial.centre:.0f} mm, once in {2.0 * math.pi / trial.omega:.1f} s"
         )
 
+    def hand_lets_go(self) -> None:
+        """Tell the person to let go."""
+        self._say("PLEASE: let the handle go")
+
     def hand_rests(self, centre: float) -> None:
         """Tell the person to stop."""
         self._say("PLEASE: hold the handle at rest")

@@ -10,7 +10,7 @@ from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros import graph
-from screw_module_ros.identification.trials import Arm, MotionTrial, NotPossible
+from screw_module_ros.identification.trials import WAY_S, Arm, MotionTrial, NotPossible
 from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.operator.robot import Robot, arm
@@ -167,14 +167,19 @@ class RigFixture:
         self._wait_until_at(centre, _SAG, _CREEP)
 
     def hand_moves(self, trial: MotionTrial) -> None:
-        """Begin the sine, on the vertical axis only."""
+        """Go to the middle of the sine and begin it there, on the vertical axis only."""
         self._robot.set_arm(
             arm(
-                target=(_NAN, _NAN, trial.centre),
+                target=(_NAN, _NAN, trial.centre + trial.way),
+                duration=WAY_S if trial.way else 0.0,
                 amplitude=(_NAN, _NAN, trial.amplitude),
                 omega=(_NAN, _NAN, trial.omega),
             )
         )
+
+    def hand_lets_go(self) -> None:
+        """Let the handle go where it is."""
+        self._fix("free")
 
     def hand_rests(self, centre: float) -> None:
         """End the sine at the centre [m]."""

@@ -17,6 +17,7 @@ from ..figures import (
     friction_model,
     friction_spectrum,
     inertia,
+    planar,
     stability,
     torque,
 )
@@ -33,6 +34,7 @@ _DRAWINGS: dict[str, Callable[[Result], Drawn]] = {
     "force_position": chapter_6.force_position_figures,
     "force_gain": lambda result: {"force_gain": chapter_6.force_gain_figure(result)},
     "force_error": stability.force_error_figures,
+    "planar_error": planar.planar_error_figures,
     "stability": stability.stability_figures,
     "delivered_impedance": certificate.certificate_figures,
     "friction_spectrum": friction_spectrum.spectrum_figures,

@@ -5,15 +5,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from live_graph import AS_FAST_AS_IT_GOES, SIMULATED, own_node
 from rclpy.action import ActionClient
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
@@ -27,8 +24,6 @@ from screw_module_ros.trials.graph_run import GraphRun
 pytestmark = [pytest.mark.graph, pytest.mark.timeout(600)]  # simulated time waits for the machine
 
 AMPLIFIER = ("linearize", "command_up", "command_down")
-SIMULATED = ["-p", "use_sim_time:=true"]
-AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]
 CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")
 
 
@@ -132,23 +127,6 @@ class Bench:
             10.0,
             "the controller is in fault",
         )
-
-
-@contextmanager
-def own_node() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """Give a node served by the thread that sends the goals.
-
-    rclpy's action client loses a response that comes before `send_goal_async` has returned.
-    """
-    context = Context()
-    context.init()
-    node = Node("goals", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    yield node, executor
-    executor.shutdown(timeout_sec=1.0)
-    node.destroy_node()
-    context.try_shutdown()
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ import pytest
 from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.clock import ManualClock, WallClock
+from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -20,7 +21,7 @@ from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.live import experiment as live_session
 from screw_module_ros.identification.live import trials as live_trials
 from screw_module_ros.identification.live.feedback import Feedback
-from screw_module_ros.identification.live.motion import Motion
+from screw_module_ros.identification.live.motion import Motion, check_possible
 from screw_module_ros.identification.live.samples import (
     Recording,
     SamplesLost,
@@ -299,9 +300,24 @@ def test_a_nut_that_the_graph_does_not_have_is_refused():
     def check_homed():
         pytest.fail("the trial went on")
 
-    experiment = SimpleNamespace(
-        fixture=SimpleNamespace(require=lambda fixture: None), robot=None, check_homed=check_homed
-    )
+    fixture = SimpleNamespace(require=lambda fixture: None, simulated=True)
+    experiment = SimpleNamespace(fixture=fixture, robot=None, check_homed=check_homed)
     trial = MotionTrial(FORCE_FEEDBACK, VerticalSettings(), preloaded=True)
     with pytest.raises(NotPossible, match="without backlash.*preloaded: false"):
         Motion(experiment).trial(trial, lambda progress: None)
+
+
+class TestMotionTrials:
+    QUIET = MotionTrial(modes.OBSERVER, VerticalSettings())
+
+    @pytest.mark.parametrize("what", ["side_force", "tremor", "changed"])
+    def test_what_only_the_bench_in_process_has_is_refused(self, what):
+        with pytest.raises(NotPossible, match="`make reproduce`.*side_force: 0.0"):
+            check_possible(self.QUIET._replace(**{what: 1}), simulated=True)
+
+    @pytest.mark.parametrize("change", [{"way": 0.05}, {"released_after": 3.0}])
+    def test_the_rig_s_hand_holds_off_the_centre_and_lets_go_a_person_s_does_not(self, change):
+        trial = self.QUIET._replace(**change)
+        check_possible(trial, simulated=True)
+        with pytest.raises(NotPossible, match="needs the simulated rig"):
+            check_possible(trial, simulated=False)

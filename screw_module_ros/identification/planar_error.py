@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Force error in the plane, with and without compensation of friction and mass (2.2.4, appendix D).
+
+The error is what the hand feels beyond the spring and damper asked for, its true force less
+K x + B v of the true handle, over all samples as in `force_error`: in slow and fast motion along x,
+y and between, holding still, letting go, with an arm of 30 kg, a tremor, and on walls.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from ..control.planar_settings import PlanarSettings
+from ..settings import Setting, validated
+from .force_error import wall
+from .force_metric import ErrorOf, judged
+from .lab import Job, Lab, Part
+from .results import Quantity, Result
+from .trials import Arm, PlanarTrial, Samples
+
+NAME = "planar_error"
+KINDS = ("none", "friction", "mass", "both")
+_HAND = Arm()
+_HEAVY = Arm(30.0, 300.0, 30.0)
+_WALL_MASS = 6.5  # module and arm, for the damping ratio of a wall [kg]
+_BETWEEN = 0.25 * math.pi
+
+
+class Case(NamedTuple):
+    """One trial of the list. name; text; trial: with the settings to be filled in; after: samples
+    before this time are not judged [s]."""
+
+    name: str
+    text: str
+    trial: PlanarTrial
+    after: float = 0.0
+
+
+def _moving(name: str, text: str, amplitude: float, omega: float, seconds: float, **more) -> Case:
+    trial = PlanarTrial(
+        PlanarSettings(), amplitude=amplitude, omega=omega, duration=seconds, **more
+    )
+    return Case(name, text, trial)
+
+
+def _resting(name: str, text: str, arm: Arm, after: float = 3.0, **more) -> Case:
+    trial = PlanarTrial(PlanarSettings(), arm=arm, way=0.05, duration=8.0, **more)
+    return Case(name, text, trial, after)
+
+
+CASES = (
+    _moving("slow_x", "0.10 m at 0.8 rad/s along x", 0.10, 0.8, 7.9),
+    _moving("slow_y", "0.10 m at 0.8 rad/s along y", 0.10, 0.8, 7.9, direction=2.0 * _BETWEEN),
+    _moving("fast_x", "0.08 m at 3 rad/s along x", 0.08, 3.0, 6.3),
+    _moving("fast_y", "0.08 m at 3 rad/s along y", 0.08, 3.0, 6.3, direction=2.0 * _BETWEEN),
+    _moving("fast_between", "0.08 m at 3 rad/s between x and y", 0.08, 3.0, 6.3,
+            direction=_BETWEEN),
+    _moving("small", "0.02 m at 1.5 rad/s between x and y", 0.02, 1.5, 8.4, direction=_BETWEEN),
+    _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
+    _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
+    _resting("holding", "a hand that holds still 0.05 m off", _HAND, direction=_BETWEEN),
+    _resting("released", "a hand that holds, and lets go", _HAND, 6.0, released_after=3.0,
+             direction=_BETWEEN),
+    *(
+        _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
+                 wall(10.0**power, ratio, _WALL_MASS))
+        for power in (3, 4, 5, 6)
+        for word, ratio in (("well", 0.7), ("badly", 0.02))
+    ),
+)  # fmt: skip
+
+
+class Settings(NamedTuple):
+    """What is compensated, and in which trials."""
+
+    kinds: Annotated[
+        tuple[str, ...], Setting("what is compensated: none, friction, mass, both", choices=())
+    ] = KINDS
+    cases: Annotated[tuple[str, ...], Setting("trials by name", choices=())] = tuple(
+        case.name for case in CASES
+    )
+    joint_friction: Annotated[
+        float, Setting("friction of each joint that is fed forward", "Nm", 0.0, 1.0)
+    ] = 0.24
+    carried_mass: Annotated[
+        float, Setting("part of the module's mass that is carried", "kg", 0.0, 3.0)
+    ] = 3.0
+    stiffness: Annotated[float, Setting("of the spring", "N/m", 0.0, 2000.0)] = 100.0
+    damping: Annotated[float, Setting("of the damper", "Ns/m", 0.0, 200.0)] = 10.0
+
+
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure every case with every compensation.
+
+    Raises ValueError for an unknown case or kind, NotPossible on a real robot, Cancelled.
+    """
+    validated(settings)
+    if strange := set(settings.kinds) - set(KINDS):
+        raise ValueError(f"kinds: {min(strange)!r} is unknown; known are {', '.join(KINDS)}")
+    cases = [case_of(name) for name in settings.cases]
+    jobs = {
+        (kind, case.name): job(case, kind, settings) for kind in settings.kinds for case in cases
+    }
+    parts = lab.run(NAME, list(jobs.values()))
+    found = {key: error_of(parts[one.name]) for key, one in jobs.items()}
+    quantities = [
+        Quantity(f"rms_{kind}_{name}", error.rms, math.nan, "N",
+                 f"rms error, compensated: {kind}, {case_of(name).text}")
+        for (kind, name), error in found.items()
+    ]  # fmt: skip
+    if {("none", "fast_x"), ("both", "fast_x")} <= set(found):
+        ratio = found["none", "fast_x"].rms / found["both", "fast_x"].rms
+        text = "rms error in fast motion along x, not compensated over compensated"
+        quantities.append(Quantity("gain_fast_x", ratio, math.nan, "", text))
+    data = {jobs[key].name: np.array(error) for key, error in found.items()}
+    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+
+
+_NOTES = (
+    "Error: the patient's true force in the plane less K x + B v of the true handle, both axes "
+    "together, over all samples. Data of each trial as in force_error; travel, swing and shaking "
+    "are those of the worse axis.",
+    "500 samples per second, 0.7 ms from a sample to its torque, filters and counts as in `manus`; "
+    "buses and processes are left out.",
+)
+
+
+def law_of(settings: Settings, kind: str) -> PlanarSettings:
+    """Return the planar law's numbers with a compensation of `KINDS`."""
+    return PlanarSettings(
+        stiffness=settings.stiffness,
+        damping=settings.damping,
+        joint_friction=settings.joint_friction if kind in ("friction", "both") else 0.0,
+        carried_mass=settings.carried_mass if kind in ("mass", "both") else 0.0,
+    )
+
+
+def case_of(name: str) -> Case:
+    """Return a case by name. Raises ValueError that names those there are."""
+    for case in CASES:
+        if case.name == name:
+            return case
+    known = ", ".join(case.name for case in CASES)
+    raise ValueError(f"cases: {name!r} is unknown; known are {known}")
+
+
+def job(case: Case, kind: str, settings: Settings) -> Job:
+    """Return one case with a compensation of `KINDS`."""
+    trial = case.trial._replace(settings=law_of(settings, kind))
+    return Job(f"{kind}_{case.name}", trial, reduced)
+
+
+def error_of(part: Part) -> ErrorOf:
+    """Return the error of both axes together."""
+    x, y = (ErrorOf(*map(float, part[axis])) for axis in ("x", "y"))
+    together = {name: math.hypot(getattr(x, name), getattr(y, name)) for name in _ADDED}
+    worse = {name: max(getattr(x, name), getattr(y, name)) for name in _WORSE}
+    return ErrorOf(**together, **worse, share=x.share)
+
+
+_ADDED = ("mean", "rms", "p99", "rapid")
+_WORSE = ("swing", "travel", "shaking")
+
+
+def reduced(trial: PlanarTrial, samples: Samples) -> Part:
+    """Return `ErrorOf` of each axis as an array."""
+    period = float(samples.time[1] - samples.time[0])
+    first = 3.0 if trial.way else 0.0
+    if math.isfinite(trial.released_after):
+        first = trial.released_after + 3.0
+    law = trial.settings
+    return {
+        axis: np.array(judged(
+            period, samples.handle[:, column], samples.handle_velocity[:, column],
+            samples.true_force[:, column], samples.share, law.stiffness, law.damping,
+            round(first / period),
+        ))
+        for column, axis in enumerate(("x", "y"))
+    }  # fmt: skip
