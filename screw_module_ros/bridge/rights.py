@@ -40,6 +40,8 @@ ASKED = {
     "supervisor/estop": _TRIGGER,
 }
 """Services that the bridge calls, with their types; only for the therapist."""
+ATTENDED = ("therapy_session/start", "therapy_session/resume")
+"""Services that a page calls only for a session that it attends."""
 LIMITS = (
     "allow_wishes", "assistance.stiffness",
     "wish.half_width", "wish.half_depth", "wish.low", "wish.high", "wish.speed",

@@ -20,7 +20,15 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from screw_module_ros.bridge.conversion import fill, plain
-from screw_module_ros.bridge.rights import ASKED, HEARD, KEPT, SENT, Rights
+from screw_module_ros.bridge.rights import (
+    ASKED,
+    ATTENDANCE,
+    ATTENDED,
+    HEARD,
+    KEPT,
+    SENT,
+    Rights,
+)
 from screw_module_ros.clock import WallClock
 
 from .support import qos
@@ -107,6 +115,11 @@ class BridgeGateway:
             )
         for place, kind in rights.places(ASKED):
             self._clients[place.full] = node.create_client(found_type(kind), place.full)
+        self._attendance = {
+            place.full: self._publishers[place._replace(name=ATTENDANCE).full]
+            for place, _ in rights.places(ASKED)
+            if place.name in ATTENDED
+        }
         self._periodic = periodic
         self._timer = periodic.every(self._clock, _CHECK_S, self._check_calls)
 
@@ -146,7 +159,7 @@ class BridgeGateway:
         """Call a service. Raises ConversionError."""
         client = self._clients[service]
         request = fill(client.srv_type.Request(), arguments, new_message)
-        if client.service_is_ready():
+        if self._is_found(service):
             self._send(service, request, answered)
             return
         with self._changing:
@@ -154,8 +167,17 @@ class BridgeGateway:
             send = partial(self._send, service, request, answered)
             self._unsent.append((due_ns, service, send, answered))
 
+    def _is_found(self, service: str) -> bool:
+        """Return whether a node offers it, and hears that the page attends."""
+        heard = self._attendance.get(service)
+        ready = self._clients[service].service_is_ready()
+        return ready and (heard is None or heard.get_subscription_count() > 0)
+
     def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
         client = self._clients[service]
+        if service in self._attendance:  # else a page that is lost at once would not be missed
+            publisher = self._attendance[service]
+            publisher.publish(publisher.msg_type())
         future = client.call_async(request)
 
         def given_up() -> None:
@@ -184,7 +206,7 @@ class BridgeGateway:
             unsent, self._unsent = self._unsent, []
         for call in unsent:
             due_ns, service, send, answered = call
-            if self._clients[service].service_is_ready():
+            if self._is_found(service):
                 send()
             elif now_ns >= due_ns:
                 answered(f"nobody offers {service}: is its node running?", False)

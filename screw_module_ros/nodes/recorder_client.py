@@ -11,6 +11,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.clock import Clock
 
 RECORDER = "session_recorder"
+_FOUND_NS = 3_000_000_000  # for which a recorder that was just started may stay undiscovered
 _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is waited for no more
 
 
@@ -25,6 +26,7 @@ class RecorderClient:
         self.refused = False
         self._node, self._clock = node, clock
         self._started_ns: int | None = None
+        self._unsent: tuple[int, SetParameters.Request] | None = None
         self._parameters = node.create_client(SetParameters, f"{RECORDER}/set_parameters")
         self._starter = node.create_client(Trigger, f"{RECORDER}/start")
         self._stopper = node.create_client(Trigger, f"{RECORDER}/stop")
@@ -48,11 +50,20 @@ class RecorderClient:
         self.refused, self._started_ns = False, None
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
         request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])
-        if not self._parameters.service_is_ready():
-            self._tell("not recorded: no session_recorder answers")
-            return
+        self._unsent = self._clock.now_ns() + _FOUND_NS, request
         self.told = "asked for"
-        self._parameters.call_async(request).add_done_callback(self._named)
+
+    def look(self, now_ns: int) -> None:
+        """Send the request of `start` as soon as there is a recorder."""
+        if self._unsent is None:
+            return
+        due_ns, request = self._unsent
+        if self._parameters.service_is_ready():
+            self._unsent = None
+            self._parameters.call_async(request).add_done_callback(self._named)
+        elif now_ns >= due_ns:
+            self._unsent = None
+            self._tell("not recorded: no session_recorder answers")
 
     def _named(self, future) -> None:
         answer = future.result()

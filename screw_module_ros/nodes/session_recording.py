@@ -77,6 +77,7 @@ class SessionRecording:
         return self._asked(now_ns) if self._phase == _ASKED else self._recorded(now_ns)
 
     def _asked(self, now_ns: int) -> str:
+        self._client.look(now_ns)
         self.told = self._client.told
         if self._client.refused:
             self._phase = _OFF

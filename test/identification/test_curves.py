@@ -72,7 +72,7 @@ def test_onset(rows, expected):
 
 
 def test_backlash_limits_the_gain(bench, tmp_path):
-    settings = force_gain.Settings(gains=(0.0, 5.0, 12.0, 20.0), resolution=2.0, duration=16.0)
+    settings = force_gain.Settings(gains=(0.0, 5.0, 12.0, 20.0), resolution=0.5, duration=16.0)
     result = force_gain.run(Lab(bench, tmp_path), settings)
     loose, tight = (result.value(f"gain_{end}_backlash") for end in ("with", "without"))
     assert 4.0 < loose < 13.0, "above the thesis's 5, not far above"
