@@ -147,6 +147,18 @@ def test_a_lost_bridge_pauses_the_session_and_so_does_a_silent_page(stage, kill_
     assert run(after())["values"]["success"]
 
 
+def test_who_starts_a_session_from_a_page_attends_it(stage):
+    """Lost before its first attendance, such a page was never missed."""
+    async def play():
+        async with therapist(stage) as page:
+            answer = await start(page)
+            assert answer["values"] == {"success": True, "message": ""}, answer
+            await state_of(stage, page, PAUSED, SILENT)
+            return await page.call("/therapy_session/abort")
+
+    assert run(play())["values"]["success"]
+
+
 def test_names_are_refused_and_limits_are_the_nodes(stage):
     async def ask():
         async with therapist(stage) as page:
