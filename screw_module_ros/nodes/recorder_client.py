@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.clock import Clock
 
 RECORDER = "session_recorder"
-_FOUND_NS = 3_000_000_000  # for which a recorder that was just started may stay undiscovered
+_FOUND_NS = 5_000_000_000  # for which a recorder that was just started may stay undiscovered
 _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is waited for no more
 
 

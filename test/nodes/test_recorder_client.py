@@ -66,7 +66,7 @@ def test_without_a_recorder_it_is_refused_after_a_while(served):
     clock = ManualClock(S)
     client = RecorderClient(served("session"), clock)
     client.start("P-22222")
-    client.look(4 * S - 1)
+    client.look(6 * S - 1)
     assert not client.refused
-    client.look(4 * S)
+    client.look(6 * S)
     assert client.refused and "no session_recorder answers" in client.told

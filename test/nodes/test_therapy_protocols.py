@@ -86,11 +86,24 @@ def results(folder):
     assert code == 0
 
 
+def start(robot, request):
+    """Start a session, once its node has been found by those that it hears."""
+    refused = []
+
+    def started():
+        answer = robot.call(StartTherapy, "therapy_session/start", request)
+        refused.append(answer.message)
+        return answer.success or "no endpoint_state has come yet" not in answer.message
+
+    assert robot.met_by_wall(started, 60.0), refused[-1]
+    assert not refused[-1], refused[-1]
+
+
 def play(robot, player, states, protocol):
     """Carry out a protocol, and be its patient until it is finished."""
     request = StartTherapy.Request(protocol=protocol, patient=PATIENT, record=True)
     robot.wait_until(lambda: states, 20.0, "the session is silent")
-    robot.ask(StartTherapy, "therapy_session/start", request)
+    start(robot, request)
     states.clear()
 
     def finished():
