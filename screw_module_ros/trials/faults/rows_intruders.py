@@ -100,8 +100,8 @@ def _second_game(testbed) -> None:
 
 def _topics() -> Iterator[Row]:
     yield _row("command-from-the-future", "force commands with tick numbers far ahead",
-               _future_commands, "amplifier", Alarm("amplifier", "force command", "amplifier"),
-               "stop the sender; amplifier/clear_fault, reset, enable", within=AT_ONCE + 6,
+               _future_commands, "amplifier", _TWO_COMMAND,
+               "stop the sender; amplifier/clear_fault, reset, enable", within=_COUNTED,
                apart=True)  # fmt: skip
     yield _row("command-absurd", "one force command of 149 N, from a foreign sender",
                published(ForceCommand, graph.FORCE_COMMAND, 1, 0.01, force=149.0),
