@@ -12,7 +12,7 @@ from ..regular_file import NotRegular, read_regular
 from .strict_mapping import CalibrationError, Section, kind_of
 
 VERSION = 1
-_LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
+LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
 
 
 def read_calibration(
@@ -25,7 +25,7 @@ def read_calibration(
     """
     file = str(path)
     try:
-        values = load_plain_yaml(read_regular(path, _LARGEST_FILE).decode())
+        values = load_plain_yaml(read_regular(path, LARGEST_FILE).decode())
     except OSError as problem:
         reason = problem.strerror or problem
         odd = isinstance(problem, NotRegular)
@@ -55,5 +55,5 @@ def calibration_identity(path: str | Path) -> str:
 
     Raises OSError when the file cannot be read.
     """
-    digest = hashlib.sha256(read_regular(path, _LARGEST_FILE)).hexdigest()
+    digest = hashlib.sha256(read_regular(path, LARGEST_FILE)).hexdigest()
     return f"{Path(path).name} sha256:{digest[:12]}"

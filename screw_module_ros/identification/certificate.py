@@ -3,19 +3,25 @@
 
 from __future__ import annotations
 
-import hashlib
+import math
 from datetime import datetime, timezone
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import yaml
 
+from ..calibration.certificate_file import FORMAT, text_checksum
 from ..control.vertical_settings import VerticalSettings
+from ..settings import declared
 from . import stability
 from .lab import Lab, MissingResult
 from .results import Result
 
 FILE = "module_certificate.yaml"
+_MET = ("hand", "heavy_arm", "wall")
+"""Environments of `stability` on which a permitted gain is stable. On a light mass against a wall
+hardly any is; there the chatter guard ends the oscillation."""
+_SETTINGS = {"feedback": "force_gain", "observer": "observer_gain"}
 
 
 def write(lab: Lab, result: Result, serial: str) -> None:
@@ -25,7 +31,7 @@ def write(lab: Lab, result: Result, serial: str) -> None:
     it. Raises OSError.
     """
     content: dict[str, Any] = {
-        "format": "screw_module_ros/certificate",
+        "format": FORMAT,
         "version": 1,
         "serial": serial,
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
@@ -39,7 +45,7 @@ def write(lab: Lab, result: Result, serial: str) -> None:
     }
     content |= _gains(lab)
     text = _yaml(content)
-    text += _yaml({"sha256": hashlib.sha256(text.encode()).hexdigest()})
+    text += _yaml({"sha256": text_checksum(text)})
     (lab.folder / FILE).write_text(text, encoding="utf-8")
 
 
@@ -52,24 +58,36 @@ def software() -> str:
 
 
 def _gains(lab: Lab) -> dict[str, Any]:
-    """Return the largest stable gains and their margins over the defaults, if measured."""
+    """Return the largest stable gains, with margins over the defaults, and the permitted gains."""
     try:
         gains = lab.result(stability.NAME)
     except MissingResult:
         return {}
-    defaults = VerticalSettings()
-    own = {"feedback": defaults.force_gain, "observer": defaults.observer_gain}
+    found = {q.name: q for q in gains.quantities if q.name.split("_")[0] in _SETTINGS}
     return {
         "largest_gains": {
-            q.name: {
+            name: {
                 "gain": round(q.value, 2),
-                "margin": round(q.value / own[q.name.split("_")[0]], 2),
+                "margin": round(q.value / _default(name.split("_")[0]), 2),
                 "what": q.text,
             }
-            for q in gains.quantities
-            if q.name.split("_")[0] in own
-        }
+            for name, q in found.items()
+        },
+        "permitted_gains": {
+            setting: _permitted(setting, [found[f"{law}_{met}"].value for met in _MET])
+            for law, setting in _SETTINGS.items()
+        },
     }
+
+
+def _default(law: str) -> float:
+    return getattr(VerticalSettings(), _SETTINGS[law])
+
+
+def _permitted(setting: str, stable: list[float]) -> float:
+    """Return the smallest stable gain, rounded down, within the range of its setting."""
+    most = declared(VerticalSettings)[setting].setting.high
+    return min(math.floor(100.0 * min(stable)) / 100.0, most)
 
 
 def _yaml(content: dict[str, Any]) -> str:

@@ -6,12 +6,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
+from screw_module_ros.calibration.certificate_file import (
+    Certificate,
+    CertificateSettings,
+    load_certificate,
+)
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.agreement import AgreementSettings
@@ -68,6 +74,7 @@ class ImpedanceControllerNode(ModuleNode):
         self.part: VerticalController | None = None
         self.parameters.declare(ControllerSettings)
         self.parameters.declare(CalibrationSettings)
+        self.parameters.declare(CertificateSettings)
         self.parameters.declare(RateSettings)
         self.parameters.declare(VerticalSettings)
         self.parameters.declare(WatchSettings, "watch")
@@ -76,6 +83,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._friction: ChosenFriction | None = None
+        self._certificate: Certificate | None = None
         self._senders: Senders | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
@@ -83,9 +91,15 @@ class ImpedanceControllerNode(ModuleNode):
     # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
-        """Load the calibration or friction model and make the topics."""
+        """Load certificate and calibration or friction model, and make the topics."""
         chosen = self.parameters.read(ControllerSettings)
-        self._refuse_bad_start(chosen.mode)
+        self._certificate = load_certificate(
+            self.parameters.read(CertificateSettings),
+            self.parameters.read(CalibrationSettings).module_serial,
+        )
+        refused = self._problem(self.parameters.read(VerticalSettings).validated(), chosen.mode)
+        if refused:
+            raise ValueError(refused)
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen.friction_file)
         forces, others = self.new_inbox(), self.new_inbox()
@@ -93,11 +107,6 @@ class ImpedanceControllerNode(ModuleNode):
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
-
-    def _refuse_bad_start(self, mode: int) -> None:
-        refused = self.parameters.read(VerticalSettings).validated().refusal(mode)
-        if refused:
-            raise ValueError(refused)
 
     def _load(self, friction_file: str) -> None:
         settings = self.parameters.read(CalibrationSettings)
@@ -151,10 +160,22 @@ class ImpedanceControllerNode(ModuleNode):
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 
     def disconnect(self) -> None:
-        """Remove the topics."""
+        """Remove the topics; no certificate holds any more."""
+        self._certificate = None
         if self._senders is not None:
             self._senders.close()
             self._senders = None
+
+    def refusal(self, given: Mapping[str, Any]) -> str:
+        """Return why the law cannot run with these parameters, or goes beyond the certificate."""
+        law = self.parameters.read(VerticalSettings, given=given)
+        return self._problem(law, self.parameters.read(ControllerSettings, given=given).mode)
+
+    def _problem(self, law: VerticalSettings, mode: int) -> str:
+        certified = self.parameters.read(CertificateSettings)
+        if self._certificate is None or certified.uncertified_gains:
+            return law.refusal(mode)
+        return self._certificate.refusal(law, mode) or law.refusal(mode)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
@@ -194,23 +215,10 @@ class ImpedanceControllerNode(ModuleNode):
     # Services ------------------------------------------------------------------------------
 
     def _set_impedance(self, request: SetImpedance.Request) -> str:
-        mode = self.parameters.read(ControllerSettings).mode
-        law = self.parameters.read(VerticalSettings)
-        wanted = law._replace(stiffness=request.stiffness, damping=request.damping)
-        return self._problem(wanted, mode) or self.parameters.write(
-            stiffness=request.stiffness, damping=request.damping
-        )
+        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
 
     def _set_mode(self, request: SetControlMode.Request) -> str:
-        law = self.parameters.read(VerticalSettings)
-        return self._problem(law, request.mode) or self.parameters.write(mode=request.mode)
-
-    def _problem(self, law: VerticalSettings, mode: int) -> str:
-        """Return why the law cannot run in a mode; the parameters check their own ranges."""
-        try:
-            return law.validated().refusal(mode)
-        except ValueError:
-            return ""
+        return self.parameters.write(mode=request.mode)
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""
@@ -220,6 +228,7 @@ class ImpedanceControllerNode(ModuleNode):
             "age [s]": self._age_text(self.clock.now_ns()),
             "mode": MODE_NAMES[controller.mode],
             "calibration": state.calibration,
+            "certificate": self._certificate.identity if self._certificate else "none",
             "slot refused": self._inputs.slot.refused or "no",
         }
         if controller.reason:

@@ -6,9 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from screw_module_ros.identification import stability
+from screw_module_ros.calibration.certificate_file import CertificateSettings, load_certificate
+from screw_module_ros.identification import certificate, stability
 from screw_module_ros.identification.figures.stability import stability_figures
 from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.sampled_loop import (
     Environment,
     Feedback,
@@ -129,10 +131,13 @@ def test_what_limits_is_what_helps_most_when_taken_away():
     assert costs["the contact"] == pytest.approx(1.0, abs=0.2)
 
 
-def test_experiment_predicts_without_a_simulated_module(tmp_path):
-    class Nothing:
-        rate, name = 1000.0, "no module"
+class Nothing:
+    """A bench without a module."""
 
+    rate, name = 1000.0, "no module"
+
+
+def test_experiment_predicts_without_a_simulated_module(tmp_path):
     result = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
     assert result.value("feedback_hand") == pytest.approx(14.1, rel=0.05)
     assert result.value("observer_hand") > result.value("feedback_hand")
@@ -141,3 +146,16 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
         result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
     assert stability_figures(result)["stability"].axes
+    assert_certified(result, tmp_path)
+
+
+def assert_certified(result, folder):
+    """Check that the certificate permits what is stable on hand, heavy arm and damped wall."""
+    result.save(folder)
+    delivered = Result("delivered_impedance", (), {"stiffness": 100.0}, (), {})
+    certificate.write(Lab(Nothing(), folder), delivered, "ARM-0007")
+    settings = CertificateSettings(str(folder / certificate.FILE))
+    permitted = load_certificate(settings, "ARM-0007")
+    for law, gain in (("feedback", permitted.force_gain), ("observer", permitted.observer_gain)):
+        stable = [result.value(f"{law}_{met}") for met in ("hand", "heavy_arm", "wall")]
+        assert min(stable) - 0.01 <= gain <= min(stable)

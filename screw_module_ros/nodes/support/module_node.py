@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -60,7 +60,7 @@ class ModuleNode(ServingNode):
         self._outlets: list[Outlet] = []
         self._outside_step = threading.Event()
         self._outside_step.set()
-        self.parameters = Parameters(self, self.changed, self._is_configured)
+        self.parameters = Parameters(self, self.changed, self._is_configured, self.refusal)
         self.parameters.declare(StartSettings)
         self.parameters.declare(RealtimeSettings, "realtime")
         self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
@@ -125,6 +125,10 @@ class ModuleNode(ServingNode):
     def health(self) -> Health:
         """Return the diagnostics entry while active."""
         return Health(OK, "running", {})
+
+    def refusal(self, given: Mapping[str, Any]) -> str:
+        """Return why parameters, by name, do not go together with the others; empty if they do."""
+        return ""
 
     def changed(self, kind: type) -> None:
         """Apply parameters of the settings tuple `kind` that changed at run time."""

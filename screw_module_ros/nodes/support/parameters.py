@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
 from typing import Any, get_args
 
 from rcl_interfaces.msg import (
@@ -21,6 +22,7 @@ from screw_module_ros.settings import Field, declared, problem
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _CLOCK_IS_CHOSEN = "use_sim_time is fixed once a node has started: start it anew with another value"
 _INT64 = 2**63 - 1
+_NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class ParameterError(ValueError):
@@ -31,13 +33,15 @@ class Parameters:
     """The parameters of one node: NamedTuples of settings under name prefixes.
 
     `changed(kind)` is called after fields of that tuple were changed at run time; `configured()`
-    returns whether fields that are not live must be refused.
+    returns whether fields that are not live must be refused; `refusal(given)` returns why values,
+    by name, do not go together with the others, empty if they do.
     """
 
-    def __init__(self, node: Node, changed, configured):
+    def __init__(self, node: Node, changed, configured, refusal):
         self._node = node
         self._changed = changed
         self._configured = configured
+        self._refusal = refusal
         self._defaults: dict[tuple[type, str], tuple] = {}
         self._fields: dict[str, tuple[type, Field]] = {}
         self._declared = False
@@ -89,12 +93,16 @@ class Parameters:
             )
         return warnings
 
-    def read(self, kind: type, prefix: str = "") -> Any:
-        """Return the NamedTuple `kind` declared under `prefix`, with the present values."""
+    def read(self, kind: type, prefix: str = "", given: Mapping[str, Any] = _NONE) -> Any:
+        """Return the NamedTuple `kind` declared under `prefix`, with the present values.
+
+        given: values, by parameter name, in place of the present ones.
+        """
+        names = {name: _join(prefix, name) for name in declared(kind)}
         values = {
-            name: _from_ros(self._node.get_parameter(_join(prefix, name)).value)
-            for name in declared(kind)
-            if _join(prefix, name) in self._fields
+            name: _from_ros(given[full] if full in given else self._node.get_parameter(full).value)
+            for name, full in names.items()
+            if full in self._fields
         }
         return self._defaults[kind, prefix]._replace(**values)
 
@@ -122,7 +130,9 @@ class Parameters:
                 wrong = self._fixed(parameter.name, field)
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
-        return SetParametersResult(successful=True)
+        given = {p.name: p.value for p in parameters if p.name in self._fields}
+        wrong = self._refusal(given) if given and self._declared else ""
+        return SetParametersResult(successful=not wrong, reason=wrong)
 
     def _fixed(self, name: str, field: Field) -> str:
         """Return why a parameter may not change now, empty when it may."""

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Certificate of one module, of which the controller takes the largest force gains (thesis 7.1).
+
+`identification/certificate` writes it: the delivered impedance of every mode, and the largest gains
+that are stable on what the module may meet. Its last line is the SHA-256 of the text before it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, NamedTuple
+
+from ..control.modes import uses_feedback, uses_observer
+from ..control.vertical_settings import VerticalSettings
+from ..quoting import quoted
+from ..regular_file import read_regular
+from ..settings import Setting, declared
+from .strict_mapping import CalibrationError, Section
+from .yaml_file import LARGEST_FILE, read_calibration
+
+FORMAT = "screw_module_ros/certificate"
+GAINS = ("force_gain", "observer_gain")
+"""Settings of the law that a certificate limits."""
+_MEASURE = "restore the file as it was written, or run stability and delivered_impedance again"
+_CHECKSUM = "sha256: "
+
+
+class CertificateError(CalibrationError):
+    """A certificate that cannot be used."""
+
+
+class CertificateSettings(NamedTuple):
+    """Parameters of a node that keeps to a module's certificate."""
+
+    certificate_file: Annotated[
+        str, Setting("certificate of the module, empty for none: no gain is refused then")
+    ] = ""
+    uncertified_gains: Annotated[
+        bool, Setting("also take force gains beyond the certificate's")
+    ] = False
+
+
+class Certificate(NamedTuple):
+    """What a certificate permits.
+
+    force_gain, observer_gain: largest permitted values of these settings; identity: serial, date
+    and checksum for diagnostics.
+    """
+
+    force_gain: float
+    observer_gain: float
+    identity: str
+
+    def refusal(self, settings: VerticalSettings, mode: int) -> str:
+        """Return why the settings go beyond the certificate in a mode, empty if they do not."""
+        used = {"force_gain": uses_feedback(mode), "observer_gain": uses_observer(mode)}
+        for name in GAINS:
+            given, most = getattr(settings, name), getattr(self, name)
+            if used[name] and given > most:
+                return (
+                    f"{name} is {given:g}, and the module's certificate ({self.identity}) permits "
+                    f"{most:g} at most: choose a smaller one, or set uncertified_gains"
+                )
+        return ""
+
+
+def load_certificate(settings: CertificateSettings, serial: str) -> Certificate | None:
+    """Return the certificate that the settings name, None without one.
+
+    serial: of the connected module. Raises CertificateError naming file, problem and way out: when
+    the file cannot be read, was changed, belongs to another module or lists no gains.
+    """
+    path = settings.certificate_file
+    if not path:
+        return None
+    top = read_calibration(path, FORMAT, CertificateError, _MEASURE)
+    checksum = _checked(path, top)
+    written = top.text("serial")
+    if written != serial:
+        own = f"this is module {quoted(serial)}" if serial else "module_serial is empty"
+        top.fail(
+            "serial", f"the certificate belongs to module {quoted(written)}, {own}",
+            "name the file of this module",
+        )  # fmt: skip
+    permitted = top.section("permitted_gains")
+    fields = declared(VerticalSettings)
+    gains = [
+        permitted.number(name, fields[name].setting.low, fields[name].setting.high)
+        for name in GAINS
+    ]
+    return Certificate(*gains, f"{written} {top.text('date')} sha256:{checksum[:12]}")
+
+
+def _checked(path: str, top: Section) -> str:
+    """Return the checksum after comparing it with the text before it."""
+    text = read_regular(path, LARGEST_FILE).decode()
+    noted, found = top.text("sha256"), text_checksum(text.rpartition(_CHECKSUM)[0])
+    if noted != found:
+        top.fail("sha256", "the file was changed after it was written", _MEASURE)
+    return found
+
+
+def text_checksum(text: str) -> str:
+    """Return the checksum of a certificate's text before its last line."""
+    return hashlib.sha256(text.encode()).hexdigest()

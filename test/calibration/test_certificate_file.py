@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A module's certificate: what it permits, and what is refused."""
+
+import re
+
+import pytest
+
+from screw_module_ros.calibration.certificate_file import (
+    CertificateError,
+    CertificateSettings,
+    load_certificate,
+    text_checksum,
+)
+from screw_module_ros.control import modes
+from screw_module_ros.control.vertical_settings import VerticalSettings
+
+SERIAL = "ARM-0007"
+
+
+def written(folder, gains="{force_gain: 6.28, observer_gain: 12.6}", serial=SERIAL):
+    text = (
+        f"format: screw_module_ros/certificate\nversion: 1\nserial: {serial}\n"
+        f"date: '2026-11-22T09:30:00Z'\npermitted_gains: {gains}\n"
+    )
+    file = folder / "module_certificate.yaml"
+    file.write_text(f"{text}sha256: {text_checksum(text)}\n")
+    return CertificateSettings(str(file))
+
+
+def test_no_file_limits_nothing():
+    assert load_certificate(CertificateSettings(), "") is None
+
+
+@pytest.mark.parametrize(
+    ("mode", "field"), [(modes.FORCE_FEEDBACK, "force_gain"), (modes.COMBINED, "force_gain"),
+                        (modes.OBSERVER, "observer_gain")]
+)  # fmt: skip
+def test_a_gain_beyond_it_is_refused_in_the_modes_that_use_it(tmp_path, mode, field):
+    certificate = load_certificate(written(tmp_path), SERIAL)
+    most = getattr(certificate, field)
+    at_most = VerticalSettings()._replace(**{field: most})
+    beyond = at_most._replace(**{field: most + 0.01})
+    assert not certificate.refusal(at_most, mode)
+    assert re.search(f"{field} is .*ARM-0007.* at most", certificate.refusal(beyond, mode))
+    assert not certificate.refusal(beyond, modes.IMPEDANCE)
+
+
+@pytest.mark.parametrize(
+    ("change", "serial", "told"),
+    [
+        (("force_gain: 6", "force_gain: 9"), SERIAL, "sha256: the file was changed"),
+        (("version: 1", "version: 2"), SERIAL, "version"),
+        (("sha256:", "sha257:"), SERIAL, "sha256: missing"),
+        (("", ""), "ARM-0008", "belongs to module 'ARM-0007', this is module 'ARM-0008'"),
+        (("", ""), "", "module_serial is empty"),
+    ],
+)
+def test_another_modules_or_a_changed_one_is_refused(tmp_path, change, serial, told):
+    settings = written(tmp_path)
+    file = tmp_path / "module_certificate.yaml"
+    file.write_text(file.read_text().replace(*change, 1))
+    with pytest.raises(CertificateError, match=told) as error:
+        load_certificate(settings, serial)
+    assert str(file) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("gains", "told"),
+    [
+        ("{force_gain: 6.28}", "observer_gain: missing"),
+        ("{force_gain: .inf, observer_gain: 9}", "force_gain"),
+        ("{force_gain: -1, observer_gain: 9}", "outside 0 to 50"),
+        ("[6.28, 12.6]", "a mapping is needed"),
+    ],
+)
+def test_gains_that_are_none_are_refused(tmp_path, gains, told):
+    with pytest.raises(CertificateError, match=told):
+        load_certificate(written(tmp_path, gains), SERIAL)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(CertificateError, match="cannot be read"):
+        load_certificate(CertificateSettings(str(tmp_path / "none.yaml")), SERIAL)
