@@ -73,7 +73,7 @@ class ForceSensorNode(DriverNode):
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_force=self.publish))
-        self.start_polls()
+        self.start_polls(lambda: self.device.fault)
 
     def end(self) -> None:
         """Stop polling."""

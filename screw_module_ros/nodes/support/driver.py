@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from screw_module_ros import graph
@@ -15,8 +16,10 @@ from screw_module_ros.settings import Setting
 
 from .module_node import ModuleNode
 from .single import Lock, lock_device
+from .timers import Timer
 
 _SLOW_POLL_S = 5.0
+_FAULT_POLL_S = 0.02  # the period of the supervisor's decisions
 
 
 class RateSettings(NamedTuple):
@@ -36,7 +39,8 @@ class DriverNode(ModuleNode):
         self.parameters.declare(RateSettings, rate=rate)
         self.port: Port | None = None
         self._device_locks: list[Lock] = []
-        self._slow_timer = None
+        self._polls: list[Timer] = []
+        self._reported = ""
         self.bus_load = 0.0
 
     # For subclasses ------------------------------------------------------------------------
@@ -60,15 +64,28 @@ class DriverNode(ModuleNode):
         if warning:
             self.get_logger().warning(warning)
 
-    def start_polls(self) -> None:
-        """Begin the slow polls."""
-        self._slow_timer = self.periodic.every(self.clock, _SLOW_POLL_S, self.poll_slow)
+    def start_polls(self, fault: Callable[[], str] | None = None) -> None:
+        """Begin the slow polls.
+
+        fault: returns the device's latched fault, for a node without a state message. /diagnostics
+        shows a change of it at once: the supervisor must not permit motion meanwhile.
+        """
+        self._polls = [self.periodic.every(self.clock, _SLOW_POLL_S, self.poll_slow)]
+        if fault is not None:
+            self._reported = fault()
+            look = self.periodic.every(self.clock, _FAULT_POLL_S, lambda: self._report(fault()))
+            self._polls.append(look)
+
+    def _report(self, fault: str) -> None:
+        if fault != self._reported:
+            self._reported = fault
+            self.publish_health()
 
     def stop_polls(self) -> None:
         """End the slow polls."""
-        if self._slow_timer is not None:
-            self.periodic.cancel(self._slow_timer)
-            self._slow_timer = None
+        for timer in self._polls:
+            self.periodic.cancel(timer)
+        self._polls = []
 
     def poll_slow(self) -> None:
         """Read the device's slow values; in the executor's thread."""

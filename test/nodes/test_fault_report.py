@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sensor's latched fault is on /diagnostics at once, not with the next entry of each second."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes.support.timers import Timers
+
+S = 1_000_000_000
+
+
+@pytest.mark.parametrize("name", ["encoder", "force_sensor"])
+def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
+    node, fault, entries = make_node(name), [""], []
+    node.clock, node.periodic = ManualClock(S), Timers()
+    node._diagnostics = SimpleNamespace(publish=entries.append)
+    node.start_polls(lambda: fault[0])
+    said = []
+    for text in ("", "status bit 4", "status bit 4", "status bit 6", ""):
+        fault[0] = text
+        node.clock.sleep(0.02)
+        node.periodic.run()
+        said.append(len(entries))
+    assert said == [0, 1, 1, 2, 3]
+    node.stop_polls()
+    fault[0] = "late"
+    node.clock.sleep(0.02)
+    node.periodic.run()
+    assert len(entries) == 3
