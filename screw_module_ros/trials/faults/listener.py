@@ -115,7 +115,7 @@ class Listener:
 
     def _truth(self, truth: SimTruth) -> None:
         self._moments.append(Moment(
-            _seconds(truth.header.stamp),
+            seconds(truth.header.stamp),
             truth.motor_torque,
             tuple(truth.joint_torque),
             (*truth.planar_force, truth.patient_force),
@@ -142,7 +142,7 @@ class Listener:
             if state.enabled:
                 self._ever_enabled.add(node)
             else:
-                self._disabled_at.setdefault(node, _seconds(state.header.stamp))
+                self._disabled_at.setdefault(node, seconds(state.header.stamp))
 
         return note
 
@@ -239,5 +239,6 @@ class Listener:
         return dict(self._disabled_at)
 
 
-def _seconds(stamp: Any) -> float:
+def seconds(stamp: Any) -> float:
+    """Return a message's stamp in simulated time [s]."""
     return stamp.sec + stamp.nanosec * 1e-9

@@ -14,6 +14,7 @@ from screw_module_ros.operator.robot import arm
 
 from .acts import both, called, cured, fault, refused, repeated, switched
 from .limits import BY_SERVICE, DYING, STALE, VIA_SUPERVISOR
+from .listener import seconds
 from .patient import HOME
 from .recovery import AGAIN
 from .row import GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, nothing
@@ -106,8 +107,16 @@ def _heard(testbed) -> None:
 
 
 def _still_estopped(testbed) -> None:
+    """Check what the new process says; simulated time hardly moves while it starts."""
+    ended = testbed.just_now()
     testbed.restart("supervisor")
     testbed.await_restarted()
+
+    def said() -> SafetyState | None:
+        state = testbed.robot.state(SafetyState)
+        return state if state is not None and seconds(state.header.stamp) > ended else None
+
+    testbed.robot.wait_until(said, 2.0, "the new supervisor is silent")
     if not testbed.robot.newest(SafetyState).estopped:
         raise Failed("the emergency stop was lost in the restart")
 
