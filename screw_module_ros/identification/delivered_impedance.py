@@ -3,9 +3,9 @@
 
 A firm hand moves the handle in sines of 0.5 to 30 Hz. The ratio of its force to the handle's
 velocity is the impedance Z(jw) = B + j (w M - K / w), with friction as its first harmonic. On a
-simulated module the hand also holds still and lets go. The certificate lists apparent mass, damping
-and stiffness of every mode beside the commanded ones, the friction felt, hold and release, and the
-largest stable gains with their margins.
+simulated module the hand also holds still and lets go, and a wall holds the handle. The certificate
+lists apparent mass, damping and stiffness of every mode beside the commanded ones, the friction
+felt, the trials at rest, and the largest stable gains with their margins.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from .results import Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
-RESTS = {"hold": "holding", "release": "released"}
-"""Trials of `force_error` with a hand at rest, by name of the hand's action."""
+RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
+"""Trials of `force_error` at rest, by their names in the certificate."""
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
@@ -50,9 +50,9 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure every mode; write the certificate into the lab's folder.
 
-    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. Hold and release need
-    the true force of a simulated module. Raises ValueError for settings out of range, Cancelled,
-    NotPossible.
+    Data: `frequencies` [Hz] and per mode `resistance` and `reactance` [Ns/m]. The trials at rest
+    need the true force of a simulated module. Raises ValueError for settings out of range,
+    Cancelled, NotPossible.
     """
     validated(settings)
     kinds = [mode for mode in modes.MODE_NAMES if mode != modes.OFF]
@@ -109,7 +109,7 @@ def _law(settings: Settings, mode: int) -> VerticalSettings:
 
 
 def _rests(settings: Settings, kinds: list[int]) -> dict[tuple[str, str], Job]:
-    """Return the trials at rest by names of the mode and of the hand's action."""
+    """Return the trials at rest by names of the mode and the trial."""
     return {
         (modes.MODE_NAMES[mode].lower(), rest): force_error.job(
             force_error.case_of(case), mode, _law(settings, mode)

@@ -51,18 +51,19 @@ def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):
     assert certificate["serial"] == "SIM-0001"
     text, checksum = (tmp_path / FILE).read_text(encoding="utf-8").split("sha256: ")
     assert checksum.strip() == hashlib.sha256(text.encode()).hexdigest()
-    friction, hold, release = (
+    friction, hold, release, wall = (
         [result.value(f"{what}_{name}") for name in ("impedance", "force_feedback", "observer")]
-        for what in ("friction", "hold", "release")
+        for what in ("friction", "hold", "release", "wall")
     )
     assert 5.0 < friction[0] < 15.0, "about the 9 N of the thesis's map there"
     assert friction[0] > 3.0 * friction[1] > 3.0 * abs(friction[2])
     assert hold[2] < 0.3 < hold[0]
     assert release[2] < 0.3 < release[0]
+    assert wall[0] > wall[1] > wall[2] and wall[2] < 0.3
     assert certificate["delivered"]["hold_travel_observer"]["value"] < 0.2e-3
     left, right = certificate_figures(result)["certificate"].axes
     assert len(left.lines) == 6, "five modes and the spring"
-    assert len(right.patches) == 15, "friction, hold and release in five modes"
+    assert len(right.patches) == 20, "friction, hold, release and wall in five modes"
 
 
 def test_coulomb_friction_is_found_beside_a_damper():

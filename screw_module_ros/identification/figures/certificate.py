@@ -15,13 +15,14 @@ from ..results import Result
 
 _BARS = {
     "friction": "friction felt",
-    "hold": "error, held still",
-    "release": "error, released",
+    "hold": "held still",
+    "release": "released",
+    "wall": "on a wall",
 }
 
 
 def certificate_figures(result: Result) -> dict[str, Figure]:
-    """Draw the impedance at the handle over the frequency, and friction, hold and release."""
+    """Draw the impedance at the handle over the frequency, and friction and errors at rest."""
     names = [name.lower() for mode, name in MODE_NAMES.items() if mode != OFF]
     with rc_context(STYLE):
         figure = Figure(figsize=(9.0, 4.4), layout="constrained")
@@ -58,4 +59,4 @@ def _forces(axes: Axes, result: Result, names: list[str]) -> None:
     axes.set_yscale("log")
     axes.set_xticks(np.arange(len(bars)), [_BARS[bar] for bar in bars])
     axes.set_ylabel("force [N]")
-    axes.set_title("Friction, hold and release", loc="left")
+    axes.set_title("Friction felt, and force error at rest", loc="left")
