@@ -28,6 +28,7 @@ from .support.health import OK, WARN, Health
 from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
+from .support.single import Lock, lock_simulation
 from .support.topics import offered
 
 _ANSWER_S = 1.0
@@ -69,6 +70,7 @@ class SimRigNode(ModuleNode):
             self.parameters.declare(BusSettings, f"{bus.name}.can", port=bus.port)
         self._rig: Rig | None = None
         self._buses: dict[BusSettings, can.BusABC] = {}
+        self._bus_locks: list[Lock] = []
         self._slipped = 0
         self._truth = SimTruth()
         self._truth.header.frame_id = "manus_base"
@@ -101,6 +103,8 @@ class SimRigNode(ModuleNode):
 
     def _open(self, settings: BusSettings) -> can.BusABC:
         if settings not in self._buses:
+            where = (settings.interface, settings.channel, settings.port)
+            self._bus_locks.append(lock_simulation(*where))
             self._buses[settings] = open_bus(settings)
         return self._buses[settings]
 
@@ -119,7 +123,9 @@ class SimRigNode(ModuleNode):
             self._time = None
         for bus in self._buses.values():
             bus.shutdown()
-        self._buses = {}
+        for lock in self._bus_locks:
+            lock.release()
+        self._buses, self._bus_locks = {}, []
 
     def step(self) -> None:
         """Serve the buses until the node is deactivated or stopped."""

@@ -8,7 +8,8 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
-from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device
+from screw_module_ros.graph import BUSES
+from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device, lock_simulation
 
 
 def refused(node) -> str:
@@ -82,6 +83,22 @@ def test_a_device_is_driven_once(make_node, can_port_base):
     told = refused(make_node("encoder", "-p", f"can.port:={can_port_base}"))
     held.release()
     assert "already driven by another process" in told
+
+
+def test_a_bus_is_simulated_once(make_node, can_port_base):
+    """Two simulations on one bus would both answer: the second is refused until the first ends."""
+    held = lock_simulation("udp_multicast", "239.74.163.2", can_port_base + 3)
+    ports = [word for number, bus in enumerate(BUSES)
+             for word in ("-p", f"{bus.name}.can.port:={can_port_base + number}")]  # fmt: skip
+    node = make_node("sim_rig", *ports)
+    told = refused(node)
+    assert f"port {can_port_base + 3} are already simulated" in told and "--first-port" in told
+    held.release()
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    with pytest.raises(AlreadyRunning, match="already simulated"):
+        lock_simulation("udp_multicast", "239.74.163.2", can_port_base)
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    lock_simulation("udp_multicast", "239.74.163.2", can_port_base).release()
 
 
 def test_the_lock_goes_with_its_holder():

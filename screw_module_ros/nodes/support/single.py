@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One copy of each node, one client per device: locks that end with their process.
+"""One copy of each node, one client per device, one simulation per bus: locks of a process.
 
-The lock is a bound abstract Unix socket. The kernel frees it at any end of the process, so a killed
+A lock is a bound abstract Unix socket. The kernel frees it at any end of the process, so a killed
 node never blocks its successor, and no file remains on the disk.
 """
 
@@ -49,4 +49,14 @@ def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
         f"device/{interface}/{channel}/{port}/{device}",
         f"{device} on {interface} {channel} port {port} is already driven by another process of "
         "this machine: stop that one first",
+    )
+
+
+def lock_simulation(interface: str, channel: str, port: int) -> Lock:
+    """Lock the simulated devices of one bus: two simulations would both answer every request."""
+    return Lock(
+        f"rig/{interface}/{channel}/{port}",
+        f"the devices on {interface} {channel} port {port} are already simulated by another "
+        "process of this machine: stop that one first, or give this one ports of its own "
+        "(bringup --first-port)",
     )
