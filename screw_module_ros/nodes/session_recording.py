@@ -93,6 +93,8 @@ class SessionRecording:
         if not problem:
             return ""
         self._phase, self.told = _OFF, problem
+        if self._watch.silent:  # it may go on later, when nobody counts on it
+            self._client.stop()
         return LOST
 
     def _end(self, in_session: bool, now_ns: int) -> None:
