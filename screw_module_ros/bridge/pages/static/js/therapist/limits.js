@@ -61,9 +61,9 @@ export class LimitsCard {
       this.told.classList.add("good");
       say(this.told, `${NAMES[name]}: set.`);
     } catch (error) {
+      await this.load(); // first, as it says nothing where all is well
       this.told.classList.remove("good");
       say(this.told, error.message);
-      this.load();
     }
   }
 }

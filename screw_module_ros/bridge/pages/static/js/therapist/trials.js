@@ -32,7 +32,7 @@ function seconds({ header }) {
 export class TrialsCard {
   constructor() {
     [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
-    [this.newest, this.begun] = ["", 0];
+    [this.newest, this.begun, this.liveChanges] = ["", 0, []];
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
@@ -62,7 +62,12 @@ export class TrialsCard {
     this.isShown = false;
   }
 
-  takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
+  takeChange(change) {
+    if (this.isAwaiting) this.liveChanges.push(change);
+    this.addChange(change);
+  }
+
+  addChange({ block, circuit, duration, side_stiffness: side, reason }) {
     const last = this.changes.at(-1);
     if (last?.block === block && last?.circuit === circuit) return;
     this.changes.push({ block, circuit, duration, side, reason });
@@ -72,7 +77,7 @@ export class TrialsCard {
 
   // Notes what comes from now on: the bridge is being asked for what was before.
   await() {
-    [this.live, this.isAwaiting] = [[], true];
+    [this.live, this.liveChanges, this.isAwaiting] = [[], [], true];
   }
 
   // Begins anew with what the bridge has kept, and what has come since it was asked.
@@ -82,8 +87,9 @@ export class TrialsCard {
     [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
     this.newest = "";
     [...trials, ...since].forEach((trial) => this.add(trial));
-    changes.filter((change) => seconds(change) >= this.begun)
-      .forEach((change) => this.takeChange(change));
+    [...changes, ...this.liveChanges].filter((change) => seconds(change) >= this.begun)
+      .forEach((change) => this.addChange(change));
+    this.liveChanges = [];
     this.isShown = this.isAwaiting = false;
   }
 

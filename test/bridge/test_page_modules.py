@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules of the pages that need no browser: what they tell after a loss, and of which session."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from screw_module_ros.bridge.pages import FOLDER
+from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
+
+PLAYED_DOCUMENT = """
+class Played {
+  constructor() { this.classList = { add() {}, remove() {}, toggle() {} }; this.textContent = ""; }
+  append() {} setAttribute() {} replaceChildren() {} checkValidity() { return true; }
+}
+globalThis.document = { createElement: () => new Played() };
+"""
+
+
+def node_program() -> str | None:
+    """Return Node, which comes with Playwright."""
+    try:
+        from playwright._impl._driver import compute_driver_executable
+    except ImportError:
+        return shutil.which("node")
+    found = compute_driver_executable()
+    return str(found[0] if isinstance(found, tuple) else found)
+
+
+@pytest.fixture
+def result_of(tmp_path):
+    """Return a function that gives the value of `result` at the end of a script."""
+    program = node_program()
+    if program is None:
+        pytest.skip("neither Playwright nor Node is installed")
+    shutil.copytree(FOLDER / "js", tmp_path / "js")
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+
+    def run(script: str):
+        file = tmp_path / "script.js"
+        file.write_text(f"{script}\nconsole.log(JSON.stringify(result));\n")
+        ended = subprocess.run(
+            [program, str(file)], check=False, capture_output=True, text=True, timeout=60
+        )
+        assert ended.returncode == 0, ended.stderr
+        return json.loads(ended.stdout)
+
+    return run
+
+
+COUNTED = """
+import { Count } from "./js/patient/count.js";
+import { ABORTED, FINISHED, MOVING, PAUSED, PREPARE, REACHED, RUNNING } from "./js/states.js";
+const count = new Count();
+let before = null;
+function told(state, phase, trial) {
+  const now = { state, phase, trial };
+  count.take(now, before, false);
+  before = now;
+}
+"""
+
+
+def test_a_target_counts_once_though_its_trial_was_repeated(result_of):
+    """A pause during the hold at the target repeats the trial."""
+    assert result_of(COUNTED + """
+        told(RUNNING, PREPARE, 1); told(RUNNING, MOVING, 1); told(RUNNING, REACHED, 1);
+        told(PAUSED, REACHED, 1); told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        told(RUNNING, REACHED, 2); told(FINISHED, 0, 2);
+        const result = [count.reached, count.hasSeenAll];
+    """) == [2, True]
+
+
+def test_a_session_after_one_that_was_ended_in_its_first_trial_counts_anew(result_of):
+    assert result_of(COUNTED + """
+        told(RUNNING, REACHED, 1); told(ABORTED, 0, 1); count.miss();
+        told(RUNNING, PREPARE, 1);
+        const result = [count.reached, count.hasSeenAll];
+    """) == [0, True]
+
+
+def test_a_screen_that_lost_its_connection_tells_no_number(result_of):
+    script = """
+        import { veil } from "./js/patient/words.js";
+        told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        count.miss();
+        told(RUNNING, MOVING, 4); told(FINISHED, 0, 4);
+        const { reached, hasSeenAll } = count;
+        const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 4,
+                              state: before, reached, hasSeenAll });
+    """
+    assert result_of(COUNTED + script) == ["Finished. Thank you!", ""]
+
+
+@pytest.mark.parametrize(("state", "told"), [
+    ("RUNNING", ["One moment …", "The exercise has stopped"]),
+    ("PAUSED", ["One moment …", "The exercise has stopped"]),
+    ("IDLE", None),
+])  # fmt: skip
+def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told):
+    """The robot still tells where the hand is when the session's node has died."""
+    assert result_of(f"""
+        import {{ veil }} from "./js/patient/words.js";
+        import {{ {state} }} from "./js/states.js";
+        const result = veil({{ isOpen: true, isHeard: true, isTold: false, safety: 0,
+                               state: {{ state: {state} }} }});
+    """) == told
+
+
+def test_the_form_follows_the_session_also_when_another_began_meanwhile(result_of):
+    """A page without a connection misses the end of one session and the start of the next."""
+    assert result_of(PLAYED_DOCUMENT + """
+        const { StartCard } = await import("./js/therapist/start.js");
+        const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];
+        const card = new StartCard(protocols, () => {});
+        card.show({ state: 1, patient: "P-22222", protocol: "a" });
+        card.show({ state: 1, patient: "P-33333", protocol: "b" });
+        const result = [card.patient.value, card.protocol.value, card.start.disabled];
+    """) == ["P-33333", "b", True]
+
+
+def test_the_reason_of_a_refused_limit_stays(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { LimitsCard } = await import("./js/therapist/limits.js");
+        const card = new LimitsCard(async (service) => service.endsWith("set_parameters")
+          ? { results: [{ successful: false, reason: "wish.low: too high" }] }
+          : { descriptors: [], values: [] });
+        await card.set("wish.low", 0.3);
+        await new Promise((resolve) => setTimeout(resolve, 50));
+        const result = card.told.textContent;
+    """) == "wish.low: too high"
+
+
+def test_a_change_of_assistance_that_comes_while_the_past_is_asked_for_is_shown(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { TrialsCard } = await import("./js/therapist/trials.js");
+        const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
+        const values = { block: 2, circuit: 1, duration: 1, side_stiffness: 1, reason: "" };
+        const card = new TrialsCard();
+        card.await();
+        card.takeChange({ ...at(9), ...values });
+        card.begin([{ ...at(5), patient: "P-22222", protocol: "a", trial: 1 }], []);
+        const result = card.changes.length;
+    """) == 1
+
+
+def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
+    made, fits = result_of("""
+        import { PATTERN, cleaned, newPseudonym } from "./js/therapist/pseudonym.js";
+        const pattern = new RegExp(`^(?:${PATTERN})$`, "v");
+        const made = Array.from({ length: 300 }, newPseudonym);
+        const texts = [...made, "P-7K3QX", cleaned("Peter"), cleaned("Erika Musterfrau"), "P-7K3Q"];
+        const result = [made, texts.map((text) => pattern.test(text))];
+    """)
+    assert [checked_pseudonym(each) for each in made] == made
+    assert fits == [True] * 301 + [False] * 3
+    assert not PATTERN.fullmatch("P-PETER")
