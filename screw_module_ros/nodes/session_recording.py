@@ -62,6 +62,12 @@ class SessionRecording:
         self._phase, self._ended_ns = _ASKED, None
         self._client.start(name)
 
+    def close(self) -> None:
+        """End the recording at once: nobody follows it any more."""
+        if self._phase != _OFF:
+            self._phase = _OFF
+            self._client.stop()
+
     def follow(self, in_session: bool, now_ns: int) -> str:
         """Look at the recorder; return what has happened, empty for nothing.
 

@@ -123,11 +123,12 @@ class TherapySessionNode(ModuleNode):
                 self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
-        """End a running session, so that the slot fades out."""
+        """End a running session, so that the slot fades out, and its recording."""
         with self._lock:
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
                 self._tell(self.clock.now_ns())
+            self._recording.close()
 
     # Loop ----------------------------------------------------------------------------------
 

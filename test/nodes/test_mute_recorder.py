@@ -6,6 +6,7 @@ The recorder is played: only the session's side runs, without ROS's graph.
 
 from __future__ import annotations
 
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -18,6 +19,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
+from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.recording import Status
 from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
 
@@ -129,6 +131,20 @@ def test_a_recording_that_has_ended_is_not_ended_again(recording, recorder):
     recorder.report(recording=False)
     assert follow(recording, 3) == LOST
     assert recorder.asked["stop"] == []
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
+    """Else it would hold the next patient's movements in a bag of this one's name."""
+    if answered:
+        begun(recording, recorder)
+    else:
+        recording.ask("P-22222_clock")
+    node = SimpleNamespace(_lock=threading.Lock(), _session=None, _recording=recording)
+    TherapySessionNode.end(node)
+    assert len(recorder.asked["stop"]) == 1 and not recording.runs
+    TherapySessionNode.end(node)
+    assert len(recorder.asked["stop"]) == 1
 
 
 def test_a_recording_that_failed_is_reported_as_none():
