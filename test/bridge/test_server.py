@@ -131,15 +131,18 @@ def test_what_was_before_is_told_to_who_may_hear_it(server):
     assert run(answer(server, "/history.json?topic=/endpoint_state", token=THERAPIST))[1] == "[]"
 
 
-def test_no_more_clients_than_allowed(server):
+def test_no_more_clients_than_allowed_and_room_for_therapists(server):
     async def crowd():
         async with aiohttp.ClientSession() as session:
             address = f"{server.address}/ws?token={PATIENT}"
-            pages = [await session.ws_connect(address) for _ in range(4)]
-            refused = await refusal(server, f"?token={PATIENT}")
+            pages = [await session.ws_connect(address) for _ in range(2)]
+            refused = [await refusal(server, f"?token={PATIENT}")]
+            address = f"{server.address}/ws?token={THERAPIST}"
+            pages += [await session.ws_connect(address) for _ in range(2)]
+            refused.append(await refusal(server, f"?token={THERAPIST}"))
             return refused, [page.closed for page in pages]
 
-    assert run(crowd()) == (503, [False] * 4)
+    assert run(crowd()) == ([503, 503], [False] * 4)
 
 
 def test_it_listens_on_this_machine_alone(server):
