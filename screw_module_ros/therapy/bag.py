@@ -131,7 +131,8 @@ def _session(
 
 def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
-    return replay(recorded.protocol, recorded.samples, recorded.acts, recorded.trials)
+    given = (recorded.samples, recorded.acts, recorded.trials, recorded.changes)
+    return replay(recorded.protocol, *given)
 
 
 def _names(folder: Path) -> dict[str, str]:
