@@ -148,6 +148,37 @@ def test_a_change_of_assistance_that_comes_while_the_past_is_asked_for_is_shown(
     """) == 1
 
 
+ROWS = PLAYED_DOCUMENT + """
+    const { TrialsCard } = await import("./js/therapist/trials.js");
+    const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
+    const trial = (number, sec, patient = "P-22222") =>
+      ({ ...at(sec), patient, protocol: "a", trial: number, block: 1, circuit: 1 });
+    const change = (circuit, sec) => ({ ...at(sec), block: 1, circuit, duration: 1,
+      side_stiffness: 1, reason: "" });
+    const card = new TrialsCard();
+    card.take(trial(1, 1)); card.take(trial(2, 2)); card.takeChange(change(1, 2));
+    const shown = () => [card.trials.map((each) => each.trial),
+      card.changes.map((each) => each.circuit)];
+"""
+
+
+@pytest.mark.parametrize(("kept", "expected"), [
+    ("[], []", [[1, 2, 3], [1]]),  # the bridge was started again
+    ("[trial(1, 1), trial(2, 2)], [change(1, 2)]", [[1, 2, 3], [1]]),
+    ("[trial(3, 3)], [change(2, 3)]", [[1, 2, 3], [1, 2]]),
+    ("[trial(1, 3, 'P-33333')], []", [[1, 3], []]),  # and another session
+    ("[trial(1, 3)], []", [[1, 3], []]),  # of the same patient
+])  # fmt: skip
+def test_movements_stay_when_the_bridge_was_started_again(result_of, kept, expected):
+    told = "P-33333" if "P-33333" in kept else "P-22222"
+    assert result_of(ROWS + f"""
+        card.await();
+        card.take(trial(3, 4, "{told}"));
+        card.begin({kept.replace("trial(3, 3)", "trial(3, 4)")});
+        const result = shown();
+    """) == expected
+
+
 def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
     made, fits = result_of("""
         import { PATTERN, cleaned, newPseudonym } from "./js/therapist/pseudonym.js";

@@ -75,7 +75,8 @@ export class RobotPanel {
   async softwareStop() {
     this.start.tell("Software stop asked for …");
     try {
-      const { message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
+      const { success, message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
+      if (!success) throw new Error(message);
       this.start.tell(`Software stop: ${message}`);
     } catch (error) {
       this.start.tell(`The software stop failed: ${error.message}. Use the emergency stop.`);

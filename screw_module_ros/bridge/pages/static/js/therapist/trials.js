@@ -15,7 +15,7 @@ const COLUMNS = [
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
 ];
-const KEEP = ["trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const KEEP = ["patient", "protocol", "header", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
 
 function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
@@ -23,6 +23,10 @@ function fixed(value, digits) {
 
 function identity({ patient, protocol, trial, header }) {
   return JSON.stringify([patient, protocol, trial, header]);
+}
+
+function isSame(one, other) {
+  return one.block === other.block && one.circuit === other.circuit;
 }
 
 function seconds({ header }) {
@@ -67,10 +71,10 @@ export class TrialsCard {
     this.addChange(change);
   }
 
-  addChange({ block, circuit, duration, side_stiffness: side, reason }) {
+  addChange({ header, block, circuit, duration, side_stiffness: side, reason }) {
     const last = this.changes.at(-1);
     if (last?.block === block && last?.circuit === circuit) return;
-    this.changes.push({ block, circuit, duration, side, reason });
+    this.changes.push({ header, block, circuit, duration, side_stiffness: side, reason });
     if (this.changes.length > CHANGES) this.changes.shift();
     this.isShown = false;
   }
@@ -80,14 +84,19 @@ export class TrialsCard {
     [this.live, this.liveChanges, this.isAwaiting] = [[], [], true];
   }
 
-  // Begins anew with what the bridge has kept, and what has come since it was asked.
+  // Begins anew with what the bridge has kept, and what has come since it was asked. What the bridge
+  // does not know was before its own begin: it has been started again.
   begin(trials, changes) {
     const told = new Set(trials.map(identity));
     const since = this.live.filter((trial) => !told.has(identity(trial)));
+    since.map(identity).forEach((each) => told.add(each));
+    const earlier = this.trials.filter((trial) => !told.has(identity(trial)));
+    const all = [...changes, ...this.liveChanges];
+    const before = this.changes.filter((change) => !all.some((other) => isSame(change, other)));
     [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
     this.newest = "";
-    [...trials, ...since].forEach((trial) => this.add(trial));
-    [...changes, ...this.liveChanges].filter((change) => seconds(change) >= this.begun)
+    [...earlier, ...trials, ...since].forEach((trial) => this.add(trial));
+    [...before, ...all].filter((change) => seconds(change) >= this.begun)
       .forEach((change) => this.addChange(change));
     this.liveChanges = [];
     this.isShown = this.isAwaiting = false;
@@ -104,6 +113,6 @@ export class TrialsCard {
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
     this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
       el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
-        + `${change.side.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+        + `${change.side_stiffness.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
   }
 }
