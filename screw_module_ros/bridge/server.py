@@ -267,6 +267,7 @@ class Server:
             since_ns = connection.sending_since_ns
             if since_ns is not None and now_ns - since_ns > patience_ns:
                 self.cut_off += 1
+                connection.sending_since_ns = None  # it lasts a moment until the connection ends
                 self._log(f"cut off a {connection.client.role}'s page: it does not read")
                 connection.transport.abort()
             else:

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import weakref
+from types import SimpleNamespace
 
 import aiohttp
 import pytest
@@ -259,6 +260,22 @@ def test_a_slow_client_holds_nobody_up_and_is_cut_off(server, gateway):
     assert run(play()) > 10  # the other one went on meanwhile
     assert server.cut_off == 1
     sleeper.close()
+
+
+def test_a_client_is_cut_off_once_however_often_it_is_looked_at(gateway):
+    said, aborted = [], []
+    server = Server(
+        Listening(port=0), Limits(), TOKENS, Rights(["/"]), gateway, WallClock(), CONFIG,
+        said.append,
+    )  # fmt: skip
+    connection = Connection(None, SimpleNamespace(abort=lambda: aborted.append(1)))
+    connection.client = SimpleNamespace(role="patient")
+    connection.sending_since_ns = 0
+    server._connections.add(connection)
+    server._look()
+    server._look()  # before the connection's task has seen the end
+    assert (server.cut_off, len(said), len(aborted)) == (1, 1, 1)
+    server.close()
 
 
 def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):
