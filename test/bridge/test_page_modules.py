@@ -96,6 +96,27 @@ def test_a_screen_that_lost_its_connection_tells_no_number(result_of):
     assert result_of(COUNTED + script) == ["Finished. Thank you!", ""]
 
 
+def test_only_reaches_have_targets(result_of):
+    """An evaluation has circles, holding and pushing as well."""
+    assert result_of(ROWS + """
+        card.take({ ...trial(3, 4), kind: "reach", reached: true });
+        card.take({ ...trial(4, 5), kind: "hold", reached: true });
+        card.take({ ...trial(5, 6), kind: "strength", reached: false });
+        card.show();
+        const result = card.summary.textContent;
+    """) == "P-22222: 1 of 3 targets reached"
+    script = """
+        import { veil } from "./js/patient/words.js";
+        told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        count.take({ state: RUNNING, phase: MOVING, trial: 2, kind: "hold" }, before, false);
+        told(FINISHED, 0, 2);
+        const { reached, hasSeenAll, hasOthers } = count;
+        const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 2,
+                              state: before, reached, hasSeenAll, hasOthers });
+    """
+    assert result_of(COUNTED + script) == ["Finished. Thank you!", "1 target reached"]
+
+
 @pytest.mark.parametrize(("state", "told"), [
     ("RUNNING", ["One moment …", "The exercise has stopped"]),
     ("PAUSED", ["One moment …", "The exercise has stopped"]),
@@ -152,7 +173,8 @@ ROWS = PLAYED_DOCUMENT + """
     const { TrialsCard } = await import("./js/therapist/trials.js");
     const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
     const trial = (number, sec, patient = "P-22222") =>
-      ({ ...at(sec), patient, protocol: "a", trial: number, block: 1, circuit: 1 });
+      ({ ...at(sec), patient, protocol: "a", trial: number, block: 1, circuit: 1, duration: 1,
+        peak_speed: 1, path_error: 1, sparc: -1, robot_share: null });
     const change = (circuit, sec) => ({ ...at(sec), block: 1, circuit, duration: 1,
       side_stiffness: 1, reason: "" });
     const card = new TrialsCard();

@@ -12,6 +12,7 @@ export class Count {
   begin(hasSeenAll) {
     this.trials = new Set(); // a trial that was paused after its target is done again
     this.hasSeenAll = hasSeenAll;
+    this.hasOthers = false; // trials without a target: circles, holding, pushing
   }
 
   get reached() {
@@ -24,6 +25,7 @@ export class Count {
     const wasOn = before?.state === RUNNING || before?.state === PAUSED;
     if (isOther) this.begin(state.trial === 1);
     else if (state.trial === 1 && state.state === RUNNING && !(wasOn && before.trial === 1)) this.begin(true);
+    if (state.state === RUNNING && state.kind && state.kind !== "reach") this.hasOthers = true;
     const isSame = before?.phase === REACHED && before.trial === state.trial;
     const isReached = state.phase === REACHED && !isSame;
     if (isReached) this.trials.add(state.trial);

@@ -94,9 +94,9 @@ function drawPlay(picture, dt, now, isHeard) {
 }
 
 function showWords(inSession, isHeard, isTold) {
-  const { reached, hasSeenAll } = seen;
+  const { reached, hasSeenAll, hasOthers } = seen;
   const state = inSession ? world.state : null;
-  const over = veil({ ...world, state, isHeard, isTold, reached, hasSeenAll });
+  const over = veil({ ...world, state, isHeard, isTold, reached, hasSeenAll, hasOthers });
   $("veil").hidden = !over;
   if (over) put($("veil").children, over);
   const running = inSession && world.state.state === RUNNING;

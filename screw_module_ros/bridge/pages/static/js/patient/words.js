@@ -24,7 +24,9 @@ export function task(state) {
 }
 
 // What covers the picture, [title, more]; null when nothing does.
-export function veil({ sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll }) {
+export function veil({
+  sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
+}) {
   if (!isOpen) return ["One moment …", sentence || "Connecting to the robot"];
   if (!isHeard) return ["One moment …", "The robot does not tell anything yet"];
   const isOn = state?.state === PAUSED || state?.state === RUNNING;
@@ -32,7 +34,8 @@ export function veil({ sentence, isOpen, isHeard, isTold, state, safety, reached
   if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
   if (safety !== SAFETY_OK) return ["The robot rests", "Your therapist knows what to do"];
   if (state?.state === FINISHED) {
-    return ["Finished. Thank you!", hasSeenAll ? `${reached} of ${trials} targets reached` : ""];
+    const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
+    return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
   }
   if (state?.state === ABORTED) return ["The exercise has ended", ""];
   return null;

@@ -8,14 +8,14 @@ const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
 const COLUMNS = [
   ["#", (r) => r.trial],
-  ["Reached", (r) => (r.reached ? "✓ yes" : "– no")],
+  ["Reached", (r) => (!isReach(r) ? "–" : r.reached ? "✓ yes" : "– no")],
   ["Time [s]", (r) => fixed(r.duration, 2)],
   ["Peak [cm/s]", (r) => fixed(100 * r.peak_speed, 1)],
   ["Path error [mm]", (r) => fixed(1000 * r.path_error, 1)],
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
 ];
-const KEEP = ["patient", "protocol", "header", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const KEEP = ["patient", "protocol", "header", "kind", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
 
 function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
@@ -23,6 +23,11 @@ function fixed(value, digits) {
 
 function identity({ patient, protocol, trial, header }) {
   return JSON.stringify([patient, protocol, trial, header]);
+}
+
+// Circles, holding and pushing have no target to reach.
+function isReach({ kind }) {
+  return (kind ?? "reach") === "reach";
 }
 
 function isSame(one, other) {
@@ -105,9 +110,10 @@ export class TrialsCard {
   show() {
     if (this.isShown) return;
     this.isShown = true;
-    const reached = this.trials.filter((trial) => trial.reached).length;
+    const reaches = this.trials.filter(isReach);
+    const reached = reaches.filter((trial) => trial.reached).length;
     say(this.summary, this.trials.length
-      ? `${this.session.split(" ")[0]}: ${reached} of ${this.trials.length} targets reached`
+      ? `${this.session.split(" ")[0]}: ${reached} of ${reaches.length} targets reached`
       : "No movement yet.");
     this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
