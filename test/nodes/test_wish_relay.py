@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 from screw_module_msgs.msg import EndpointSetpoint
 
+from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.wishes import WishLimits
 
@@ -50,6 +51,22 @@ def test_a_game_that_is_cut_off_lets_the_hand_go_at_once(relay):
     relay.wishes.append(wish(0.14))
     relay.relay(True, HAND, 21 * S)
     assert relay.asked[2][0] == pytest.approx(0.05 + 0.2 * 0.3), "from the hand on, at its speed"
+
+
+@pytest.mark.parametrize(("age_s", "expected"), [(0.1, HAND), (0.5, None)])
+def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
+    """Else the first wish, or the release, would pull from a place that the hand has left."""
+    given = []
+    node = SimpleNamespace(
+        _session=None, _heard_ns=10 * S, _sample=SimpleNamespace(position=HAND),
+        parameters=SimpleNamespace(read=lambda kind: SimpleNamespace(allow_wishes=True)),
+        _wishes=SimpleNamespace(relay=lambda allowed, hand, now_ns: given.append(hand)),
+    )  # fmt: skip
+    node._silent = lambda now_ns: TherapySessionNode._silent(node, now_ns)
+    TherapySessionNode._relay_wishes(node, 10 * S + round(age_s * S))
+    node._heard_ns = node._sample = None  # nothing was heard yet
+    TherapySessionNode._relay_wishes(node, 11 * S)
+    assert given == [expected, None]
 
 
 def test_a_session_begins_without_the_games_set_point(relay):
