@@ -156,6 +156,26 @@ def test_the_reason_of_a_refused_limit_stays(result_of):
     """) == "wish.low: too high"
 
 
+def test_limits_that_another_page_has_set_are_shown(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { LimitsCard } = await import("./js/therapist/limits.js");
+        const set = { "wish.low": 0.03, "wish.high": 0.33 };
+        let allowed;
+        const card = new LimitsCard(async (service, { names }) => service.includes("describe")
+          ? { descriptors: names.map(() => ({ description: "height [m]",
+              floating_point_range: [{ from_value: 0, to_value: 0.36 }] })) }
+          : { values: names.map((name) => ({ double_value: set[name] ?? 1 })) },
+          (values) => { allowed = values; });
+        await card.load();
+        const { input } = card.sliders["wish.low"];
+        Object.assign(set, { "wish.low": 0.1, "wish.high": 0.2 });
+        const high = card.sliders["wish.high"].input;
+        high.oninput();  // it is being moved on this page
+        await card.refresh();
+        const result = [input.value, allowed["wish.low"], high.value];
+    """) == [0.1, 0.1, 0.33]
+
+
 def test_a_change_of_assistance_that_comes_while_the_past_is_asked_for_is_shown(result_of):
     assert result_of(PLAYED_DOCUMENT + """
         const { TrialsCard } = await import("./js/therapist/trials.js");
