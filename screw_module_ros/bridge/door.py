@@ -56,7 +56,7 @@ class Door(NamedTuple):
 
     def role_of(self, token: str | None) -> str:
         """Return the role of a token. Raises Refused for a missing or wrong one."""
-        given = (token or "").encode()
+        given = (token or "").encode(errors="backslashreplace")  # a header may hold any bytes
         for role, right in self.tokens._asdict().items():
             if secrets.compare_digest(given, right.encode()):
                 return role

@@ -21,7 +21,7 @@ from ..clock import Clock
 from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
 from .pages import FOLDER, PAGES, SECURITY_HEADERS
-from .rights import KEPT, Denied, Rights
+from .rights import KEPT, THERAPIST, Denied, Rights
 from .rosbridge import status
 from .settings import Limits, Listening
 from .tokens import Tokens
@@ -29,6 +29,7 @@ from .tokens import Tokens
 _HEARTBEAT_S = 10.0  # of the websocket: finds a client whose machine has gone
 _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
 _END_S = 3.0
+_FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
 
 
 class Connection:
@@ -180,9 +181,10 @@ class Server:
 
     async def _websocket(self, request: web.Request) -> web.StreamResponse:
         role = self._door.role_of(token_in(request.query, request.headers))
-        if len(self._connections) >= self.limits.clients:
+        if len(self._connections) >= self._room_for(role):
             raise web.HTTPServiceUnavailable(
-                text=f"{self.limits.clients} clients are connected, the most there may be\n"
+                text=f"{self._room_for(role)} clients are connected, the most there may be for a "
+                f"{role}'s page\n"
             )
         socket = web.WebSocketResponse(
             max_msg_size=self.limits.size, heartbeat=_HEARTBEAT_S, compress=False
@@ -204,6 +206,11 @@ class Server:
             if writer is not None:
                 writer.cancel()
         return socket
+
+    def _room_for(self, role: str) -> int:
+        """Return how many clients may be connected before one of this role."""
+        kept = 0 if role == THERAPIST else min(_FOR_THERAPISTS, self.limits.clients - 1)
+        return self.limits.clients - kept
 
     def _from_other_threads(self, answered: Callable) -> Callable:
         def answer(*given: Any) -> None:
@@ -260,6 +267,7 @@ class Server:
             since_ns = connection.sending_since_ns
             if since_ns is not None and now_ns - since_ns > patience_ns:
                 self.cut_off += 1
+                connection.sending_since_ns = None  # it lasts a moment until the connection ends
                 self._log(f"cut off a {connection.client.role}'s page: it does not read")
                 connection.transport.abort()
             else:

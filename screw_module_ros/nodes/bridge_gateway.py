@@ -35,6 +35,7 @@ from .support import qos
 from .support.hot_topics import HotGroup
 from .support.timers import Timers
 
+_OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
 _FOUND_NS = 3_000_000_000  # time in which the middleware discovers a new service
@@ -64,6 +65,7 @@ class PolledTopic:
             self.kind, name, _never, profile, callback_group=group
         )
         self._newest: tuple[int, Any] | None = None
+        self._arrived_ns = 0
         self._text: tuple[int, str] | None = None
 
     def poll(self) -> None:
@@ -71,10 +73,17 @@ class PolledTopic:
         while (taken := self.subscription.handle.take_message(self.kind, False)) is not None:
             count = self._newest[0] if self._newest else 0
             self._newest = (count + 1, taken[0])
+            self._arrived_ns = taken[1]["received_timestamp"]  # it may have waited for a client
             self.kept.append(taken[0])
 
-    def newest(self) -> tuple[int, str] | None:
-        """Return the newest message as JSON, with its number from 1."""
+    def newest(self, stamp_ns: int) -> tuple[int, str] | None:
+        """Return the newest message as JSON, with its number from 1; None if it is old.
+
+        stamp_ns: time of the system clock [ns]. A page that connects would take the last message
+        of a dead node for news. A message that is kept counts by itself and does not age.
+        """
+        if not self.kept.maxlen and stamp_ns - self._arrived_ns > _OLD_NS:
+            return None
         newest = self._newest
         if newest is not None and (self._text is None or self._text[0] != newest[0]):
             self._text = (newest[0], _text(newest[1]))
@@ -143,7 +152,7 @@ class BridgeGateway:
 
     def newest(self, topic: str) -> tuple[int, str] | None:
         """Return a topic's newest message as JSON, with its number."""
-        return self._polled[topic].newest()
+        return self._polled[topic].newest(self._clock.stamp_ns())
 
     def history(self, topic: str) -> list[str]:
         """Return the last messages of a topic that is kept, as JSON, oldest first."""

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
@@ -12,6 +14,7 @@ from screw_module_ros.clock import Clock
 
 RECORDER = "session_recorder"
 _FOUND_NS = 5_000_000_000  # for which a recorder that was just started may stay undiscovered
+_ANSWER_NS = 10_000_000_000  # in which a recorder that was found must answer
 _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is waited for no more
 
 
@@ -27,6 +30,8 @@ class RecorderClient:
         self._node, self._clock = node, clock
         self._started_ns: int | None = None
         self._unsent: tuple[int, SetParameters.Request] | None = None
+        self._due_ns: int | None = None  # of the awaited answer
+        self._request = 0  # number of the request whose answer counts
         self._parameters = node.create_client(SetParameters, f"{RECORDER}/set_parameters")
         self._starter = node.create_client(Trigger, f"{RECORDER}/start")
         self._stopper = node.create_client(Trigger, f"{RECORDER}/stop")
@@ -47,37 +52,47 @@ class RecorderClient:
 
     def start(self, name: str) -> None:
         """Request a recording under a name; the log shows the result."""
-        self.refused, self._started_ns = False, None
+        self.refused, self._started_ns, self._due_ns = False, None, None
+        self._request += 1
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
         request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])
         self._unsent = self._clock.now_ns() + _FOUND_NS, request
         self.told = "asked for"
 
     def look(self, now_ns: int) -> None:
-        """Send the request of `start` as soon as there is a recorder."""
+        """Send the request of `start` as soon as there is a recorder; give up one that is mute."""
         if self._unsent is None:
+            if self._due_ns is not None and now_ns >= self._due_ns:
+                self._tell("not recorded: the session_recorder does not answer")
             return
         due_ns, request = self._unsent
         if self._parameters.service_is_ready():
-            self._unsent = None
-            self._parameters.call_async(request).add_done_callback(self._named)
+            self._unsent, self._due_ns = None, now_ns + _ANSWER_NS
+            named = partial(self._named, self._request)
+            self._parameters.call_async(request).add_done_callback(named)
         elif now_ns >= due_ns:
             self._unsent = None
             self._tell("not recorded: no session_recorder answers")
 
-    def _named(self, future) -> None:
+    def _named(self, number: int, future) -> None:
+        if number != self._request:
+            return
         answer = future.result()
         if answer is None or not all(result.successful for result in answer.results):
             reason = answer.results[0].reason if answer else "no answer"
             self._tell(f"not recorded: the bag cannot be named: {reason}")
             return
-        self._starter.call_async(Trigger.Request()).add_done_callback(self._started)
+        started = partial(self._started, number)
+        self._starter.call_async(Trigger.Request()).add_done_callback(started)
 
-    def _started(self, future) -> None:
+    def _started(self, number: int, future) -> None:
         answer = future.result()
-        if answer is not None and answer.success:
+        if number != self._request:  # too late: it would record whoever comes next
+            if answer is not None and answer.success:
+                self.stop()
+        elif answer is not None and answer.success:
             self.told = f"recording to {answer.message}"
-            self._started_ns = self._clock.now_ns()
+            self._started_ns, self._due_ns = self._clock.now_ns(), None
             self._node.get_logger().info(self.told)
         else:
             self._tell(f"not recorded: {answer.message if answer else 'no answer'}")
@@ -93,5 +108,6 @@ class RecorderClient:
             self._node.get_logger().warning(self.told)
 
     def _tell(self, problem: str) -> None:
-        self.told, self.refused = problem, True
+        self.told, self.refused, self._due_ns = problem, True, None
+        self._request += 1
         self._node.get_logger().warning(problem)

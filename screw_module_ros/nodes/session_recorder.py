@@ -272,7 +272,7 @@ class SessionRecorder(ModuleNode):
         """Report whether a recording runs and what is missing in it."""
         session, intake = self._session, self._intake
         status = session.status() if session is not None else self._last
-        values = {"recording": session is not None, "bag": self._folder or ""}
+        values = {"recording": session is not None and not status.error, "bag": self._folder or ""}
         refusal = self._refusal
         if session is None:
             refusal = refusal or self._hindrance()

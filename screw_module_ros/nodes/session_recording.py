@@ -62,6 +62,12 @@ class SessionRecording:
         self._phase, self._ended_ns = _ASKED, None
         self._client.start(name)
 
+    def close(self) -> None:
+        """End the recording at once: nobody follows it any more."""
+        if self._phase != _OFF:
+            self._phase = _OFF
+            self._client.stop()
+
     def follow(self, in_session: bool, now_ns: int) -> str:
         """Look at the recorder; return what has happened, empty for nothing.
 
@@ -93,6 +99,8 @@ class SessionRecording:
         if not problem:
             return ""
         self._phase, self.told = _OFF, problem
+        if self._watch.silent:  # it may go on later, when nobody counts on it
+            self._client.stop()
         return LOST
 
     def _end(self, in_session: bool, now_ns: int) -> None:

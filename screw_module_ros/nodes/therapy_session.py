@@ -123,11 +123,12 @@ class TherapySessionNode(ModuleNode):
                 self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
-        """End a running session, so that the slot fades out."""
+        """End a running session, so that the slot fades out, and its recording."""
         with self._lock:
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
                 self._tell(self.clock.now_ns())
+            self._recording.close()
 
     # Loop ----------------------------------------------------------------------------------
 
@@ -163,10 +164,13 @@ class TherapySessionNode(ModuleNode):
             self._attendance.hear(now_ns)
         if self._session is None:
             return
-        if self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS:
+        if self._silent(now_ns):
             self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
         if reason := self._attendance.missed(now_ns):
             self._change(self._session.pause, reason)
+
+    def _silent(self, now_ns: int) -> bool:
+        return self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
         """Apply an operator's action to the session; return whether it changed the state."""
@@ -244,7 +248,7 @@ class TherapySessionNode(ModuleNode):
     def _relay_wishes(self, now_ns: int) -> None:
         running = self._session is not None and self._session.state in (RUNNING, PAUSED)
         allowed = not running and self.parameters.read(TherapySettings).allow_wishes
-        self._wishes.relay(allowed, self._sample and self._sample.position, now_ns)
+        self._wishes.relay(allowed, None if self._silent(now_ns) else self._sample.position, now_ns)
 
     # Services ------------------------------------------------------------------------------
 

@@ -39,15 +39,16 @@ class WishRelay:
         self._ask_for(_NOWHERE)
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
-        """Pass on the newest wish, if any; release the hand when a game is silent.
+        """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
 
         hand: its position [m], None if unknown.
         """
         message = self._take()
-        if not allowed:
-            return
         place = _NOWHERE if hand is None else hand
-        if message is not None:
+        if not allowed:
+            if (point := self._gate.cut_off(place)) is not None:
+                self._ask_for(point)
+        elif message is not None:
             wish = (message.position.x, message.position.y, message.position.z)
             self._ask_for(self._gate.passed(wish, place, now_ns))
         elif (point := self._gate.released(place, now_ns)) is not None:

@@ -117,11 +117,16 @@ def _level(metric: float) -> int:
 
 
 def adapted(
-    bounds: AdaptationBounds, before: Assistance, circuits: Sequence[Circuit]
+    bounds: AdaptationBounds,
+    before: Assistance,
+    circuits: Sequence[Circuit],
+    has_sides: bool = True,
 ) -> Change | None:
     """Return the change after the latest circuit, None if the assistance stays the same.
 
     circuits: all circuits of this block, in order. The means are over those since the last change.
+    has_sides: the slot has side walls. On one axis it has none, the accuracy says nothing, and the
+    stiffness, which then is the front wall's, stays.
     """
     number = len(circuits)
     if number not in AFTER_CIRCUITS:
@@ -141,21 +146,28 @@ def adapted(
             bounds.stiffest,
         ),
     )
+    if not has_sides:
+        after = after._replace(side_stiffness=before.side_stiffness)
+        return Change(number, before, after, _about_time(before, after, speed))
     return Change(number, before, after, _reason(before, after, speed, accuracy))
 
 
-def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float) -> str:
+def _about_time(before: Assistance, after: Assistance, speed: float) -> str:
     time = "time" + _unchanged(speed, "shortest", "longest")
     if after.duration < before.duration:
         time = "less time, as the hand led the wall"
     elif after.duration > before.duration:
         time = "more time, as the hand lagged or was moved"
+    return f"{time} (metric {speed:+.3f})"
+
+
+def _reason(before: Assistance, after: Assistance, speed: float, accuracy: float) -> str:
     walls = "side walls" + _unchanged(accuracy, "softest", "stiffest")
     if after.side_stiffness < before.side_stiffness:
         walls = "softer side walls, as the hand kept to the line"
     elif after.side_stiffness > before.side_stiffness:
         walls = "stiffer side walls, as the hand strayed"
-    return f"{time} (metric {speed:+.3f}); {walls} (metric {accuracy:+.3f})"
+    return f"{_about_time(before, after, speed)}; {walls} (metric {accuracy:+.3f})"
 
 
 def _unchanged(metric: float, least: str, most: str) -> str:

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +22,8 @@ from .samples import HandSample
 from .session import ABORTED, FINISHED, PAUSED, RUNNING
 
 _S = 1_000_000_000
+_SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
+_DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
 _STATES = {1: RUNNING, 2: PAUSED, 3: FINISHED, 4: ABORTED}  # constants of TherapyState.msg
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
 _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
@@ -42,6 +46,40 @@ class Recorded(NamedTuple):
     changes: list[dict[str, Any]]
     samples: list[HandSample]
     protocol_sha256: str = ""
+
+    @property
+    def is_simulated(self) -> bool:
+        """Return whether its stamps are those of a rig, which begin anew with each start of it."""
+        return 0 <= self._stamp_ns < _SIMULATED_S * _S
+
+    @property
+    def begun(self) -> float | None:
+        """Return the begin [s since the epoch]: by stamp, of a simulated session by folder name.
+
+        The session's node names the folder by date and time; None if somebody has renamed it.
+        """
+        if not self.is_simulated:
+            return self._stamp_ns / _S
+        found = _DATE.search(self.folder.resolve().name)
+        try:
+            return datetime.strptime(found[0], "%Y_%m_%d-%H_%M_%S").timestamp() if found else None
+        except ValueError:  # no date
+            return None
+
+    @property
+    def _stamp_ns(self) -> int:
+        if self.trials:
+            return self.trials[0]["started_ns"]
+        return self.samples[0].time_ns if self.samples else 0
+
+
+def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
+    """Return sessions by their begins; in the given order if that of one is unknown."""
+    begins = [session.begun for session in sessions]
+    if None in begins:
+        return list(sessions)
+    pairs = sorted(zip(begins, sessions, strict=True), key=lambda pair: pair[0])
+    return [session for _, session in pairs]
 
 
 def read_sessions(folder: Path | str) -> list[Recorded]:
@@ -93,7 +131,8 @@ def _session(
 
 def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
-    return replay(recorded.protocol, recorded.samples, recorded.acts, recorded.trials)
+    given = (recorded.samples, recorded.acts, recorded.trials, recorded.changes)
+    return replay(recorded.protocol, *given)
 
 
 def _names(folder: Path) -> dict[str, str]:

@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 
 from ..recording.errors import BagError
-from .bag import Recorded, read_sessions, replayed
+from .bag import Recorded, in_order, read_sessions, replayed
 from .definitions import DEFINITIONS
 from .pseudonym import new_pseudonym, patient_folder, write_private
 from .record import csv_text, definitions_text
@@ -111,6 +111,4 @@ def _folder(root: Path, patient: str) -> Path:
 
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
-    """Return the sessions by the time of their first trial."""
-    sessions = [session for bag in bags for session in _read(bag)]
-    return sorted(sessions, key=lambda s: s.trials[0]["started_ns"] if s.trials else 0)
+    return in_order([session for bag in bags for session in _read(bag)])

@@ -7,11 +7,13 @@ executed protocol and a replay computes it again.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, NamedTuple
 
 import yaml
 
 from ..settings import Setting
+from .adaptation import AdaptationBounds
 from .line import PLANE, SPACE, VERTICAL
 from .protocol import Protocol, ways
 from .protocol_file import parse_protocol
@@ -42,6 +44,8 @@ def limited_text(text: str, limits: AssistanceLimits) -> str:
 
 def _limit(content: dict[str, Any], stiffest: float) -> bool:
     """Limit every stiffness of a valid protocol in place; return whether one was too large."""
+    if content.get("adaptation") is not None:  # an omitted bound has a default, also to be limited
+        content["adaptation"] = {**AdaptationBounds()._asdict(), **content["adaptation"]}
     sections = [(content["guidance"], ("back_stiffness", "side_stiffness"))]
     sections.append((content["rules"], ("prepare_stiffness",)))
     sections.append((content.get("adaptation") or {}, ("stiffest",)))
@@ -51,15 +55,39 @@ def _limit(content: dict[str, Any], stiffest: float) -> bool:
         for name in names:
             if section.get(name, 0.0) > stiffest:
                 section[name], found = stiffest, True
+    found |= _limit_growth(content, stiffest)
     if found:
         _make_fit(content, stiffest)
     return found
 
 
+def _limit_growth(content: dict[str, Any], stiffest: float) -> bool:
+    """Limit the growth so that no wall passes the limit at the longest possible end of a trial.
+
+    Without a limit it stays: the controllers then bound the growing wall.
+    """
+    if stiffest >= AssistanceLimits().stiffness:
+        return False
+    guidance, rules = content["guidance"], content["rules"]
+    shortest = (content.get("adaptation") or {}).get("shortest", guidance["duration"])
+    over_time = rules["give_up"] + rules["hold"] - shortest
+    over_prepare = rules["prepare_limit"] + rules["settle_time"] - rules["prepare_duration"]
+    most = min(
+        (stiffest - stiffness) / longest if longest > 0.0 else math.inf
+        for stiffness, longest in (
+            (guidance["back_stiffness"], over_time),
+            (rules["prepare_stiffness"], over_prepare),
+        )
+    )
+    if guidance["growth"] <= most:
+        return False
+    guidance["growth"] = most
+    return True
+
+
 def _make_fit(content: dict[str, Any], stiffest: float) -> None:
-    """Adjust the settings that depend on the stiffness: softest walls, growth, adaptation."""
+    """Adjust the settings that depend on the stiffness: softest walls, adaptation."""
     if stiffest == 0.0:
-        content["guidance"]["growth"] = 0.0
         content.pop("adaptation", None)  # without walls there is nothing to adapt
     bounds = content.get("adaptation")
     if bounds and bounds["softest"] >= bounds["stiffest"]:

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from ..control.slot import Slot
 from ..settings import Setting, validated
 from .adaptation import AdaptationBounds
-from .line import AXES
+from .line import AXES, Line
 from .samples import Point
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
@@ -132,6 +132,8 @@ class Protocol(NamedTuple):
                 raise ValueError(f"block {block.title!r}: duration: a {block.kind} needs some time")
             for point in (self.centre, *points(self, block)):
                 _check_point(block, point)
+            if block.kind != HOLD:
+                _check_ways(self, block)
         return self
 
 
@@ -194,6 +196,17 @@ def _check_adaptation(protocol: Protocol) -> None:
         if not low <= value <= high:
             raise ValueError(
                 f"guidance.{name} = {value:g}: outside what adaptation allows, {low:g} to {high:g}"
+            )
+
+
+def _check_ways(protocol: Protocol, block: Block) -> None:
+    """Raise ValueError if start and target of a trial are one point on the protocol's axes."""
+    for start, target in ways(protocol, block):
+        if Line(start, target, protocol.space).length <= protocol.rules.hit_radius:
+            raise ValueError(
+                f"block {block.title!r}: a {block.kind} needs a way longer than hit_radius = "
+                f"{protocol.rules.hit_radius:g} m on the axes of space = {protocol.space!r}: "
+                "choose another layout or space, or a larger distance"
             )
 
 

@@ -15,7 +15,9 @@ from pathlib import Path
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Digits and capitals without easily confused ones: 0 O, 1 I L, U."""
 LENGTH = 5
-PATTERN = re.compile(rf"P-[{ALPHABET}]{{{LENGTH}}}")
+_FORM = rf"P-[{ALPHABET}]{{{LENGTH}}}"
+PATTERN = re.compile(rf"(?=.*[2-9]){_FORM}")
+"""With a digit: else a name of five letters would be one."""
 PRIVATE_FOLDER, PRIVATE_FILE = 0o700, 0o600
 
 
@@ -27,16 +29,19 @@ class PseudonymError(ValueError):
 
 
 def new_pseudonym() -> str:
-    """Return a random pseudonym, like P-7K3QX, one of 24 million."""
-    return "P-" + "".join(secrets.choice(ALPHABET) for _ in range(LENGTH))
+    """Return a random pseudonym, like P-7K3QX, one of 19 million."""
+    while True:
+        made = "P-" + "".join(secrets.choice(ALPHABET) for _ in range(LENGTH))
+        if PATTERN.fullmatch(made):
+            return made
 
 
 def checked_pseudonym(text: str) -> str:
     """Return a valid pseudonym unchanged. Raises PseudonymError for any other text."""
     if not isinstance(text, str) or not PATTERN.fullmatch(text):
         raise PseudonymError(
-            f"not a pseudonym: the form is P- and {LENGTH} of {ALPHABET}, like P-7K3QX; no "
-            "names, no free text (`session new` makes new pseudonyms)"
+            f"not a pseudonym: the form is P- and {LENGTH} of {ALPHABET} with a digit, like "
+            "P-7K3QX; no names, no free text (`session new` makes new pseudonyms)"
         )
     return text
 
@@ -44,9 +49,12 @@ def checked_pseudonym(text: str) -> str:
 def patient_folder(root: Path, pseudonym: str) -> Path:
     """Make and return the patient's folder below `root`, which only the owner can read.
 
-    Raises PseudonymError, and OSError if it cannot be made private.
+    Bags of older versions may have a pseudonym without a digit. Raises PseudonymError, and OSError
+    if it cannot be made private.
     """
-    folder = root / checked_pseudonym(pseudonym)
+    if not (isinstance(pseudonym, str) and re.fullmatch(_FORM, pseudonym)):
+        checked_pseudonym(pseudonym)
+    folder = root / pseudonym
     for each in (root, folder):
         each.mkdir(mode=PRIVATE_FOLDER, parents=True, exist_ok=True)
     folder.chmod(PRIVATE_FOLDER)

@@ -17,16 +17,17 @@ class RecorderWatchSettings(NamedTuple):
 
 
 class RecorderWatch:
-    """Monitors one recording, from `begin` on."""
+    """Monitors one recording, from `begin` on. silent: it was lost without a report of its end."""
 
     def __init__(self, settings: RecorderWatchSettings = RecorderWatchSettings()):  # noqa: B008
         self._settings = settings
         self._heard_ns = 0
         self._problem = ""
+        self.silent = False
 
     def begin(self, now_ns: int) -> None:
         """Start monitoring; now_ns: time [ns]. Earlier reports do not count."""
-        self._heard_ns, self._problem = now_ns, ""
+        self._heard_ns, self._problem, self.silent = now_ns, "", False
 
     def hear(self, recording: bool, said: str, now_ns: int) -> None:
         """Note a report; recording: whether it records; said: its message; now_ns: time [ns]."""
@@ -39,4 +40,5 @@ class RecorderWatch:
         timeout = self._settings.timeout
         if not self._problem and now_ns - self._heard_ns > timeout * 1e9:
             self._problem = f"the session recorder has been silent for {timeout:g} s"
+            self.silent = True
         return self._problem

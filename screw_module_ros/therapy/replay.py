@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
+from .adaptation import Change
 from .protocol import Protocol
 from .record import differing, flat
 from .result import Gap, TrialResult, gaps_of
@@ -54,37 +55,47 @@ def replay(
     samples: Iterable[HandSample],
     acts: Sequence[Act],
     recorded: Sequence[Mapping[str, Any]],
+    changes: Sequence[Mapping[str, Any]] | None = None,
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
-    `therapy/trial`, by the names of `record`. Raises ValueError if no act starts the session.
+    `therapy/trial`, by the names of `record`; changes: of assistance from `therapy/assistance`, by
+    the names of AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
+    session.
     """
     if not any(act.state == RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
-    session, used = _again(protocol, samples, list(acts))
+    session, used, adapted = _again(protocol, samples, list(acts))
     gaps = gaps_of(used)
     results = session.results if session is not None else []
     problems = [
         f"{gap.missing} samples missing after tick {gap.after}{_where(results, gap)}"
         for gap in gaps
     ]
-    return Replay(results, gaps, len(used), problems + _differences(results, recorded))
+    problems += _differences(results, recorded)
+    if changes is not None:
+        problems += _changed(adapted, changes)
+    return Replay(results, gaps, len(used), problems)
 
 
 def _again(
     protocol: Protocol, samples: Iterable[HandSample], acts: list[Act]
-) -> tuple[Session | None, list[HandSample]]:
+) -> tuple[Session | None, list[HandSample], list[tuple[int, Change]]]:
+    """Return the session, the samples it used, and its changes with their blocks."""
     session: Session | None = None
     used: list[HandSample] = []
+    adapted: list[tuple[int, Change]] = []
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
             session = _acted(protocol, session, acts.pop(0))
         if session is None or session.trial is None:
             continue
-        session.take(sample)
+        said = session.take(sample)
         used.append(sample)
-    return session, used
+        if said.change is not None:
+            adapted.append((said.result.plan.block, said.change))
+    return session, used, adapted
 
 
 def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | None:
@@ -128,3 +139,38 @@ def _differences(
                 more = f", and {len(names) - 3} more" if len(names) > 3 else ""
                 problems.append(f"trial {number}: {shown}{more}")
     return problems
+
+
+def _changed(
+    adapted: Sequence[tuple[int, Change]], recorded: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    """Return one sentence for each change of assistance that was recorded or replayed otherwise."""
+    noted = {(row["block"], row["circuit"]): row for row in recorded}
+    found = {(block, change.circuit): _values(change) for block, change in adapted}
+    problems = []
+    for block, circuit in sorted(noted.keys() | found.keys()):
+        where = f"assistance after circuit {circuit} of block {block}"
+        old, new = noted.get((block, circuit)), found.get((block, circuit))
+        if new is None:
+            problems.append(f"{where}: recorded, but the replay does not change it")
+        elif old is None:
+            problems.append(f"{where}: replayed, but its change was not recorded")
+        else:
+            shown = [
+                f"{name} {old[name]!r} recorded, {value!r} replayed"
+                for name, value in new.items()
+                if old[name] != value
+            ]
+            problems += [f"{where}: {', '.join(shown)}"] if shown else []
+    return problems
+
+
+def _values(change: Change) -> dict[str, Any]:
+    """Return a change by the names of AssistanceChange.msg."""
+    return {
+        "duration_before": change.before.duration,
+        "duration": change.after.duration,
+        "side_stiffness_before": change.before.side_stiffness,
+        "side_stiffness": change.after.side_stiffness,
+        "reason": change.reason,
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -169,8 +169,8 @@ def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures
         )
     if kind == STRENGTH:
         return figures._replace(
-            largest_force=max((line.along(s.force) for s in during), default=_NAN),
-            largest_vertical_force=max((abs(s.fz) for s in during), default=_NAN),
+            largest_force=_largest(line.along(s.force) for s in during),
+            largest_vertical_force=_largest(abs(s.fz) for s in during),
         )
     if moving is None:
         return figures
@@ -187,6 +187,11 @@ def _figures(kind, line, samples, times, rate, speed, moving, during) -> Figures
         direction_error=found.direction_error,
         reach_error=reach_error,
     )
+
+
+def _largest(values: Iterable[float]) -> float:
+    """Return the largest number, NaN without one; samples without a valid force are NaN."""
+    return max((value for value in values if math.isfinite(value)), default=_NAN)
 
 
 def _with_movement(figures, line, samples, times, rate, speed) -> Figures:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
-from .line import NO_SLOT, SlotWish, is_known
+from .line import NO_SLOT, VERTICAL, SlotWish, is_known
 from .measures import Measures
 from .protocol import Protocol, TrialPlan, plan
 from .result import TrialResult
@@ -118,8 +118,10 @@ class Session:
     def _end_circuit(self, result: TrialResult) -> Change | None:
         self._circuits.append(circuit_of(self._movements, result.side_stiffness))
         self._movements = []
-        bounds = self.protocol.adaptation
-        change = adapted(bounds, self.assistance, self._circuits) if bounds else None
+        bounds, has_sides = self.protocol.adaptation, self.protocol.space != VERTICAL
+        change = None
+        if bounds is not None:
+            change = adapted(bounds, self.assistance, self._circuits, has_sides)
         if change is not None:
             self.assistance = change.after
             self.changes.append(change)

@@ -65,6 +65,12 @@ class WishGate:
         """
         if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
             return None
+        return self.cut_off(hand)
+
+    def cut_off(self, hand: Point) -> Point | None:
+        """Return the hand's position [m] once when a game may wish no more, else None."""
+        if self._last_ns is None:
+            return None
         self._last, self._last_ns = (math.nan,) * 3, None
         return hand
 

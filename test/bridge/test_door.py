@@ -63,7 +63,7 @@ def test_own_pages_programs_and_named_pages_come_in():
 def test_a_token_gives_its_role():
     assert door().role_of("p" * 32) == "patient"
     assert door().role_of("t" * 32) == "therapist"
-    for wrong in (None, "", "p" * 31, "q" * 32, "ü" * 32):
+    for wrong in (None, "", "p" * 31, "q" * 32, "ü" * 32, "\udcff" * 32, "\ud800"):
         with pytest.raises(Refused) as error:
             door().role_of(wrong)
         assert not wrong or wrong not in str(error.value)

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import weakref
+from types import SimpleNamespace
 
 import aiohttp
 import pytest
@@ -131,15 +132,18 @@ def test_what_was_before_is_told_to_who_may_hear_it(server):
     assert run(answer(server, "/history.json?topic=/endpoint_state", token=THERAPIST))[1] == "[]"
 
 
-def test_no_more_clients_than_allowed(server):
+def test_no_more_clients_than_allowed_and_room_for_therapists(server):
     async def crowd():
         async with aiohttp.ClientSession() as session:
             address = f"{server.address}/ws?token={PATIENT}"
-            pages = [await session.ws_connect(address) for _ in range(4)]
-            refused = await refusal(server, f"?token={PATIENT}")
+            pages = [await session.ws_connect(address) for _ in range(2)]
+            refused = [await refusal(server, f"?token={PATIENT}")]
+            address = f"{server.address}/ws?token={THERAPIST}"
+            pages += [await session.ws_connect(address) for _ in range(2)]
+            refused.append(await refusal(server, f"?token={THERAPIST}"))
             return refused, [page.closed for page in pages]
 
-    assert run(crowd()) == (503, [False] * 4)
+    assert run(crowd()) == ([503, 503], [False] * 4)
 
 
 def test_it_listens_on_this_machine_alone(server):
@@ -256,6 +260,22 @@ def test_a_slow_client_holds_nobody_up_and_is_cut_off(server, gateway):
     assert run(play()) > 10  # the other one went on meanwhile
     assert server.cut_off == 1
     sleeper.close()
+
+
+def test_a_client_is_cut_off_once_however_often_it_is_looked_at(gateway):
+    said, aborted = [], []
+    server = Server(
+        Listening(port=0), Limits(), TOKENS, Rights(["/"]), gateway, WallClock(), CONFIG,
+        said.append,
+    )  # fmt: skip
+    connection = Connection(None, SimpleNamespace(abort=lambda: aborted.append(1)))
+    connection.client = SimpleNamespace(role="patient")
+    connection.sending_since_ns = 0
+    server._connections.add(connection)
+    server._look()
+    server._look()  # before the connection's task has seen the end
+    assert (server.cut_off, len(said), len(aborted)) == (1, 1, 1)
+    server.close()
 
 
 def test_nothing_is_left_of_clients_that_came_and_went(server, gateway):

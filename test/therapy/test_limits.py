@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 
 from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol, limited_text
 from screw_module_ros.therapy.protocol_file import (
@@ -42,6 +43,30 @@ def test_no_wall_is_stiffer_than_allowed(name, stiffest):
     original = load_protocol(name)
     assert protocol.blocks[0].targets == original.blocks[0].targets
     assert protocol.guidance.duration == original.guidance.duration
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("stiffest", [30.0, 300.0, 500.0])
+def test_a_wall_that_stiffens_over_time_stays_below_the_limit(name, stiffest):
+    protocol, _ = allowed_protocol(
+        protocol_text(name), name, AssistanceLimits(stiffest), WORKSPACE
+    )
+    guidance, rules = protocol.guidance, protocol.rules
+    shortest = protocol.adaptation.shortest if protocol.adaptation else guidance.duration
+    for stiffness, growing in (
+        (guidance.back_stiffness, rules.give_up - shortest),
+        (rules.prepare_stiffness, rules.prepare_limit - rules.prepare_duration),
+    ):
+        assert stiffness + guidance.growth * growing <= stiffest
+
+
+@pytest.mark.parametrize("bounds", [{"shortest": 0.9}, {}, {"stiffest": 250.0}])
+def test_bounds_that_a_protocol_leaves_out_are_limited_too(bounds):
+    content = yaml.safe_load(protocol_text("clock_adaptive"))
+    content["adaptation"] = bounds
+    text = yaml.safe_dump(content)
+    protocol, _ = allowed_protocol(text, "own", AssistanceLimits(50.0), WORKSPACE)
+    assert protocol.adaptation.stiffest == 50.0
 
 
 def test_no_stiffness_grows_neither():

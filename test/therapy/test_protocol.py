@@ -151,3 +151,33 @@ def test_a_few_bytes_that_stand_for_much_cost_nothing(text, told):
         parse_protocol(f"{text}\n{yaml.safe_dump(shipped)}", "mine.yaml")
     assert told in str(refused.value)
     assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("kind", ["reach", "circle", "resisted", "strength"])
+@pytest.mark.parametrize(
+    ("space", "targets"),
+    [
+        ("plane", {"layout": "centre"}),
+        ("plane", {"layout": "column", "distance": 0.1}),
+        ("vertical", {"layout": "clock"}),
+        ("space", {"layout": "clock", "count": 2, "distance": 0.01}),
+    ],
+)
+def test_a_trial_without_a_way_on_its_axes_is_refused(kind, space, targets):
+    wrong = content()
+    wrong["space"] = space
+    wrong["blocks"] = [{
+        "kind": kind, "title": "Nowhere", "assisted": False, "circuits": 1, "targets": targets,
+        "duration": 1.0,
+    }]  # fmt: skip
+    with pytest.raises(ProtocolError, match="'Nowhere': a .* needs a way"):
+        parse_protocol(yaml.safe_dump(wrong), "own")
+
+
+def test_a_hand_may_be_held_where_it_is():
+    own = content()
+    own["blocks"] = [{
+        "kind": "hold", "title": "Hold", "assisted": False, "circuits": 1, "duration": 1.0,
+        "targets": {"layout": "centre"},
+    }]  # fmt: skip
+    assert parse_protocol(yaml.safe_dump(own), "own").blocks[0].kind == HOLD

@@ -44,7 +44,7 @@ def test_free_text_is_refused_and_not_repeated(text):
 @pytest.mark.parametrize(
     "text",
     ["", "Erika Musterfrau", "P-7K3Q", "P-7K3QXX", "p-7k3qx", "P-7K3O1", "P-7K3QX\n", "../P-7K3QX",
-     " P-7K3QX", None, 7],
+     " P-7K3QX", None, 7, "P-PETER", "P-SARAH"],
 )  # fmt: skip
 def test_near_misses_are_refused(text):
     with pytest.raises(PseudonymError):

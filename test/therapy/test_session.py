@@ -127,6 +127,12 @@ def test_elevator_and_space():
         session, _ = played(HEALTHY, protocol)
         assert session.state == FINISHED, session.reason
         assert all(result.reached for result in session.results)
+        (change,) = session.changes
+        # The column has no side walls: no accuracy could be shown, and none is claimed.
+        has_sides = name != "elevator"
+        assert ("side walls" in change.reason) is has_sides
+        assert (change.before.side_stiffness != change.after.side_stiffness) is has_sides
+        assert change.before.duration != change.after.duration
     evaluation = load_protocol("evaluation")
     assert played(HEALTHY, part(evaluation, 0, circuits=1))[0].state == FINISHED
 

@@ -37,6 +37,20 @@ def test_three_sessions_are_equal_bit_for_bit(person, name, tmp_path, capsys):
     assert capsys.readouterr().out.startswith(f"equal: {len(recorded.trials)} trials from ")
 
 
+def test_changes_of_assistance_are_computed_again_too(bag):
+    """The last one shows in no later trial."""
+    (recorded,) = read_sessions(bag)
+    assert len(recorded.changes) == 1 and replayed(recorded).problems == []
+    other = [{**recorded.changes[0], "duration": 0.7}]
+    (problem,) = replayed(recorded._replace(changes=other)).problems
+    assert problem.startswith("assistance after circuit 1 of block 2: duration 0.7 recorded, ")
+    (problem,) = replayed(recorded._replace(changes=[])).problems
+    assert problem.endswith("replayed, but its change was not recorded")
+    twice = [*recorded.changes, {**recorded.changes[0], "circuit": 2}]
+    (problem,) = replayed(recorded._replace(changes=twice)).problems
+    assert problem.endswith("recorded, but the replay does not change it")
+
+
 def test_a_cut_bag_names_its_gap(healthy, tmp_path, capsys):
     at = len(healthy.samples) // 2
     gone = {sample.sequence for sample in healthy.samples[at : at + 30]}

@@ -7,9 +7,10 @@ import pytest
 
 from screw_module_ros.control.minimum_jerk import pace, way
 from screw_module_ros.therapy.adaptation import Assistance
-from screw_module_ros.therapy.protocol import TrialPlan
+from screw_module_ros.therapy.line import PLANE, Line
+from screw_module_ros.therapy.protocol import STRENGTH, TrialPlan
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.result import gaps_of
+from screw_module_ros.therapy.result import Course, gaps_of, trial_result
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.trial import (
     DONE,
@@ -200,6 +201,22 @@ def test_strength_is_the_largest_force_along_the_direction():
     hand.stay(4.0, fy=-40.0)
     figures = hand.trial.result.figures
     assert (figures.largest_force, figures.largest_vertical_force) == (25.0, 3.0)
+
+
+def test_the_largest_force_is_that_of_the_samples_with_a_force():
+    """A first sample without a valid force must not hide the others: max() of NaN is NaN."""
+    samples = [
+        HandSample(n, n * 5_000_000, *(0.0,) * 6, force, force, force)
+        for n, force in enumerate((math.nan, 7.0, 9.0, math.nan, 3.0))
+    ]
+    plan = TrialPlan(1, 1, 1, (0.0, 0.0, 0.0), (0.0, 0.05, 0.0))
+    line = Line(plan.start, plan.target, PLANE)
+    course = Course(0, samples[-1].time_ns, True, False)
+    told = trial_result(plan, STRENGTH, False, line, 1.4, 800.0, course, samples).figures
+    assert (told.largest_force, told.largest_vertical_force) == (9.0, 9.0)
+    course = Course(0, 0, True, False)
+    told = trial_result(plan, STRENGTH, False, line, 1.4, 800.0, course, samples).figures
+    assert math.isnan(told.largest_force) and math.isnan(told.largest_vertical_force)
 
 
 def test_gaps_say_after_which_sample_and_how_many():

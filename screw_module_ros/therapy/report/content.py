@@ -31,7 +31,6 @@ OTHERS = {
 }
 """Figures of the other kinds of trials."""
 _NS = 1e-9
-_SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
 
 
 class Path(NamedTuple):
@@ -173,7 +172,7 @@ def date_of(recorded: Recorded) -> str:
     if not recorded.trials:
         return "no trial"
     begun = recorded.trials[0]["started_ns"] * _NS
-    if begun < _SIMULATED_S:
+    if recorded.is_simulated:
         return f"simulated, after {begun / 60.0:.0f} min"
     return datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
 

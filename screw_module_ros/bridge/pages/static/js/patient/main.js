@@ -3,9 +3,10 @@
 
 import { Bridge, configurationAtLast, named } from "../bridge.js";
 import { fitted } from "../canvas.js";
-import { ABORTED, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK } from "../states.js";
+import { ABORTED, FINISHED, IDLE, RUNNING, SAFETY_OK } from "../states.js";
 import { ownToken } from "../token.js";
 import { drawClock } from "./clock.js";
+import { Count } from "./count.js";
 import { drawElevator } from "./elevator.js";
 import { FruitGame } from "./fruit.js";
 import { Sound } from "./sound.js";
@@ -14,6 +15,7 @@ import { task, veil } from "./words.js";
 
 const SCENES = { plane: drawClock, vertical: drawElevator, space: drawSpace };
 const SILENT_MS = 1500;
+const TOLD_MS = 3000; // a session tells its state at 20 Hz
 const WISH_MS = 60;
 const AFTER_MS = 8000; // how long the end of a session is shown
 const FREE = { phase: 0, start: { x: 0, y: 0, z: 0.18 }, target: { x: 9, y: 9, z: 9 }, kind: "" };
@@ -24,8 +26,9 @@ const sound = new Sound();
 const world = {
   hand: { x: 0, y: 0, z: 0, isKnown: false }, force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
-  heardAt: -Infinity, stateAt: -Infinity, reached: 0, trials: 0, hasSeenAll: false,
+  heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, trials: 0,
 };
+const seen = new Count();
 let play = null; // the FruitGame, "free", or null: the menu
 let bridge, config, robot;
 let lastFrame = 0, lastWish = 0, frames = [];
@@ -40,21 +43,15 @@ function hearEndpoint(message) {
 
 function hearState(state) {
   const before = world.state;
-  if (state.state !== before?.state) world.stateAt = performance.now();
+  world.toldAt = performance.now();
+  if (before && state.state !== before.state) world.stateAt = performance.now();
   // A page gets the newest state alone: between two sessions there may be none that says so.
   const isNew = before && (state.patient !== before.patient || state.protocol !== before.protocol);
   if (state.state === RUNNING && (before?.state !== RUNNING || isNew)) {
     world.protocol = config.protocols.find(({ protocol }) => protocol === state.protocol) ?? null;
     play = null;
   }
-  if (isNew) Object.assign(world, { reached: 0, hasSeenAll: state.trial === 1 });
-  if (state.trial === 1 && state.state === RUNNING && before?.trial !== 1) {
-    Object.assign(world, { reached: 0, hasSeenAll: true });
-  }
-  if (state.phase === REACHED && before?.phase !== REACHED) {
-    world.reached += 1;
-    sound.play("reached");
-  }
+  if (seen.take(state, before, isNew)) sound.play("reached");
   world.trials = state.trials;
   world.state = state;
 }
@@ -74,7 +71,7 @@ function frame(now) {
   const inSession = isInSession();
   if (inSession) SCENES[world.protocol?.space ?? "plane"](picture, world);
   else drawPlay(picture, dt, now, isHeard);
-  showWords(inSession, isHeard);
+  showWords(inSession, isHeard, now - world.toldAt < TOLD_MS);
   count(now);
   requestAnimationFrame(frame);
 }
@@ -96,8 +93,10 @@ function drawPlay(picture, dt, now, isHeard) {
   }
 }
 
-function showWords(inSession, isHeard) {
-  const over = veil({ ...world, state: inSession ? world.state : null, isHeard });
+function showWords(inSession, isHeard, isTold) {
+  const { reached, hasSeenAll, hasOthers } = seen;
+  const state = inSession ? world.state : null;
+  const over = veil({ ...world, state, isHeard, isTold, reached, hasSeenAll, hasOthers });
   $("veil").hidden = !over;
   if (over) put($("veil").children, over);
   const running = inSession && world.state.state === RUNNING;
@@ -162,7 +161,10 @@ async function main() {
   config = await configurationAtLast(token, (sentence) => { world.sentence = sentence; });
   const asked = new URLSearchParams(location.search).get("robot");
   robot = config.robots.includes(asked) ? asked : config.robots[0];
-  bridge = new Bridge(token, (isOpen, sentence) => Object.assign(world, { isOpen, sentence }));
+  bridge = new Bridge(token, (isOpen, sentence) => {
+    Object.assign(world, { isOpen, sentence });
+    if (!isOpen) seen.miss();
+  });
   bridge.subscribe(named(robot, "endpoint_state"), hearEndpoint);
   bridge.subscribe(named(robot, "therapy/state"), hearState);
   bridge.connect();

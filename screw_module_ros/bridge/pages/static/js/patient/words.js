@@ -2,7 +2,8 @@
 // What the patient is told, by what the robot tells.
 
 import {
-  ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, SAFETY_OK, WAIT,
+  ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
+  WAIT,
 } from "../states.js";
 
 const DO = {
@@ -23,13 +24,18 @@ export function task(state) {
 }
 
 // What covers the picture, [title, more]; null when nothing does.
-export function veil({ sentence, isOpen, isHeard, state, safety, reached, trials, hasSeenAll }) {
+export function veil({
+  sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
+}) {
   if (!isOpen) return ["One moment …", sentence || "Connecting to the robot"];
   if (!isHeard) return ["One moment …", "The robot does not tell anything yet"];
+  const isOn = state?.state === PAUSED || state?.state === RUNNING;
+  if (isOn && !isTold) return ["One moment …", "The exercise has stopped"];
   if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
   if (safety !== SAFETY_OK) return ["The robot rests", "Your therapist knows what to do"];
   if (state?.state === FINISHED) {
-    return ["Finished. Thank you!", hasSeenAll ? `${reached} of ${trials} targets reached` : ""];
+    const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
+    return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
   }
   if (state?.state === ABORTED) return ["The exercise has ended", ""];
   return null;

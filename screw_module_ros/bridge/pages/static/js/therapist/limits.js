@@ -16,6 +16,7 @@ export class LimitsCard {
     this.call = call;
     this.changed = changed;
     this.values = {};
+    this.sliders = {};
     this.list = el("div", {}, el("p", { className: "empty" }, "Not known yet."));
     this.told = el("p", { className: "told", role: "status" });
     this.element = el("section", { className: "card limits" }, el("h2", {}, "Limits"), this.list, this.told);
@@ -38,6 +39,28 @@ export class LimitsCard {
     }
   }
 
+  // Asks the node for the values: another therapist's page may have set them.
+  async refresh() {
+    const names = Object.keys(this.sliders);
+    if (!names.length) return;
+    const asked = names.map((name) => this.values[name]);
+    let values;
+    try {
+      ({ values } = await this.call("therapy_session/get_parameters", { names }));
+    } catch {
+      return; // the page shows elsewhere that the node is silent
+    }
+    names.forEach((name, i) => {
+      const value = values[i]?.double_value;
+      const { isHeld } = this.sliders[name];
+      const isNews = value !== undefined && value !== this.values[name];
+      if (!isNews || isHeld || this.values[name] !== asked[i]) return;
+      this.values[name] = value;
+      this.sliders[name].show(value);
+    });
+    this.changed(this.values);
+  }
+
   slider(name, descriptor, value) {
     const [{ from_value: low, to_value: high }] = descriptor.floating_point_range;
     const unit = /\[(.+?)\]/.exec(descriptor.description)?.[1] ?? "";
@@ -46,8 +69,22 @@ export class LimitsCard {
       type: "range", min: low, max: high, step: (high - low) / 100, ariaLabel: NAMES[name],
     });
     input.value = value;
-    input.oninput = () => say(shown, words(Number(input.value), unit));
-    input.onchange = () => this.set(name, Number(input.value));
+    const slider = this.sliders[name] = {
+      input,
+      isHeld: false,
+      show: (now) => {
+        input.value = now;
+        say(shown, words(now, unit));
+      },
+    };
+    input.oninput = () => {
+      slider.isHeld = true;
+      say(shown, words(Number(input.value), unit));
+    };
+    input.onchange = () => {
+      slider.isHeld = false;
+      this.set(name, Number(input.value));
+    };
     return el("label", { className: "limit" }, el("span", {}, NAMES[name]), input, shown);
   }
 
@@ -61,9 +98,9 @@ export class LimitsCard {
       this.told.classList.add("good");
       say(this.told, `${NAMES[name]}: set.`);
     } catch (error) {
+      await this.load(); // first, as it says nothing where all is well
       this.told.classList.remove("good");
       say(this.told, error.message);
-      this.load();
     }
   }
 }

@@ -11,6 +11,7 @@ import { TrialsCard } from "./trials.js";
 import { Views } from "./views.js";
 
 const SILENT_MS = 3000;
+const LIMITS_MS = 5000; // another therapist's page may set them
 const VIEW_MS = 30, TRACE_MS = 100; // who supervises needs no more pictures than these
 
 export class RobotPanel {
@@ -43,7 +44,7 @@ export class RobotPanel {
     this.hear("safety_state");
     this.hear("therapy/trial", (message) => this.trials.take(message));
     this.hear("therapy/assistance", (message) => this.trials.takeChange(message));
-    this.drawn = this.viewed = 0;
+    this.drawn = this.viewed = this.refreshed = 0;
   }
 
   hear(topic, more = () => {}) {
@@ -75,7 +76,8 @@ export class RobotPanel {
   async softwareStop() {
     this.start.tell("Software stop asked for …");
     try {
-      const { message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
+      const { success, message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
+      if (!success) throw new Error(message);
       this.start.tell(`Software stop: ${message}`);
     } catch (error) {
       this.start.tell(`The software stop failed: ${error.message}. Use the emergency stop.`);
@@ -85,6 +87,9 @@ export class RobotPanel {
   // Tells that somebody is at this page: a session that misses it pauses.
   attend() {
     this.bridge.publish(named(this.robot, "therapy/attendance"), {});
+    if (!this.bridge.isOpen || performance.now() - this.refreshed < LIMITS_MS) return;
+    this.refreshed = performance.now();
+    this.limits.refresh();
   }
 
   draw(now) {

@@ -74,14 +74,14 @@ export class StartCard {
   show(state) {
     const now = state?.state;
     const isOn = now === RUNNING || now === PAUSED;
-    if (isOn && !this.start.disabled) this.take(state);
+    if (isOn) this.take(state);
     for (const each of [this.patient, this.new, this.protocol, this.start]) each.disabled = isOn;
     this.pause.disabled = now !== RUNNING;
     this.resume.disabled = now !== PAUSED;
     this.end.disabled = !isOn;
   }
 
-  // Shows whose session runs, also on a page that was opened in the midst of it.
+  // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
   take({ patient, protocol }) {
     this.patient.value = patient;
     const known = this.protocols.find((each) => each.protocol === protocol);

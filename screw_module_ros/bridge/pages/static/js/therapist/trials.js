@@ -8,14 +8,14 @@ const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
 const COLUMNS = [
   ["#", (r) => r.trial],
-  ["Reached", (r) => (r.reached ? "✓ yes" : "– no")],
+  ["Reached", (r) => (!isReach(r) ? "–" : r.reached ? "✓ yes" : "– no")],
   ["Time [s]", (r) => fixed(r.duration, 2)],
   ["Peak [cm/s]", (r) => fixed(100 * r.peak_speed, 1)],
   ["Path error [mm]", (r) => fixed(1000 * r.path_error, 1)],
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
 ];
-const KEEP = ["trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const KEEP = ["patient", "protocol", "header", "kind", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
 
 function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
@@ -25,6 +25,15 @@ function identity({ patient, protocol, trial, header }) {
   return JSON.stringify([patient, protocol, trial, header]);
 }
 
+// Circles, holding and pushing have no target to reach.
+function isReach({ kind }) {
+  return (kind ?? "reach") === "reach";
+}
+
+function isSame(one, other) {
+  return one.block === other.block && one.circuit === other.circuit;
+}
+
 function seconds({ header }) {
   return header ? header.stamp.sec + 1e-9 * header.stamp.nanosec : 0;
 }
@@ -32,7 +41,7 @@ function seconds({ header }) {
 export class TrialsCard {
   constructor() {
     [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
-    [this.newest, this.begun] = ["", 0];
+    [this.newest, this.begun, this.liveChanges] = ["", 0, []];
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
@@ -62,42 +71,54 @@ export class TrialsCard {
     this.isShown = false;
   }
 
-  takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
+  takeChange(change) {
+    if (this.isAwaiting) this.liveChanges.push(change);
+    this.addChange(change);
+  }
+
+  addChange({ header, block, circuit, duration, side_stiffness: side, reason }) {
     const last = this.changes.at(-1);
     if (last?.block === block && last?.circuit === circuit) return;
-    this.changes.push({ block, circuit, duration, side, reason });
+    this.changes.push({ header, block, circuit, duration, side_stiffness: side, reason });
     if (this.changes.length > CHANGES) this.changes.shift();
     this.isShown = false;
   }
 
   // Notes what comes from now on: the bridge is being asked for what was before.
   await() {
-    [this.live, this.isAwaiting] = [[], true];
+    [this.live, this.liveChanges, this.isAwaiting] = [[], [], true];
   }
 
-  // Begins anew with what the bridge has kept, and what has come since it was asked.
+  // Begins anew with what the bridge has kept, and what has come since it was asked. What the bridge
+  // does not know was before its own begin: it has been started again.
   begin(trials, changes) {
     const told = new Set(trials.map(identity));
     const since = this.live.filter((trial) => !told.has(identity(trial)));
+    since.map(identity).forEach((each) => told.add(each));
+    const earlier = this.trials.filter((trial) => !told.has(identity(trial)));
+    const all = [...changes, ...this.liveChanges];
+    const before = this.changes.filter((change) => !all.some((other) => isSame(change, other)));
     [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
     this.newest = "";
-    [...trials, ...since].forEach((trial) => this.add(trial));
-    changes.filter((change) => seconds(change) >= this.begun)
-      .forEach((change) => this.takeChange(change));
+    [...earlier, ...trials, ...since].forEach((trial) => this.add(trial));
+    [...before, ...all].filter((change) => seconds(change) >= this.begun)
+      .forEach((change) => this.addChange(change));
+    this.liveChanges = [];
     this.isShown = this.isAwaiting = false;
   }
 
   show() {
     if (this.isShown) return;
     this.isShown = true;
-    const reached = this.trials.filter((trial) => trial.reached).length;
+    const reaches = this.trials.filter(isReach);
+    const reached = reaches.filter((trial) => trial.reached).length;
     say(this.summary, this.trials.length
-      ? `${this.session.split(" ")[0]}: ${reached} of ${this.trials.length} targets reached`
+      ? `${this.session.split(" ")[0]}: ${reached} of ${reaches.length} targets reached`
       : "No movement yet.");
     this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
     this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
       el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
-        + `${change.side.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+        + `${change.side_stiffness.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
   }
 }

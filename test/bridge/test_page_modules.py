@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Modules of the pages that need no browser: what they tell after a loss, and of which session."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from screw_module_ros.bridge.pages import FOLDER
+from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
+
+PLAYED_DOCUMENT = """
+class Played {
+  constructor() { this.classList = { add() {}, remove() {}, toggle() {} }; this.textContent = ""; }
+  append() {} setAttribute() {} replaceChildren() {} checkValidity() { return true; }
+}
+globalThis.document = { createElement: () => new Played() };
+"""
+
+
+def node_program() -> str | None:
+    """Return Node, which comes with Playwright."""
+    try:
+        from playwright._impl._driver import compute_driver_executable
+    except ImportError:
+        return shutil.which("node")
+    found = compute_driver_executable()
+    return str(found[0] if isinstance(found, tuple) else found)
+
+
+@pytest.fixture
+def result_of(tmp_path):
+    """Return a function that gives the value of `result` at the end of a script."""
+    program = node_program()
+    if program is None:
+        pytest.skip("neither Playwright nor Node is installed")
+    shutil.copytree(FOLDER / "js", tmp_path / "js")
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+
+    def run(script: str):
+        file = tmp_path / "script.js"
+        file.write_text(f"{script}\nconsole.log(JSON.stringify(result));\n")
+        ended = subprocess.run(
+            [program, str(file)], check=False, capture_output=True, text=True, timeout=60
+        )
+        assert ended.returncode == 0, ended.stderr
+        return json.loads(ended.stdout)
+
+    return run
+
+
+COUNTED = """
+import { Count } from "./js/patient/count.js";
+import { ABORTED, FINISHED, MOVING, PAUSED, PREPARE, REACHED, RUNNING } from "./js/states.js";
+const count = new Count();
+let before = null;
+function told(state, phase, trial) {
+  const now = { state, phase, trial };
+  count.take(now, before, false);
+  before = now;
+}
+"""
+
+
+def test_a_target_counts_once_though_its_trial_was_repeated(result_of):
+    """A pause during the hold at the target repeats the trial."""
+    assert result_of(COUNTED + """
+        told(RUNNING, PREPARE, 1); told(RUNNING, MOVING, 1); told(RUNNING, REACHED, 1);
+        told(PAUSED, REACHED, 1); told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        told(RUNNING, REACHED, 2); told(FINISHED, 0, 2);
+        const result = [count.reached, count.hasSeenAll];
+    """) == [2, True]
+
+
+def test_a_session_after_one_that_was_ended_in_its_first_trial_counts_anew(result_of):
+    assert result_of(COUNTED + """
+        told(RUNNING, REACHED, 1); told(ABORTED, 0, 1); count.miss();
+        told(RUNNING, PREPARE, 1);
+        const result = [count.reached, count.hasSeenAll];
+    """) == [0, True]
+
+
+def test_a_screen_that_lost_its_connection_tells_no_number(result_of):
+    script = """
+        import { veil } from "./js/patient/words.js";
+        told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        count.miss();
+        told(RUNNING, MOVING, 4); told(FINISHED, 0, 4);
+        const { reached, hasSeenAll } = count;
+        const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 4,
+                              state: before, reached, hasSeenAll });
+    """
+    assert result_of(COUNTED + script) == ["Finished. Thank you!", ""]
+
+
+def test_only_reaches_have_targets(result_of):
+    """An evaluation has circles, holding and pushing as well."""
+    assert result_of(ROWS + """
+        card.take({ ...trial(3, 4), kind: "reach", reached: true });
+        card.take({ ...trial(4, 5), kind: "hold", reached: true });
+        card.take({ ...trial(5, 6), kind: "strength", reached: false });
+        card.show();
+        const result = card.summary.textContent;
+    """) == "P-22222: 1 of 3 targets reached"
+    script = """
+        import { veil } from "./js/patient/words.js";
+        told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
+        count.take({ state: RUNNING, phase: MOVING, trial: 2, kind: "hold" }, before, false);
+        told(FINISHED, 0, 2);
+        const { reached, hasSeenAll, hasOthers } = count;
+        const result = veil({ isOpen: true, isHeard: true, isTold: true, safety: 0, trials: 2,
+                              state: before, reached, hasSeenAll, hasOthers });
+    """
+    assert result_of(COUNTED + script) == ["Finished. Thank you!", "1 target reached"]
+
+
+@pytest.mark.parametrize(("state", "told"), [
+    ("RUNNING", ["One moment …", "The exercise has stopped"]),
+    ("PAUSED", ["One moment …", "The exercise has stopped"]),
+    ("IDLE", None),
+])  # fmt: skip
+def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told):
+    """The robot still tells where the hand is when the session's node has died."""
+    assert result_of(f"""
+        import {{ veil }} from "./js/patient/words.js";
+        import {{ {state} }} from "./js/states.js";
+        const result = veil({{ isOpen: true, isHeard: true, isTold: false, safety: 0,
+                               state: {{ state: {state} }} }});
+    """) == told
+
+
+def test_the_form_follows_the_session_also_when_another_began_meanwhile(result_of):
+    """A page without a connection misses the end of one session and the start of the next."""
+    assert result_of(PLAYED_DOCUMENT + """
+        const { StartCard } = await import("./js/therapist/start.js");
+        const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];
+        const card = new StartCard(protocols, () => {});
+        card.show({ state: 1, patient: "P-22222", protocol: "a" });
+        card.show({ state: 1, patient: "P-33333", protocol: "b" });
+        const result = [card.patient.value, card.protocol.value, card.start.disabled];
+    """) == ["P-33333", "b", True]
+
+
+def test_the_reason_of_a_refused_limit_stays(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { LimitsCard } = await import("./js/therapist/limits.js");
+        const card = new LimitsCard(async (service) => service.endsWith("set_parameters")
+          ? { results: [{ successful: false, reason: "wish.low: too high" }] }
+          : { descriptors: [], values: [] });
+        await card.set("wish.low", 0.3);
+        await new Promise((resolve) => setTimeout(resolve, 50));
+        const result = card.told.textContent;
+    """) == "wish.low: too high"
+
+
+def test_limits_that_another_page_has_set_are_shown(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { LimitsCard } = await import("./js/therapist/limits.js");
+        const set = { "wish.low": 0.03, "wish.high": 0.33 };
+        let allowed;
+        const card = new LimitsCard(async (service, { names }) => service.includes("describe")
+          ? { descriptors: names.map(() => ({ description: "height [m]",
+              floating_point_range: [{ from_value: 0, to_value: 0.36 }] })) }
+          : { values: names.map((name) => ({ double_value: set[name] ?? 1 })) },
+          (values) => { allowed = values; });
+        await card.load();
+        const { input } = card.sliders["wish.low"];
+        Object.assign(set, { "wish.low": 0.1, "wish.high": 0.2 });
+        const high = card.sliders["wish.high"].input;
+        high.oninput();  // it is being moved on this page
+        await card.refresh();
+        const result = [input.value, allowed["wish.low"], high.value];
+    """) == [0.1, 0.1, 0.33]
+
+
+def test_a_change_of_assistance_that_comes_while_the_past_is_asked_for_is_shown(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        const { TrialsCard } = await import("./js/therapist/trials.js");
+        const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
+        const values = { block: 2, circuit: 1, duration: 1, side_stiffness: 1, reason: "" };
+        const card = new TrialsCard();
+        card.await();
+        card.takeChange({ ...at(9), ...values });
+        card.begin([{ ...at(5), patient: "P-22222", protocol: "a", trial: 1 }], []);
+        const result = card.changes.length;
+    """) == 1
+
+
+ROWS = PLAYED_DOCUMENT + """
+    const { TrialsCard } = await import("./js/therapist/trials.js");
+    const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
+    const trial = (number, sec, patient = "P-22222") =>
+      ({ ...at(sec), patient, protocol: "a", trial: number, block: 1, circuit: 1, duration: 1,
+        peak_speed: 1, path_error: 1, sparc: -1, robot_share: null });
+    const change = (circuit, sec) => ({ ...at(sec), block: 1, circuit, duration: 1,
+      side_stiffness: 1, reason: "" });
+    const card = new TrialsCard();
+    card.take(trial(1, 1)); card.take(trial(2, 2)); card.takeChange(change(1, 2));
+    const shown = () => [card.trials.map((each) => each.trial),
+      card.changes.map((each) => each.circuit)];
+"""
+
+
+@pytest.mark.parametrize(("kept", "expected"), [
+    ("[], []", [[1, 2, 3], [1]]),  # the bridge was started again
+    ("[trial(1, 1), trial(2, 2)], [change(1, 2)]", [[1, 2, 3], [1]]),
+    ("[trial(3, 3)], [change(2, 3)]", [[1, 2, 3], [1, 2]]),
+    ("[trial(1, 3, 'P-33333')], []", [[1, 3], []]),  # and another session
+    ("[trial(1, 3)], []", [[1, 3], []]),  # of the same patient
+])  # fmt: skip
+def test_movements_stay_when_the_bridge_was_started_again(result_of, kept, expected):
+    told = "P-33333" if "P-33333" in kept else "P-22222"
+    assert result_of(ROWS + f"""
+        card.await();
+        card.take(trial(3, 4, "{told}"));
+        card.begin({kept.replace("trial(3, 3)", "trial(3, 4)")});
+        const result = shown();
+    """) == expected
+
+
+def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
+    made, fits = result_of("""
+        import { PATTERN, cleaned, newPseudonym } from "./js/therapist/pseudonym.js";
+        const pattern = new RegExp(`^(?:${PATTERN})$`, "v");
+        const made = Array.from({ length: 300 }, newPseudonym);
+        const texts = [...made, "P-7K3QX", cleaned("Peter"), cleaned("Erika Musterfrau"), "P-7K3Q"];
+        const result = [made, texts.map((text) => pattern.test(text))];
+    """)
+    assert [checked_pseudonym(each) for each in made] == made
+    assert fits == [True] * 301 + [False] * 3
+    assert not PATTERN.fullmatch("P-PETER")

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorder that hangs, dies or whose disk is full holds up no session, and none goes on unaware.
+
+The recorder is played: only the session's side runs, without ROS's graph.
+"""
+
+from __future__ import annotations
+
+import threading
+from types import SimpleNamespace
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes.session_recorder import SessionRecorder
+from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
+from screw_module_ros.nodes.therapy_session import TherapySessionNode
+from screw_module_ros.recording import Status
+from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
+
+S = 1_000_000_000
+NAMED = SetParameters.Response(results=[SetParametersResult(successful=True)])
+DONE = Trigger.Response(success=True, message="bag")
+
+
+class PlayedRecorder:
+    """The services of a recorder, which answer when the test says so; also node and inbox."""
+
+    def __init__(self):
+        self.asked: dict[str, list[Future]] = {}
+        self.told: list[DiagnosticStatus] = []
+        log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
+        self.get_logger = lambda: log
+
+    def create_client(self, kind, name):
+        calls = self.asked[name.rpartition("/")[2]] = []
+
+        def call_async(request):
+            calls.append(Future())
+            return calls[-1]
+
+        return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+
+    def subscribe(self, kind, name, profile):
+        return lambda: self.told.pop(0) if self.told else None
+
+    def answer(self, service, response):
+        """Answer the oldest call."""
+        self.asked[service].pop(0).set_result(response)
+
+    def report(self, recording):
+        values = [KeyValue(key="recording", value=str(recording))]
+        self.told.append(DiagnosticStatus(values=values))
+
+
+@pytest.fixture
+def recorder():
+    return PlayedRecorder()
+
+
+@pytest.fixture
+def recording(recorder):
+    clock = ManualClock(S)
+    made = SessionRecording(recorder, clock)
+    made.connect(recorder)
+    made.begin(RecorderWatchSettings(timeout=5.0))
+    made.clock = clock
+    return made
+
+
+def follow(recording, second, in_session=True):
+    recording.clock.time_ns = round(second * S)
+    return recording.follow(in_session, recording.clock.time_ns)
+
+
+def begun(recording, recorder, at=1):
+    recording.ask("P-22222_clock")
+    assert follow(recording, at) == ""
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert follow(recording, at + 1) == BEGUN and recording.runs
+
+
+def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("set_parameters", NAMED)
+    assert [follow(recording, second) for second in (5, 10)] == ["", ""]
+    assert follow(recording, 12) == REFUSED
+    assert "does not answer" in recording.told
+    assert not recording.waits and recording.hindrance(12 * S) == ""
+
+
+def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recorder):
+    recording.ask("P-22222_clock")
+    follow(recording, 1)
+    recorder.answer("set_parameters", NAMED)
+    assert follow(recording, 12) == REFUSED
+    recorder.answer("start", DONE)
+    assert len(recorder.asked["stop"]) == 1
+    assert follow(recording, 30) == "" and not recording.runs
+
+
+def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
+    recording.ask("P-22222_clock")
+    follow(recording, 1)
+    assert follow(recording, 12) == REFUSED
+    recording.ask("P-33333_clock")
+    follow(recording, 13)
+    recorder.answer("set_parameters", NAMED)  # to the first
+    assert recorder.asked["start"] == []
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert follow(recording, 15) == BEGUN
+
+
+def test_a_silent_recorder_is_told_to_stop(recording, recorder):
+    """It may go on later: the session is no longer said to be recorded, nor is the next one."""
+    begun(recording, recorder)
+    assert follow(recording, 8) == LOST and not recording.runs
+    assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_recording_that_has_ended_is_not_ended_again(recording, recorder):
+    begun(recording, recorder)
+    recorder.report(recording=False)
+    assert follow(recording, 3) == LOST
+    assert recorder.asked["stop"] == []
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
+    """Else it would hold the next patient's movements in a bag of this one's name."""
+    if answered:
+        begun(recording, recorder)
+    else:
+        recording.ask("P-22222_clock")
+    node = SimpleNamespace(_lock=threading.Lock(), _session=None, _recording=recording)
+    TherapySessionNode.end(node)
+    assert len(recorder.asked["stop"]) == 1 and not recording.runs
+    TherapySessionNode.end(node)
+    assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_recording_that_failed_is_reported_as_none():
+    """A full disk closes the bag, but the recorder's session lasts until it is stopped."""
+    status = Status("only 3 MiB left on the disk", 7, 0, 5, 100, {})
+    node = SimpleNamespace(
+        _session=SimpleNamespace(status=lambda: status), _last=None, _folder="bag", _refusal="",
+        _intake=SimpleNamespace(refused={}),
+    )  # fmt: skip
+    assert SessionRecorder.health(node).values["recording"] is False
+    node._session = SimpleNamespace(status=lambda: status._replace(error=""))
+    assert SessionRecorder.health(node).values["recording"] is True
