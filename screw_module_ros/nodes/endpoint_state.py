@@ -92,7 +92,7 @@ class EndpointStateNode(ModuleNode):
             fill_stamp(message.header, encoder.stamp_ns)
         else:
             self.stamp(message.header)
-        message.sequence = tick.sequence  # the encoder's skips numbers at some rates, or is absent
+        message.sequence = encoder.sequence if encoder else 0
         _fill_plane(message, plane)
         _fill_vertical(message, encoder)
         _fill_force(message, force)
