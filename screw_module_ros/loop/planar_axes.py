@@ -77,6 +77,7 @@ class PlanarAxes:
         """Forget the positions, the home too: for a start, since nobody listened before it."""
         self._acted_ns = 0
         self.output = None
+        self.guide = Guide(self.guide.limits)
         self._law = initial_state(self.settings)
         self._lose_homes()
 

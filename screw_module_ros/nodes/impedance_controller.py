@@ -141,7 +141,6 @@ class ImpedanceControllerNode(ModuleNode):
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
         )
-        self.part.wanted = self._inputs.wanted
         self._inputs.restart()
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)
