@@ -21,8 +21,12 @@ from .yaml_file import LARGEST_FILE, read_calibration
 FORMAT = "screw_module_ros/certificate"
 GAINS = ("force_gain", "observer_gain")
 """Settings of the law that a certificate limits."""
+CUTOFFS = {"force_gain": "force_cutoff", "observer_gain": "observer_cutoff"}
+"""Filter of the force that each gain acts on. Experiment `stability` finds the gains with the
+default one; a faster filter makes the largest stable gain smaller."""
 _MEASURE = "restore the file as it was written, or run stability and delivered_impedance again"
 _CHECKSUM = "sha256: "
+_USUAL = VerticalSettings()
 
 
 class CertificateError(CalibrationError):
@@ -56,6 +60,13 @@ class Certificate(NamedTuple):
         used = {"force_gain": uses_feedback(mode), "observer_gain": uses_observer(mode)}
         for name in GAINS:
             given, most = getattr(settings, name), getattr(self, name)
+            cutoff, usual = CUTOFFS[name], getattr(_USUAL, CUTOFFS[name])
+            if used[name] and getattr(settings, cutoff) > usual:
+                return (
+                    f"{cutoff} is {getattr(settings, cutoff):g} Hz, and the module's certificate "
+                    f"({self.identity}) is for {usual:g} Hz at most: choose a lower one, or set "
+                    "uncertified_gains"
+                )
             if used[name] and given > most:
                 return (
                     f"{name} is {given:g}, and the module's certificate ({self.identity}) permits "

@@ -4,7 +4,8 @@
 ::
 
     set point -> spring and damper in x and y -> speed limit -> workspace -> force limit
-              -> torque = J^T force -> joint limits -> torque limits -> rate limit -> torques
+              -> torque = J^T force -> joint limits, torque limits, again force limit
+              -> rate limit -> torques
 
 F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law multiplies
 with the Jacobian and never inverts it, so a stretched arm is no special case. As in the vertical
@@ -20,6 +21,7 @@ import math
 from typing import NamedTuple
 
 from ..geometry import MANUS, PlanarArm, forward, jacobian
+from .hand_force import within_at_hand
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
 from .planar_compensation import (
@@ -174,7 +176,8 @@ def planar_step(
     wanted_s, wanted_e = x_s * force_x + y_s * force_y, x_e * force_x + y_e * force_y
     friction_s, friction_e = _friction(settings, start, inp)
     wanted_s, wanted_e = wanted_s + weight * friction_s, wanted_e + weight * friction_e
-    allowed_s, allowed_e = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
+    allowed = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
+    allowed_s, allowed_e = within_at_hand(settings.force_limit, arm, inp[:2], allowed)
     step = settings.torque_rate * dt
     shoulder = slew(state.shoulder_torque, allowed_s, step)
     elbow = slew(state.elbow_torque, allowed_e, step)

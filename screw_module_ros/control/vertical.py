@@ -135,7 +135,7 @@ def vertical_step(
     feedback += unfelt * _over_limit(settings, blend, handle_force)
     friction += blend.observer * observer.disturbance
     asked = impedance + gravity + friction + feedback
-    allowed = _limited(settings, blend.base, inp, asked)
+    allowed = _limited(settings, blend.base, inp, asked, impedance)
     force = slew(state.force, allowed, settings.force_rate * dt)
     output = VerticalOutput(
         force,
@@ -259,20 +259,20 @@ def _pull(
     )
 
 
-def _limited(settings: VerticalSettings, weight: float, inp: VerticalInput, force: float) -> float:
+def _limited(
+    settings: VerticalSettings, weight: float, inp: VerticalInput, force: float, pressed: float
+) -> float:
     """Return the force [N] after speed limit, force limits and soft stops.
 
-    weight fades the forces of the limits themselves, so that the force in OFF is zero.
+    weight fades the forces of the limits themselves, so that the force in OFF is zero. pressed: of
+    it, what spring and damper press on the hand [N]; together with that, a soft stop keeps to the
+    endpoint's limits.
     """
     damping = settings.speed_damping * weight
     force = limit_speed(force, inp.velocity, settings.speed_limit, settings.speed_band, damping)
     force = clamp(force, -settings.command_down, settings.command_up)
-    force = soft_stop(
-        force,
-        inp.position,
-        settings.travel_low,
-        settings.travel_high,
-        settings.soft_stop_zone,
-        settings.soft_stop_stiffness * weight,
-    )
+    stop = (settings.travel_low, settings.travel_high, settings.soft_stop_zone)
+    force = soft_stop(force, inp.position, *stop, 0.0)
+    inward = soft_stop(0.0, inp.position, *stop, settings.soft_stop_stiffness * weight)
+    force += clamp(inward, -settings.force_down - pressed, settings.force_up - pressed)
     return clamp(force, -settings.command_down, settings.command_up)

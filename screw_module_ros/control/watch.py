@@ -96,6 +96,11 @@ class VerticalWatch:
         """Return the latched reason, empty when nothing is latched."""
         return self._fault
 
+    @property
+    def feels(self) -> bool:
+        """Whether there was a force sample; its age is watched from then on."""
+        return self._force.seen
+
     def encoder(self, sample: EncoderLike, now_ns: int) -> bool:
         """Check an encoder sample at now_ns [ns]; return whether the controller may use it.
 

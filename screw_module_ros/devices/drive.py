@@ -116,6 +116,11 @@ class Drive:
         return self._running
 
     @property
+    def altered(self) -> bool:
+        """Whether another SDO client may have changed it since it was configured."""
+        return self._altered
+
+    @property
     def configured(self) -> bool:
         """Whether `start` may follow: configured just now, and neither restarted nor left since."""
         return self.node.may_start(watched=self._running)

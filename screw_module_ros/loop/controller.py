@@ -7,7 +7,7 @@ import math
 
 from ..control.agreement import Agreement, AgreementSettings
 from ..control.friction import FrictionModel
-from ..control.modes import OFF
+from ..control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
 from ..control.slot import SlotLimits
 from ..control.timing import DeadlineMeter
 from ..control.vertical import vertical_step
@@ -150,8 +150,17 @@ class VerticalController:
         self._keep_fault()
 
     def _check(self, now_ns: int) -> None:
-        self.reason = self._watch.check(now_ns) or self._doubt or self.held
+        self.reason = self._watch.check(now_ns) or self._doubt or self.held or self._unfelt()
         self._keep_fault()
+
+    def _unfelt(self) -> str:
+        """Return why the mode cannot run: it feeds back a force that was never measured."""
+        if self._watch.feels or not (uses_feedback(self.mode) or uses_observer(self.mode)):
+            return ""
+        return (
+            f"force sensor: no sample yet, and mode {MODE_NAMES[self.mode]} feeds its force back: "
+            "start it, or choose another mode"
+        )
 
     def _keep_fault(self) -> None:
         """Record a fault in operation at once, before it switches the amplifier off."""

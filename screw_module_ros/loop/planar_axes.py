@@ -77,6 +77,7 @@ class PlanarAxes:
         """Forget the positions, the home too: for a start, since nobody listened before it."""
         self._acted_ns = 0
         self.output = None
+        self.guide = Guide(self.guide.limits)
         self._law = initial_state(self.settings)
         self._lose_homes()
 
@@ -225,10 +226,10 @@ class PlanarAxes:
         return self.drives.enable(clock)
 
     def clear_fault(self, clock: Clock) -> str:
-        """Recover both drives; home again after a drive's restart. See `GatedDrives`."""
-        restarted = any(not drive.running for drive in self.drives.drives)
+        """Recover both drives; home again if one counts from elsewhere now. See `GatedDrives`."""
+        elsewhere = any(not drive.running or drive.altered for drive in self.drives.drives)
         problem = self.drives.clear_fault(clock)
-        if restarted:
+        if elsewhere:
             self._lose_homes()
         return problem
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 from screw_module_ros import graph
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.rate_check import RateCheck
-from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 from .support.freshness import Newest
@@ -21,11 +20,10 @@ class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
     inbox: wakes on an encoder sample; forces: wakes on a force sample. period_ns: of the node.
-    wanted: the set point; slot: that of a therapy session.
+    slot: that of a therapy session.
     """
 
     def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
-        self.wanted = SetpointInput(axes=1)
         self._inbox, self._forces = inbox, forces
         take = inbox.subscribe
         self._take_encoder = take(*requested(graph.ENCODER), wakes=True)
@@ -66,7 +64,7 @@ class ControllerInputs:
         self.slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
-            self.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
+            controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
         state = self._take_amplifier()
         if state is not None:
             controller.on_drive(state.enabled, state.position, now_ns)

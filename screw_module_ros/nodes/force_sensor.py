@@ -105,6 +105,7 @@ class ForceSensorNode(DriverNode):
         if self.device.fault:
             self.device.clear_fault()
         readings = self._taring.gathered(self.device.settings.tare_samples)
+        self._taring.permitted()  # somebody may have enabled meanwhile
         return Done(f"tared, removing {_bias_text(self.device.tare(readings))}")
 
     def _untare(self, request: Trigger.Request) -> str:

@@ -21,7 +21,6 @@ from screw_module_ros.calibration.certificate_file import (
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.carried_mass import KNOWN_SHARE
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
@@ -83,6 +82,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._state_message = ImpedanceState()
         self._state_message.header.frame_id = "manus_base"
         self._friction: ChosenFriction | None = None
+        self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None
         self._senders: Senders | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
@@ -92,6 +92,7 @@ class ImpedanceControllerNode(ModuleNode):
 
     def connect(self) -> None:
         """Load certificate and calibration or friction model, and make the topics."""
+        self._leave_calibration()
         chosen = self.parameters.read(ControllerSettings)
         self._certificate = load_certificate(
             self.parameters.read(CertificateSettings),
@@ -112,17 +113,27 @@ class ImpedanceControllerNode(ModuleNode):
         settings = self.parameters.read(CalibrationSettings)
         chosen = self._friction = chosen_friction(settings, friction_file)
         if chosen.gravity is not None:
-            before = self.parameters.read(VerticalSettings).gravity
-            refused = self.parameters.write(
-                gravity=chosen.gravity, mass=chosen.mass, observer_inertia=KNOWN_SHARE
-            )
+            law = self.parameters.read(VerticalSettings)
+            known = law.calibrated(chosen.gravity, chosen.mass)
+            names = ("gravity", "mass", "observer_inertia")
+            refused = self.parameters.write(**{name: getattr(known, name) for name in names})
             if refused:
                 raise ValueError(f"{settings.calibration_file}: {refused}")
+            self._replaced = {name: (getattr(law, name), getattr(known, name)) for name in names}
             self.get_logger().info(
                 f"calibration {chosen.identity}: gravity set to {chosen.gravity:g} N "
-                f"(the parameter was {before:g} N)"
+                f"(the parameter was {law.gravity:g} N)"
             )
         self._name_calibration()
+
+    def _leave_calibration(self) -> None:
+        """Undo what the last module's calibration set, unless somebody has changed it since."""
+        replaced, self._replaced = self._replaced, {}
+        law = self.parameters.read(VerticalSettings)
+        back = {name: old for name, (old, new) in replaced.items() if getattr(law, name) == new}
+        if refused := self.parameters.write(**back):
+            self._replaced = replaced
+            raise ValueError(f"without the last calibration: {refused}")
 
     def _name_calibration(self) -> None:
         gravity = self.parameters.read(VerticalSettings).gravity
@@ -141,7 +152,6 @@ class ImpedanceControllerNode(ModuleNode):
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
         )
-        self.part.wanted = self._inputs.wanted
         self._inputs.restart()
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)

@@ -18,7 +18,6 @@ from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.joint import JointSettings
 from screw_module_ros.loop.planar_axes import PlanarAxes
 from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
-from screw_module_ros.loop.setpoint_input import SetpointInput
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.settings import Setting
 
@@ -85,7 +84,6 @@ class ManusNode(DriveNode):
         self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
         self.want_one_sender(graph.FORCE_DECIMATED)
-        self._wanted = SetpointInput(axes=2)
         self.follow_permission(inbox, "planar_permitted")
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
@@ -98,7 +96,6 @@ class ManusNode(DriveNode):
             self.parameters.read(PlaneLimits),
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
-        self._loop.wanted = self._wanted
         self._axes.restart()
         self.start_drives()
         self.start_polls()
@@ -132,7 +129,7 @@ class ManusNode(DriveNode):
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity
-            self._wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
+            self._loop.wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
 
     def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:

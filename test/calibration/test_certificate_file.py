@@ -46,6 +46,21 @@ def test_a_gain_beyond_it_is_refused_in_the_modes_that_use_it(tmp_path, mode, fi
 
 
 @pytest.mark.parametrize(
+    ("mode", "field"), [(modes.FORCE_FEEDBACK, "force_cutoff"), (modes.COMBINED, "force_cutoff"),
+                        (modes.OBSERVER, "observer_cutoff")]
+)  # fmt: skip
+def test_a_faster_filter_than_the_gains_were_found_with_is_refused(tmp_path, mode, field):
+    """With 30 Hz in place of 9 the gain that is stable on a heavy arm falls from 16 to 5."""
+    certificate = load_certificate(written(tmp_path), SERIAL)
+    usual = getattr(VerticalSettings(), field)
+    slower, faster = (VerticalSettings()._replace(**{field: k * usual}) for k in (0.5, 3.0))
+    assert not certificate.refusal(slower, mode)
+    told = certificate.refusal(faster, mode)
+    assert re.search(f"{field} is .*ARM-0007.* {usual:g} Hz .*uncertified_gains", told)
+    assert not certificate.refusal(faster, modes.IMPEDANCE)
+
+
+@pytest.mark.parametrize(
     ("change", "serial", "told"),
     [
         (("force_gain: 6", "force_gain: 9"), SERIAL, "sha256: the file was changed"),

@@ -4,7 +4,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from screw_module_ros.control.planar import (
@@ -129,6 +129,28 @@ def test_stretched_folded_and_turned_away_the_law_stays_finite_and_pushes_back(s
     output, _ = run(inp)
     assert all(math.isfinite(value) for value in output)
     assert (output.shoulder_torque, output.elbow_torque) != (0.0, 0.0)
+
+
+@given(
+    st.floats(0.12, 0.92), st.floats(-1.5, 1.5), st.floats(-0.2, 0.2), st.floats(-0.25, 0.25)
+)
+def test_no_stop_presses_harder_on_the_hand_than_the_limit(reach, way, aim_x, aim_y):
+    """Also a joint's stop near a stretched arm, 1 cm behind the far corners of the workspace."""
+    inp = at(reach * math.sin(way), reach * math.cos(way) - 0.65, (aim_x, aim_y, 0.0, 0.0))
+    assume(0.02 < inp.elbow - inp.shoulder < math.pi - 0.02)
+    state = initial_state(SETTINGS)._replace(weight=1.0)
+    for _ in range(60):
+        output, state = planar_step(SETTINGS, state, inp, DT)
+    assert math.hypot(*handle_force(output, inp)) <= SETTINGS.force_limit * (1.0 + 1e-9)
+
+
+def test_the_joints_stops_still_push_a_stretched_arm_back():
+    inp = at(0.19, 0.24)
+    output, _ = run(inp)
+    fx, fy = handle_force(output, inp)
+    assert math.hypot(fx, fy) == pytest.approx(SETTINGS.force_limit)
+    assert fx < 0.0 and fy < 0.0
+    assert output.saturated
 
 
 def test_inactive_is_zero_at_once_and_enabling_begins_anew():

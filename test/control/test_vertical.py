@@ -207,6 +207,16 @@ def test_outward_force_ends_at_the_ends_of_travel():
     assert down.force >= 2000.0 * 0.01
 
 
+@pytest.mark.parametrize(
+    ("position", "target", "largest"), [(0.36, 0.0, -45.0), (0.0, 0.36, 65.0), (0.355, 0.3, -45.0)]
+)
+def test_a_soft_stop_presses_no_harder_on_the_hand_than_the_limit(position, target, largest):
+    """At rest the hand carries what the command has beyond the weight."""
+    law = SETTINGS._replace(stiffness=1000.0)
+    output, _ = run(REST._replace(position=position, setpoint_position=target), law=law)
+    assert output.force - output.gravity == pytest.approx(largest)
+
+
 @pytest.mark.parametrize("field", ["position", "velocity", "force"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_measurement_that_cannot_be_gives_zero(field, value):

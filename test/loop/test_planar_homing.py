@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from screw_module_ros.control.gate import CLOSED, OPENING
+from screw_module_ros.control.slot import Slot
 from screw_module_ros.devices import drive_start
 
 
@@ -51,9 +52,11 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     axes = bench.axes
     ends = [bench.rig.devices[name].node for name in ("shoulder", "elbow")]
     assert axes.homed
+    axes.guide.ask(Slot(target_y=0.14), 0, bench.now_ns)
     assert axes.shutdown(bench.ports["planar"]) == ""
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [(0, 0)] * 2
     axes.restart()
+    assert axes.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
     drive_start.start(axes.drives.drives)
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [
         (20, 113 << 16 | 100)

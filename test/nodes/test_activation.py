@@ -3,10 +3,14 @@
 
 from __future__ import annotations
 
+import math
+from types import SimpleNamespace
+
 import pytest
 import rclpy
 
 from screw_module_ros import graph
+from screw_module_ros.can_io.port import PortCounters
 from screw_module_ros.nodes.support.topics import offered
 
 TOPICS = (graph.SETPOINT, graph.THERAPY_SLOT, graph.FORCE, graph.SAFETY_STATE)
@@ -61,3 +65,38 @@ def test_what_came_before_an_activation_is_dropped(controller, publish, wait_unt
     publish()
     assert all(take() is not None for take in takes_of(controller))
     controller.close()
+
+
+def test_a_set_point_from_before_is_gone(controller, publish, wait_until):
+    """The spring would pull to where a game wanted the hand whose page was closed long ago."""
+    controller.trigger_activate()
+
+    def wanted() -> bool:
+        publish()
+        controller.read_inputs(controller.clock.now_ns())
+        return not math.isnan(controller.part.wanted.at(controller.clock.now_ns())[0])
+
+    wait_until(wanted)
+    controller.trigger_deactivate()
+    controller.trigger_activate()
+    assert math.isnan(controller.part.wanted.at(controller.clock.now_ns())[0])
+    controller.close()
+
+
+def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch):
+    """Deactivated and activated, with drives that do nothing."""
+    node = make_node("manus")
+    axes = SimpleNamespace(restart=lambda: None, shutdown=lambda port: "")
+    node._axes, node.period_ns = axes, 2_000_000
+    node.port = SimpleNamespace(clock=node.clock, snapshot=PortCounters)
+    monkeypatch.setattr(node, "start_drives", lambda: None)
+    node._make_topics()
+    node.begin()
+    node._loop.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
+    node.end()
+    node.begin()
+    assert all(map(math.isnan, node._loop.wanted.at(1)[:2]))
+    node.stop_polls()
+    node.port = None
+    node.disconnect()
+    node.close_topics()

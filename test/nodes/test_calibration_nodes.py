@@ -133,6 +133,26 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     node.close()
 
 
+@pytest.mark.parametrize("by_hand", [False, True])
+def test_the_next_module_does_not_inherit_it(make_node, calibration, by_hand):
+    """Cleaned up and configured without a file: weight, mass and carried share are the old ones.
+
+    A mass is carried only where it was measured. What the operator set since then stays.
+    """
+    names = ("gravity", "mass", "observer_inertia")
+    node = make_node("impedance_controller", *given(calibration.path, gravity=12.5, mass=4.0))
+    node.trigger_configure()
+    assert [node.get_parameter(name).value for name in names] == [GRAVITY, 5.5, KNOWN_SHARE]
+    if by_hand:
+        assert not node.parameters.write(gravity=8.0)
+    node.trigger_cleanup()
+    node.set_parameters([Parameter("calibration_file", value="")])
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    wanted = [8.0 if by_hand else 12.5, 4.0, 0.0]
+    assert [node.get_parameter(name).value for name in names] == wanted
+    node.close()
+
+
 # The graph -----------------------------------------------------------------------------------
 
 

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot may run without a force sensor, but then no mode feeds back a force that nobody measures.
+
+A handle force of zero tells the feedback that nothing resists the spring: the command was 75 N
+down, 85 N at the hand with the weight, where 45 N are the limit.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.control import modes
+from screw_module_ros.control.agreement import AgreementSettings
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.resources import resource_path
+from screw_module_ros.samples import EncoderReading, ForceReading
+
+MODEL = load_friction_model(resource_path("params/friction_thesis.yaml"))
+MS = 1_000_000
+
+
+def controller_in(mode: int) -> VerticalController:
+    """Return a controller whose spring would press with all that it may."""
+    made = VerticalController(
+        VerticalSettings(stiffness=1000.0, damping=40.0),
+        MODEL,
+        WatchSettings(force_required=False),
+        AgreementSettings(),
+        MS,
+        mode,
+    )
+    made.wanted.ask((0.02,), (0.0,), MS)
+    return made
+
+
+def run(controller: VerticalController, ticks: range, force: float | None = None) -> None:
+    """Let a nut at rest go by, with a force on the handle [N] or without a force sensor."""
+    for tick in ticks:
+        now = tick * MS
+        if force is not None:
+            reading = ForceReading(tick, now, 0, 0.0, 0.0, force, 0.0, 0.0, 0.0, 0)
+            controller.on_force(reading, now)
+        assert controller.on_encoder(EncoderReading(tick, now, 0, 0, 0.18, 0.0, True), now)
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+def test_no_force_is_fed_back_that_nobody_measures(mode):
+    controller = controller_in(mode)
+    run(controller, range(1, 3000))
+    assert controller.output.force == 0.0
+    assert modes.MODE_NAMES[mode] in controller.reason and "force sensor" in controller.reason
+    assert not controller.faulted
+    controller.mode = modes.IMPEDANCE
+    run(controller, range(3000, 6000))
+    assert controller.reason == ""
+    assert controller.output.force - controller.output.gravity == pytest.approx(-45.0)
+
+
+def test_a_force_sensor_that_is_not_required_may_be_used():
+    controller = controller_in(modes.FORCE_FEEDBACK)
+    run(controller, range(1, 3000), force=45.0)
+    assert controller.reason == ""
+    assert controller.output.force - controller.output.gravity == pytest.approx(-45.0)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`force_sensor/tare` moves the zero only while the vertical drive gives no torque, to the end.
+
+It gathers samples for a tenth of a second or more, and an operator may enable meanwhile.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from screw_module_msgs.msg import AmplifierState
+
+from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes.taring import Taring
+
+
+class Clock(ManualClock):
+    """Time goes on while somebody waits."""
+
+    def wait_for(self, ready, timeout_s: float) -> bool:
+        return any(ready() for _ in range(10))
+
+
+class Device:
+    """A force sensor; tared: how often."""
+
+    fault = ""
+    settings = SimpleNamespace(tare_samples=100)
+
+    def __init__(self):
+        self.tared = 0
+
+    def tare(self, readings) -> tuple:
+        self.tared += 1
+        return (0.0,) * 6
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "tared"), [(False, False, 1), (True, False, 0), (False, True, 0)]
+)
+def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, before, after, tared):
+    node = make_node("force_sensor")
+    node.device = Device()
+    told = iter((None, AmplifierState(enabled=before), None, AmplifierState(enabled=after)))
+    node._taring = Taring(SimpleNamespace(subscribe=lambda *_: lambda: next(told, None)), Clock(1))
+    said = node._carried_out(node._tare, None, "~/tare", always=True)
+    assert node.device.tared == tared
+    assert ("the vertical drive is enabled" in said) is not bool(tared)
