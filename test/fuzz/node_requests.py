@@ -51,7 +51,7 @@ class NodeRequests:
 
     def _make_nodes(self, folder: Path) -> None:
         for name in (*WITHOUT_DEVICE, *DRIVERS):
-            node = _made(name, folder)
+            node = _made(name, folder, self._place.arguments())
             self._nodes.append(node)
             node.get_logger().set_level(LoggingSeverity.FATAL)
             node.parameters.finish()
@@ -116,7 +116,7 @@ class NodeRequests:
                 self.counts[f"{name}: answered"] += 1
 
 
-def _made(name: str, folder: Path) -> ModuleNode:
+def _made(name: str, folder: Path, ports: list[str]) -> ModuleNode:
     room = "identification.live" if name == "characterize" else "nodes"
     module = importlib.import_module(f"screw_module_ros.{room}.{name}")
     (kind,) = [
@@ -124,7 +124,7 @@ def _made(name: str, folder: Path) -> ModuleNode:
         for _, found in inspect.getmembers(module, inspect.isclass)
         if issubclass(found, ModuleNode) and found.__module__ == module.__name__
     ]
-    words = [name, "--ros-args", "-p", "autostart:=false"]
+    words = [name, "--ros-args", "-p", "autostart:=false", *ports]
     if name in ("session_recorder", "characterize", "therapy_session"):
         words += ["-p", f"folder:={folder}"]
     with patch.object(sys, "argv", words):
