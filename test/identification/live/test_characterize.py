@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
-from live_graph import AS_FAST_AS_IT_GOES, SIMULATED, own_node
+from live_graph import AS_FAST_AS_IT_GOES, characterize, operated
 from rclpy.action import ActionClient
 from screw_module_msgs.action import RunExperiment
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
@@ -17,7 +17,6 @@ from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros.identification.live.graph import ACTIVE, lifecycle_state, parameters
 from screw_module_ros.identification.results import load_result
-from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
@@ -141,24 +140,10 @@ def running(tmp_path_factory) -> Iterator[Bench]:
     """Return the operator beside a running graph and `characterize`; all must end in order."""
     others = ["session_recorder", "endpoint_state"]
     with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others, composed=True) as graph:
-        root = ["-p", f"folder:={tmp_path_factory.getbasetemp()}"]
-        ours = bringup.Process("characterize", ["--ros-args", *SIMULATED, *root])
+        ours = characterize(tmp_path_factory.getbasetemp())
         try:
-            with own_node() as (node, executor):
-
-                def watch() -> None:
-                    graph.watch()
-                    executor.spin_once(timeout_sec=0.0)
-
-                with Robot("tester", watch=watch, simulated=True) as robot:
-                    robot.wait_until_ready([*graph.names, "characterize"])
-                    graph.wait_until_ready(robot, lambda waiting: None)
-                    robot.clear_faults()
-                    robot.home()
-                    client = ActionClient(node, RunExperiment, "characterize/run")
-                    robot.wait_until(client.server_is_ready, 20.0, "no action")
-                    yield Bench(robot, client)
-                    client.destroy()
+            with operated(graph) as (robot, client):
+                yield Bench(robot, client)
         finally:
             code = ours.stop()
         codes = graph.stop()

@@ -7,8 +7,7 @@ import json
 
 import pytest
 from action_msgs.msg import GoalStatus
-from live_graph import AS_FAST_AS_IT_GOES, SIMULATED, own_node
-from rclpy.action import ActionClient
+from live_graph import AS_FAST_AS_IT_GOES, characterize, operated
 from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.control import modes
@@ -17,8 +16,6 @@ from screw_module_ros.identification.force_metric import ErrorOf
 from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
-from screw_module_ros.nodes import bringup
-from screw_module_ros.operator.robot import Robot
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.trials.graph_run import GraphRun
@@ -35,30 +32,16 @@ def live(tmp_path_factory):
     folder = tmp_path_factory.mktemp("live")
     others = ["session_recorder", "endpoint_state"]
     with GraphRun(extra=AS_FAST_AS_IT_GOES, without=others) as graph:
-        ours = bringup.Process(
-            "characterize", ["--ros-args", *SIMULATED, "-p", f"folder:={folder}"]
-        )
+        ours = characterize(folder)
         try:
-            with own_node() as (node, executor):
-
-                def watch() -> None:
-                    graph.watch()
-                    executor.spin_once(timeout_sec=0.0)
-
-                with Robot("tester", watch=watch, simulated=True) as robot:
-                    robot.wait_until_ready([*graph.names, "characterize"])
-                    graph.wait_until_ready(robot, lambda waiting: None)
-                    robot.clear_faults()
-                    robot.home()
-                    _measure(robot, node, folder)
+            with operated(graph) as (robot, client):
+                _measure(robot, client, folder)
         finally:
             ours.stop()
     return load_result(folder, force_error.NAME)
 
 
-def _measure(robot, node, folder):
-    client = ActionClient(node, RunExperiment, "characterize/run")
-    robot.wait_until(client.server_is_ready, 20.0, "no action")
+def _measure(robot, client, folder):
     goal = RunExperiment.Goal(
         experiment=force_error.NAME, settings=json.dumps(CHOSEN), folder=str(folder)
     )
@@ -67,7 +50,6 @@ def _measure(robot, node, folder):
     done = sent.result().get_result_async()
     robot.wait_until(done.done, 200.0, "no result")
     assert done.result().status == GoalStatus.STATUS_SUCCEEDED, done.result().result.message
-    client.destroy()
 
 
 @pytest.fixture(scope="module")
