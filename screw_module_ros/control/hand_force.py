@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from ..geometry import PlanarArm, jacobian
+from ..geometry import PlanarArm
 
 SINGULAR = 0.02
 """Sine of the angle between the links up to which the arm counts as stretched or folded [1]: the
@@ -19,16 +19,16 @@ torque that leads out of there does not vanish."""
 def within_at_hand(
     largest: float,
     arm: PlanarArm,
-    angles: tuple[float, float],
+    jacobian: tuple[float, float, float, float],
     torques: tuple[float, float],
 ) -> tuple[float, float]:
     """Return the torques [Nm], scaled down to a force at the hand of `largest` [N] at most.
 
-    angles: of shoulder and elbow, absolute [rad]; torques: of shoulder and elbow [Nm]. The force is
-    J^-T of the torques, here without a division by the determinant.
+    jacobian: at the present angles, from `geometry.jacobian` [m]; torques: of shoulder and elbow
+    [Nm]. The force is J^-T of the torques, here without a division by the determinant.
     """
     shoulder, elbow = torques
-    x_s, x_e, y_s, y_e = jacobian(*angles, arm)
+    x_s, x_e, y_s, y_e = jacobian
     size = math.hypot(y_e * shoulder - y_s * elbow, x_s * elbow - x_e * shoulder)
     least = SINGULAR * arm.upper_arm * arm.forearm
     allowed = largest * max(abs(x_s * y_e - x_e * y_s), least)

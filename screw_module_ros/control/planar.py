@@ -177,7 +177,9 @@ def planar_step(
     friction_s, friction_e = _friction(settings, start, inp)
     wanted_s, wanted_e = wanted_s + weight * friction_s, wanted_e + weight * friction_e
     allowed = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
-    allowed_s, allowed_e = within_at_hand(settings.force_limit, arm, inp[:2], allowed)
+    allowed_s, allowed_e = within_at_hand(
+        settings.force_limit, arm, (x_s, x_e, y_s, y_e), allowed
+    )
     step = settings.torque_rate * dt
     shoulder = slew(state.shoulder_torque, allowed_s, step)
     elbow = slew(state.elbow_torque, allowed_e, step)
