@@ -39,21 +39,31 @@ def stability_figures(result: Result) -> dict[str, Figure]:
 
 def force_error_figures(result: Result) -> dict[str, Figure]:
     """Draw the rms error of every mode in every trial."""
-    names = list(result.settings["cases"])
-    kinds = [MODE_NAMES[mode].lower() for mode in result.settings["modes"]]
-    width = 0.8 / len(kinds)
+    modes = (MODE_NAMES[mode].lower() for mode in result.settings["modes"])
+    labels = {mode: mode.replace("_", " ") for mode in modes}
     with rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-        axes = figure.add_subplot()
-        for number, kind in enumerate(kinds):
-            rms = [ErrorOf(*result.data[f"{kind}_{name}"]).rms for name in names]
-            axes.bar(
-                np.arange(len(names)) + (number - 0.5 * (len(kinds) - 1)) * width, rms, width,
-                color=COLOURS[number % len(COLOURS)], label=kind.replace("_", " "),
-            )  # fmt: skip
-        axes.set_yscale("log")
-        axes.set_xticks(np.arange(len(names)), names, rotation=60, ha="right")
+        figure = error_bars(result, labels)
+        (axes,) = figure.axes
         axes.set_ylabel("rms force error, all samples [N]")
         axes.set_title("What the hand feels beyond the impedance asked for", loc="left")
-        axes.legend(ncols=2)
     return {"force error": figure}
+
+
+def error_bars(result: Result, labels: dict[str, str]) -> Figure:
+    """Draw the rms error of every trial as a group of bars.
+
+    labels: by the names that come before those of the trials in the result's data.
+    """
+    names, width = list(result.settings["cases"]), 0.8 / len(labels)
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    for number, (kind, label) in enumerate(labels.items()):
+        rms = [ErrorOf(*result.data[f"{kind}_{name}"]).rms for name in names]
+        axes.bar(
+            np.arange(len(names)) + (number - 0.5 * (len(labels) - 1)) * width, rms, width,
+            color=COLOURS[number % len(COLOURS)], label=label,
+        )  # fmt: skip
+    axes.set_yscale("log")
+    axes.set_xticks(np.arange(len(names)), names, rotation=60, ha="right")
+    axes.legend(ncols=2)
+    return figure
