@@ -13,17 +13,15 @@ from typing import Annotated, NamedTuple
 from ..control.modes import uses_feedback, uses_observer
 from ..control.vertical_settings import VerticalSettings
 from ..quoting import quoted
-from ..regular_file import read_regular
 from ..settings import Setting, declared
 from .strict_mapping import CalibrationError, Section
-from .yaml_file import LARGEST_FILE, read_calibration
+from .yaml_file import file_content, parsed_calibration
 
 FORMAT = "screw_module_ros/certificate"
-GAINS = ("force_gain", "observer_gain")
-"""Settings of the law that a certificate limits."""
 CUTOFFS = {"force_gain": "force_cutoff", "observer_gain": "observer_cutoff"}
-"""Filter of the force that each gain acts on. Experiment `stability` finds the gains with the
-default one; a faster filter makes the largest stable gain smaller."""
+"""Settings of the law that a certificate limits, with the filter of the force that each acts on.
+Experiment `stability` finds the gains with the default filter; a faster one makes the largest
+stable gain smaller."""
 _MEASURE = "restore the file as it was written, or run stability and delivered_impedance again"
 _CHECKSUM = "sha256: "
 _USUAL = VerticalSettings()
@@ -58,16 +56,18 @@ class Certificate(NamedTuple):
     def refusal(self, settings: VerticalSettings, mode: int) -> str:
         """Return why the settings go beyond the certificate in a mode, empty if they do not."""
         used = {"force_gain": uses_feedback(mode), "observer_gain": uses_observer(mode)}
-        for name in GAINS:
+        for name, cutoff in CUTOFFS.items():
+            if not used[name]:
+                continue
             given, most = getattr(settings, name), getattr(self, name)
-            cutoff, usual = CUTOFFS[name], getattr(_USUAL, CUTOFFS[name])
-            if used[name] and getattr(settings, cutoff) > usual:
+            usual = getattr(_USUAL, cutoff)
+            if getattr(settings, cutoff) > usual:
                 return (
                     f"{cutoff} is {getattr(settings, cutoff):g} Hz, and the module's certificate "
                     f"({self.identity}) is for {usual:g} Hz at most: choose a lower one, or set "
                     "uncertified_gains"
                 )
-            if used[name] and given > most:
+            if given > most:
                 return (
                     f"{name} is {given:g}, and the module's certificate ({self.identity}) permits "
                     f"{most:g} at most: choose a smaller one, or set uncertified_gains"
@@ -84,8 +84,9 @@ def load_certificate(settings: CertificateSettings, serial: str) -> Certificate 
     path = settings.certificate_file
     if not path:
         return None
-    top = read_calibration(path, FORMAT, CertificateError, _MEASURE)
-    checksum = _checked(path, top)
+    content = file_content(path, CertificateError)
+    top = parsed_calibration(path, content, FORMAT, CertificateError, _MEASURE)
+    checksum = _checked(content, top)
     written = top.text("serial")
     if written != serial:
         own = f"this is module {quoted(serial)}" if serial else "module_serial is empty"
@@ -97,15 +98,14 @@ def load_certificate(settings: CertificateSettings, serial: str) -> Certificate 
     fields = declared(VerticalSettings)
     gains = [
         permitted.number(name, fields[name].setting.low, fields[name].setting.high)
-        for name in GAINS
+        for name in CUTOFFS
     ]
     return Certificate(*gains, f"{written} {top.text('date')} sha256:{checksum[:12]}")
 
 
-def _checked(path: str, top: Section) -> str:
+def _checked(content: bytes, top: Section) -> str:
     """Return the checksum after comparing it with the text before it."""
-    text = read_regular(path, LARGEST_FILE).decode()
-    noted, found = top.text("sha256"), text_checksum(text.rpartition(_CHECKSUM)[0])
+    noted, found = top.text("sha256"), text_checksum(content.decode().rpartition(_CHECKSUM)[0])
     if noted != found:
         top.fail("sha256", "the file was changed after it was written", _MEASURE)
     return found

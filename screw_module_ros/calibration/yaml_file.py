@@ -12,7 +12,7 @@ from ..regular_file import NotRegular, read_regular
 from .strict_mapping import CalibrationError, Section, kind_of
 
 VERSION = 1
-LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
+_LARGEST_FILE = 1_000_000  # [bytes]; a calibration has a few kilobytes
 
 
 def read_calibration(
@@ -23,14 +23,26 @@ def read_calibration(
     kind: required value of the key `format`; way_out: see `Section`. Raises `error` when the file
     cannot be read, is not a YAML mapping, or is of another format or version.
     """
-    file = str(path)
+    return parsed_calibration(str(path), file_content(path, error), kind, error, way_out)
+
+
+def file_content(path: str | Path, error: type[CalibrationError]) -> bytes:
+    """Return the content of a calibration file. Raises `error` when it cannot be read."""
     try:
-        values = load_plain_yaml(read_regular(path, LARGEST_FILE).decode())
+        return read_regular(path, _LARGEST_FILE)
     except OSError as problem:
         reason = problem.strerror or problem
         odd = isinstance(problem, NotRegular)
         way = "this is no calibration file" if odd else "check path and permissions"
-        raise error(f"{file}: cannot be read ({reason}); {way}") from problem
+        raise error(f"{path}: cannot be read ({reason}); {way}") from problem
+
+
+def parsed_calibration(
+    file: str, content: bytes, kind: str, error: type[CalibrationError], way_out: str = ""
+) -> Section:
+    """Return the top mapping of a file's content, as `read_calibration` does."""
+    try:
+        values = load_plain_yaml(content.decode())
     except ValueError as problem:
         reason = " ".join(str(problem).split())
         way = way_out or "correct it at that place"
@@ -55,5 +67,5 @@ def calibration_identity(path: str | Path) -> str:
 
     Raises OSError when the file cannot be read.
     """
-    digest = hashlib.sha256(read_regular(path, LARGEST_FILE)).hexdigest()
+    digest = hashlib.sha256(read_regular(path, _LARGEST_FILE)).hexdigest()
     return f"{Path(path).name} sha256:{digest[:12]}"
