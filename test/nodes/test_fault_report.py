@@ -20,12 +20,11 @@ def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
     said = []
     for text in ("", "status bit 4", "status bit 4", "status bit 6", ""):
         fault[0] = text
-        node.clock.sleep(0.02)
-        node.periodic.run()
+        if node.periodic.is_due():  # then the loop wakes the thread that publishes
+            node.periodic.run()
         said.append(len(entries))
     assert said == [0, 1, 1, 2, 3]
     node.stop_polls()
     fault[0] = "late"
-    node.clock.sleep(0.02)
     node.periodic.run()
     assert len(entries) == 3

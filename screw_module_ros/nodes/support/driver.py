@@ -16,10 +16,9 @@ from screw_module_ros.settings import Setting
 
 from .module_node import ModuleNode
 from .single import Lock, lock_device
-from .timers import Timer
+from .timers import Timer, Watch
 
 _SLOW_POLL_S = 5.0
-_FAULT_POLL_S = 0.02  # the period of the supervisor's decisions
 
 
 class RateSettings(NamedTuple):
@@ -39,7 +38,7 @@ class DriverNode(ModuleNode):
         self.parameters.declare(RateSettings, rate=rate)
         self.port: Port | None = None
         self._device_locks: list[Lock] = []
-        self._polls: list[Timer] = []
+        self._polls: list[Timer | Watch] = []
         self._reported = ""
         self.bus_load = 0.0
 
@@ -73,13 +72,14 @@ class DriverNode(ModuleNode):
         self._polls = [self.periodic.every(self.clock, _SLOW_POLL_S, self.poll_slow)]
         if fault is not None:
             self._reported = fault()
-            look = self.periodic.every(self.clock, _FAULT_POLL_S, lambda: self._report(fault()))
-            self._polls.append(look)
+            changed = self.periodic.when(
+                self.clock, lambda: fault() != self._reported, lambda: self._report(fault())
+            )
+            self._polls.append(changed)
 
     def _report(self, fault: str) -> None:
-        if fault != self._reported:
-            self._reported = fault
-            self.publish_health()
+        self._reported = fault
+        self.publish_health()
 
     def stop_polls(self) -> None:
         """End the slow polls."""

@@ -264,8 +264,8 @@ class ModuleNode(ServingNode):
         The loop's thread calls this before each step. Until its next call, or its call of `leaves`,
         the node closes nothing that the step uses.
         """
-        if self.clock.simulated and self.periodic.is_due():
-            self.wake()  # a thread that sleeps in the executor does not see simulated time
+        if self.periodic.is_due():
+            self.wake()
         if self._active.is_set():
             if not self._outside_step.is_set():
                 return True

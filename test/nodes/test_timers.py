@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calls of the service thread: when the hot loop wakes it, and how long it may sleep."""
+
+import pytest
+
+from screw_module_ros.clock import Clock, ManualClock
+from screw_module_ros.nodes.support.timers import Timers
+
+S = 1_000_000_000
+
+
+class _RealTime(ManualClock):
+    """A clock of which an executor's sleep is a good measure."""
+
+    simulated = False
+
+
+def test_in_simulated_time_the_thread_sleeps_until_the_loop_wakes_it():
+    """It woke fifteen times for each timer, each wake-up at the price of half a tick."""
+    timers, clock, calls = Timers(), ManualClock(), []
+    timers.every(clock, 0.02, lambda: calls.append(clock.now_ns()))
+    for now_ns in range(0, 20_000_000, 100_000):
+        clock.time_ns = now_ns
+        assert not timers.is_due()
+        assert timers.left_s() == 0.2
+    clock.time_ns = 20_000_000
+    assert timers.is_due()
+    timers.run()
+    assert calls == [20_000_000]
+    assert not timers.is_due()
+
+
+@pytest.mark.parametrize(
+    ("now_s", "left_s"), [(0.0, 0.2), (0.9, 0.1), (0.9999999, 1e-4), (1.5, 1e-4)]
+)
+def test_in_real_time_the_thread_sleeps_until_the_next_call(now_s, left_s):
+    timers, clock = Timers(), _RealTime()
+    timers.every(clock, 1.0, lambda: None)
+    clock.time_ns = round(now_s * S)
+    assert timers.left_s() == pytest.approx(left_s)
+    assert not timers.is_due()  # the thread wakes up by itself
+
+
+@pytest.mark.parametrize("clock", [ManualClock(), _RealTime()])
+def test_the_loop_wakes_the_thread_for_a_condition_on_either_clock(clock: Clock):
+    timers, news, said = Timers(), [], []
+    watch = timers.when(clock, lambda: len(news) > len(said), lambda: said.append(news[-1]))
+    timers.run()
+    assert not timers.is_due()
+    assert not said
+    news.append("status bit 4")
+    assert timers.is_due()
+    timers.run()
+    assert said == ["status bit 4"]
+    assert not timers.is_due()
+    timers.cancel(watch)
+    news.append("status bit 6")
+    assert not timers.is_due()
+    timers.run()
+    assert said == ["status bit 4"]
+
+
+def test_calls_after_a_pause_are_made_once():
+    timers, clock, calls = Timers(), ManualClock(), []
+    timers.every(clock, 1.0, lambda: calls.append(clock.now_ns()))
+    clock.time_ns = round(7.5 * S)
+    timers.run()
+    timers.run()
+    clock.time_ns = 8 * S
+    timers.run()
+    assert calls == [round(7.5 * S), 8 * S]
