@@ -88,8 +88,8 @@ class Conductor:
                 return True
         published, taken = page.topic_published, page.hop_taken
         for hop, topic in self._hops:
-            if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]:
-                if taken[hop] != published[topic]:
+            if taken[hop] != published[topic]:
+                if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]:
                     return True
         return False
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import fcntl
+import functools
 import mmap
 import os
 import platform
@@ -16,6 +17,7 @@ import re
 import threading
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 FOREVER = 2**62
 """Time of a thread that waits for nothing: idle, or ended [ns]."""
@@ -47,11 +49,20 @@ _TABLES = (
 _WORDS = len(_HEADER) + sum(count for _, count in _TABLES)
 _SIZE = _WORDS * _WORD + SLOTS * _NAME_BYTES
 
-_libc = ctypes.CDLL(None, use_errno=True)
+_syscall = ctypes.CDLL(None).syscall
+_syscall.argtypes = (
+    ctypes.c_long, ctypes.c_void_p, ctypes.c_int, ctypes.c_uint, ctypes.c_void_p
+)  # fmt: skip
 
 
 class _Timespec(ctypes.Structure):
     _fields_ = (("seconds", ctypes.c_long), ("nanoseconds", ctypes.c_long))
+
+
+@functools.lru_cache(maxsize=64)
+def _limit(timeout_s: float) -> Any:
+    """Return the kernel's form of a duration [s]; nearly all sleeps are of the same few."""
+    return ctypes.byref(_Timespec(int(timeout_s), int(timeout_s % 1.0 * 1e9)))
 
 
 class TableFull(RuntimeError):
@@ -253,13 +264,13 @@ class Page:
         self.header[5] = 0
 
     def _wake(self, word: int) -> None:
-        _libc.syscall(_FUTEX, ctypes.c_void_p(self._address + word * _WORD), _FUTEX_WAKE, 1)
+        _syscall(_FUTEX, self._address + word * _WORD, _FUTEX_WAKE, 1, None)
 
     def _sleep(self, word: int, seen: int, timeout_s: float) -> None:
-        limit = _Timespec(int(timeout_s), int(timeout_s % 1.0 * 1e9))
-        expected = ctypes.c_int(seen & 0xFFFFFFFF)  # a futex is the low half of the word
-        address = ctypes.c_void_p(self._address + word * _WORD)
-        _libc.syscall(_FUTEX, address, _FUTEX_WAIT, expected, ctypes.byref(limit))
+        # A futex is the low half of the word.
+        _syscall(
+            _FUTEX, self._address + word * _WORD, _FUTEX_WAIT, seen & 0xFFFFFFFF, _limit(timeout_s)
+        )
 
 
 def sweep(domain: str) -> None:
