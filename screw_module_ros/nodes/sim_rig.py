@@ -145,6 +145,7 @@ class SimRigNode(ModuleNode):
         return self._is_over()
 
     def _publish_due(self, now_ns: int) -> None:
+        self.wake_if_due()
         if self._truth_due(now_ns):
             self._publish_truth()
         if self._time is not None and self._clock_due(now_ns):

@@ -264,8 +264,7 @@ class ModuleNode(ServingNode):
         The loop's thread calls this before each step. Until its next call, or its call of `leaves`,
         the node closes nothing that the step uses.
         """
-        if self.periodic.is_due():
-            self.wake()
+        self.wake_if_due()
         if self._active.is_set():
             if not self._outside_step.is_set():
                 return True
@@ -274,6 +273,11 @@ class ModuleNode(ServingNode):
                 return True
         self._outside_step.set()
         return False
+
+    def wake_if_due(self) -> None:
+        """Wake the service thread when it has calls to make; a long step repeats this."""
+        if self.periodic.is_due():
+            self.wake()
 
     def leaves(self) -> None:
         """Record that the loop has ended its last step."""
