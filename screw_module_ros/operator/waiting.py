@@ -75,11 +75,12 @@ class Waiting:
 
     def met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
         """Like `met`, by wall clock, for the start of processes."""
-        self.clock.idle()
         end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
+        self.clock.idle()
         while not condition():
             if _WALL.now_ns() > end_ns:
                 return False
             self.watch()
+            self.clock.idle()  # each time: a condition that calls a service holds time afterwards
             _WALL.sleep_until(_WALL.now_ns() + POLL_NS)
         return True

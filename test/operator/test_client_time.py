@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import pytest
 
+from screw_module_ros.lockstep.page import FOREVER
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.simulated_clock import simulated_clock
 
@@ -38,3 +39,18 @@ def test_a_client_tells_of_an_ended_process_rather_than_of_the_time():
         robot.watch = watch
         with pytest.raises(RobotError, match="ended by itself"):
             robot.pause(1.0)
+
+
+def test_a_wait_by_wall_clock_holds_no_time_after_a_service_call():
+    """Time stood still for the whole minute in which a test repeated a call until it was obeyed."""
+    held = []
+    with Robot("tester", namespace="/no_rig", simulated=True) as robot:
+        member, until = robot.clock.member, robot.clock.page.slot_until
+
+        def condition() -> bool:
+            held.append(until[member.slot] != FOREVER)
+            member.busy()  # as a call leaves it
+            return len(held) == 3
+
+        assert robot.met_by_wall(condition, 10.0)
+    assert held == [False, False, False]
