@@ -30,8 +30,20 @@ SECONDS_BETWEEN_POLLS = 0.005
 settings.register_profile("suite", deadline=None, max_examples=40)
 settings.load_profile("suite")
 
+GRAPH_ENDS_S = 900
+"""Wall clock after which a test with a whole graph hangs: simulated time waits for the machine."""
+
 _buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
 _blocks = itertools.cycle(range(0, isolation.CAN_PORTS_PER_RUN, PORTS_PER_TEST))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that run whole graphs: several workers shall end at the same time."""
+    graphs = {item.path for item in items if item.get_closest_marker("graph")}
+    items.sort(key=lambda item: item.path not in graphs)
+    for item in items:
+        if item.path in graphs:
+            item.add_marker(pytest.mark.timeout(GRAPH_ENDS_S))
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -13,7 +13,7 @@ import harass
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = [pytest.mark.graph, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.graph
 
 SECONDS = 2.0
 
