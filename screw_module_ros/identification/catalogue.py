@@ -117,16 +117,16 @@ def settings_from_yaml(text: str, kind: type) -> Any:
     if len(text) > _LARGEST_SETTINGS:
         raise ValueError(f"settings are longer than {_LARGEST_SETTINGS} characters")
     try:
-        given = load_plain_yaml(text) or {}
+        content = load_plain_yaml(text) or {}
     except PlainYamlError as error:
         raise ValueError(f"settings are not YAML: {error}") from None
-    if not isinstance(given, dict):
+    if not isinstance(content, dict):
         raise ValueError("settings: a YAML mapping like '{speed: 0.02}' is wanted")
     known = declared(kind)
-    for name in given:
+    for name in content:
         if name not in known:
             raise ValueError(f"settings: {named(name)} is unknown; known are {', '.join(known)}")
-    return kind(**{name: _value(known[name], value) for name, value in given.items()})
+    return kind(**{name: _value(known[name], value) for name, value in content.items()})
 
 
 def _value(field: Field, value: Any) -> Any:

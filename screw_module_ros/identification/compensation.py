@@ -51,7 +51,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     }
     own_gravity = lab.result(gravity.NAME).value("gravity")
     jobs = []
-    for model, weight, given in (("default", 10.0, {}), ("identified", own_gravity, identified)):
+    for model, weight, options in (("default", 10.0, {}), ("identified", own_gravity, identified)):
         for name, mode in _MODES.items():
             law = VerticalSettings(
                 stiffness=_STIFFNESS,
@@ -65,7 +65,7 @@ def run(lab: Lab, settings: Settings) -> Result:
                 amplitude=settings.amplitude,
                 omega=settings.omega,
                 duration=settings.cycles * 2.0 * math.pi / settings.omega,
-                **given,
+                **options,
             )
             jobs.append(Job(f"{name}_{model}", trial, reduced))
     parts = lab.run(NAME, jobs)

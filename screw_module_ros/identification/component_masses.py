@@ -90,7 +90,7 @@ def _quantities(settings, ours, reflected, sums) -> tuple[Quantity, ...]:
     spread = float(np.std(list(reflected.values()), ddof=1))
     errors = dict.fromkeys(PRINTED, _ROUNDING) | {"motor_rotor": math.nan, "screw": spread}
     parts = tuple(
-        Quantity(name, ours[name], errors[name], "kg", _said(name)) for name in PRINTED
+        Quantity(name, ours[name], errors[name], "kg", _remark(name)) for name in PRINTED
     )
     printed = sum(PRINTED.values())
     rounding = math.sqrt(len(PRINTED)) * _ROUNDING
@@ -120,7 +120,7 @@ def _quantities(settings, ours, reflected, sums) -> tuple[Quantity, ...]:
     )  # fmt: skip
 
 
-def _said(name: str) -> str:
+def _remark(name: str) -> str:
     text = {
         "motor_rotor": "reflected mass of the motor's rotor, computed (Table 5.1: 2.13 kg)",
         "screw": "reflected mass of the screw, from appendix A's inertia (Table 5.1: 3.25 kg)",

@@ -169,9 +169,9 @@ def pressed(case: Case, side_force: float) -> Case:
     return case._replace(trial=case.trial._replace(side_force=side_force))
 
 
-def job(case: Case, mode: int, law: VerticalSettings, **given) -> Job:
-    """Return one case in a mode; given: friction, linearization of the module."""
-    trial = case.trial._replace(mode=mode, settings=law, **given)
+def job(case: Case, mode: int, law: VerticalSettings, **changes) -> Job:
+    """Return one case in a mode; changes: friction, linearization of the module."""
+    trial = case.trial._replace(mode=mode, settings=law, **changes)
     return Job(f"{modes.MODE_NAMES[mode].lower()}_{case.name}", trial, reduced)
 
 

@@ -38,8 +38,8 @@ class Job(NamedTuple):
     def identity(self) -> str:
         """The inputs of the part, as text."""
         function = getattr(self.reduce, "func", self.reduce)
-        given = (getattr(self.reduce, "args", ()), getattr(self.reduce, "keywords", {}))
-        return repr((self.trial, function.__qualname__, given))
+        arguments = (getattr(self.reduce, "args", ()), getattr(self.reduce, "keywords", {}))
+        return repr((self.trial, function.__qualname__, arguments))
 
 
 class MissingResult(RuntimeError):

@@ -38,10 +38,10 @@ class PoolLab(Lab):
         self, experiment: str, jobs: Sequence[Job], done: float, total: float
     ) -> Iterator[tuple[Job, Part]]:
         """Yield each finished job with its part; an error cancels the remaining jobs."""
-        given = (self.bench.world, self.bench.loop, self.bench.seed)
+        setup = (self.bench.world, self.bench.loop, self.bench.seed)
         ordered = sorted(jobs, key=lambda job: -duration_of(job.trial))
         futures: dict[Future, Job] = {
-            self._pool.submit(_do, self.bench.name, given, job): job for job in ordered
+            self._pool.submit(_do, self.bench.name, setup, job): job for job in ordered
         }
         try:
             for future in as_completed(futures):
@@ -67,8 +67,8 @@ def _prepare() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _do(name: str, given: tuple, job: Job) -> Part:
+def _do(name: str, setup: tuple, job: Job) -> Part:
     if name not in _bench:
         _bench.clear()
-        _bench[name] = InProcessBench(*given)
+        _bench[name] = InProcessBench(*setup)
     return job.reduce(job.trial, _bench[name].record(job.trial, lambda share: None))

@@ -57,7 +57,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         raise ValueError(f"modes: {min(unknown)} is unknown; known are {list(modes.MODE_NAMES)}")
     if strange := set(settings.states) - set(STATES):
         raise ValueError(f"states: {min(strange)!r} is unknown; known are {', '.join(STATES)}")
-    given = {
+    models = {
         "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
         "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),
     }
@@ -71,9 +71,9 @@ def run(lab: Lab, settings: Settings) -> Result:
             case = force_error.pressed(force_error.case_of(name), settings.side_force)
             for state in settings.states:
                 law = plain if state == "uncalibrated" else own
-                more = {} if state == "uncalibrated" else given
+                more = {} if state == "uncalibrated" else models
                 if state == "changed":
-                    more = {**given, "changed": settings.change}
+                    more = {**models, "changed": settings.change}
                 law = force_error.with_damping(law, mode)
                 one = force_error.job(case, mode, law, **more)
                 jobs[mode, name, state] = one._replace(name=f"{one.name}_{state}")

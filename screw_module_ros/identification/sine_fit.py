@@ -62,16 +62,20 @@ def fit_sine(
 
 
 def response(
-    time: np.ndarray, given: np.ndarray, answer: np.ndarray, frequency: float, drift: bool = False
+    time: np.ndarray,
+    excitation: np.ndarray,
+    answer: np.ndarray,
+    frequency: float,
+    drift: bool = False,
 ) -> Response:
     """Return output over input from samples of both at the same times; arguments as `fit_sine`.
 
     The input counts as exact: its deviation from a sine is not measurement noise. Raises ValueError
     without an input at that frequency.
     """
-    source = fit_sine(time, given, frequency, drift).amplitude
+    source = fit_sine(time, excitation, frequency, drift).amplitude
     found = fit_sine(time, answer, frequency, drift)
-    if abs(source) <= 1e-9 * float(np.max(np.abs(given))) or source == 0.0:
+    if abs(source) <= 1e-9 * float(np.max(np.abs(excitation))) or source == 0.0:
         raise ValueError(f"the input has no sine of {frequency:g} Hz")
     return Response(found.amplitude / source, found.error / abs(source))
 

@@ -210,10 +210,10 @@ def _onset(
 
 def _found(name: str, text: str, low: float, high: float) -> Quantity:
     if math.isinf(high):
-        said = f"largest gain tried on the simulated module; it did not chatter, {text}"
-        return Quantity(f"simulated_{name}", low, math.nan, "", said)
-    said = f"gain at which the simulated module without play chatters, {text}"
-    return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", said)
+        condition = f"largest gain tried on the simulated module; it did not chatter, {text}"
+        return Quantity(f"simulated_{name}", low, math.nan, "", condition)
+    condition = f"gain at which the simulated module without play chatters, {text}"
+    return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", condition)
 
 
 def _curves(mechanism: Mechanism, sampling: Sampling, cutoff: float) -> dict[str, np.ndarray]:

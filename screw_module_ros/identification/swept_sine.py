@@ -75,8 +75,8 @@ def current_part(trial: TorqueTrial, samples: Samples) -> Part:
 
 def _part(trial: TorqueTrial, samples: Samples, answer: np.ndarray) -> Part:
     kept = samples.time >= SETTLE_S
-    given = desired_torque(trial.linearization, samples.command)
-    found = response(samples.time[kept], given[kept], answer[kept], trial.frequency, drift=True)
+    commanded = desired_torque(trial.linearization, samples.command)
+    found = response(samples.time[kept], commanded[kept], answer[kept], trial.frequency, drift=True)
     return {
         "frequency": np.array(trial.frequency),
         "value": np.array(found.value),

@@ -31,7 +31,7 @@ def robot_description(
     Frames and joints: see the file. Raises ResourceError where it is not installed.
     """
     plane, vertical = plane or PlanarSettings(), vertical or VerticalSettings()
-    given = {
+    lengths = {
         **arm._asdict(),
         "shoulder_low": plane.shoulder_low,
         "shoulder_high": plane.shoulder_high,
@@ -44,7 +44,7 @@ def robot_description(
         "vertical_force": CommandLimits().command_up,
         "vertical_speed": WatchSettings().speed,
     }
-    mappings = {name: repr(float(value)) for name, value in given.items()}
+    mappings = {name: repr(float(value)) for name, value in lengths.items()}
     return xacro.process_file(str(resource_path(SHAPE)), mappings=mappings).toprettyxml("  ")
 
 

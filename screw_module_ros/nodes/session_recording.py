@@ -73,10 +73,10 @@ class SessionRecording:
 
         in_session: the session runs or is paused; a second after its end the recording ends.
         """
-        heard = self._take()
-        if heard is not None:
-            values = {value.key: value.value for value in heard.values}
-            self._watch.hear(values.get("recording") == str(True), heard.message, now_ns)
+        status = self._take()
+        if status is not None:
+            values = {value.key: value.value for value in status.values}
+            self._watch.hear(values.get("recording") == str(True), status.message, now_ns)
         if self._phase == _OFF:
             return ""
         self._end(in_session, now_ns)

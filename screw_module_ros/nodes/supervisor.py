@@ -109,7 +109,7 @@ class SupervisorNode(ModuleNode):
             )
         inbox = self.new_inbox()
         age_ns = round(self._settings.timeout * 1e9)
-        self._heard = {
+        self._sources = {
             node: Newest(inbox.subscribe(*requested(topic)), age_ns)
             for node, topic in _STATE_TOPICS.items()
         }
@@ -150,9 +150,9 @@ class SupervisorNode(ModuleNode):
         self._decisions += 1
 
     def _reports(self, now: int) -> dict[str, NodeReport]:
-        for newest in self._heard.values():
+        for newest in self._sources.values():
             newest.update(now)
-        return {node: self._report(node, newest, now) for node, newest in self._heard.items()}
+        return {node: self._report(node, newest, now) for node, newest in self._sources.items()}
 
     def _report(self, node: str, newest: Newest, now: int) -> NodeReport:
         message = newest.message
@@ -203,7 +203,7 @@ class SupervisorNode(ModuleNode):
     def health(self) -> Health:
         """Permission, and the reasons against it."""
         message, now = self._message, self.clock.now_ns()
-        ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._heard.items()}
+        ages = {f"age {node} [s]": newest.age_text(now) for node, newest in self._sources.items()}
         values = {"rate [1/s]": f"{self._rate.rate(self._decisions, now):.1f}", **ages}
         reason = "; ".join(message.reasons)
         if message.level == SafetyState.STOPPED:

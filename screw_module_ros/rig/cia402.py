@@ -126,11 +126,11 @@ class StateMachine:
             if rising and may_reset:
                 self._go(SWITCH_ON_DISABLED)
             return
-        given = command(controlword)
-        if self._after_stop is not None and self.state == ENABLED and given == ENABLE:
+        requested = command(controlword)
+        if self._after_stop is not None and self.state == ENABLED and requested == ENABLE:
             self._after_stop = None
             return
-        target = _TRANSITIONS.get((self.state, given))
+        target = _TRANSITIONS.get((self.state, requested))
         if target is not None and (may_switch_on or target == SWITCH_ON_DISABLED):
             self._take(target)
 

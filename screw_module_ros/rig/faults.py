@@ -83,15 +83,15 @@ class FaultBook:
 
         Returns a description as `announce` does, and raises ValueError as `check` does.
         """
-        said = self.announce(name, value, duration)
+        sentence = self.announce(name, value, duration)
         if name == CLEAR:
             self.clear()
-            return said
+            return sentence
         fault = self._faults[name]
         fault.start(self.check(name, value, duration))
         if fault.stop is not None:
             self._until_ns[name] = now_ns + round(duration * _S) if duration else None
-        return said
+        return sentence
 
     def announce(self, name: str, value: float, duration: float) -> str:
         """Return a description of the effect of `inject`. Raises ValueError as `check` does."""

@@ -101,11 +101,11 @@ class RigPort:
 
     def rebuild(self) -> None:
         """Recompute which handlers a frame id goes to."""
-        heard = [link.received() for link in self.links]
+        tables = [link.received() for link in self.links]
         table: dict[int, tuple[Handler, ...]] = {}
-        for can_id in set(self.around).union(*heard):
+        for can_id in set(self.around).union(*tables):
             before, after = self.around.get(can_id, (None, None))
-            devices = [handlers[can_id] for handlers in heard if can_id in handlers]
+            devices = [handlers[can_id] for handlers in tables if can_id in handlers]
             table[can_id] = _present((before, *devices, after))
         self._table = table
 

@@ -199,10 +199,10 @@ class Rig:
         if len(books) > 1:
             able = [book for book in books if fault in book or fault == CLEAR]
             books = able or books
-        said = [book.announce(fault, value, duration) for book in books]
+        sentences = [book.announce(fault, value, duration) for book in books]
         for book in books:
             self.call(lambda book=book: book.inject(fault, value, duration, now_ns))
-        return "; ".join(said)
+        return "; ".join(sentences)
 
     def faults(self) -> dict[str, str]:
         """Return "device fault" -> one line of description, for every fault."""

@@ -29,11 +29,11 @@ class RecorderWatch:
         """Start monitoring; now_ns: time [ns]. Earlier reports do not count."""
         self._heard_ns, self._problem, self.silent = now_ns, "", False
 
-    def hear(self, recording: bool, said: str, now_ns: int) -> None:
-        """Note a report; recording: whether it records; said: its message; now_ns: time [ns]."""
+    def hear(self, recording: bool, message: str, now_ns: int) -> None:
+        """Note a report; recording: whether it records; message: its message; now_ns: time [ns]."""
         self._heard_ns = now_ns
         if not recording:
-            self._problem = f"the recording has ended: {said}"
+            self._problem = f"the recording has ended: {message}"
 
     def lost(self, now_ns: int) -> str:
         """Return why the recording has ended, empty while it continues; now_ns: time [ns]."""

@@ -75,10 +75,10 @@ class Options(NamedTuple):
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
-def command(**given) -> None:
+def command(**values) -> None:
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
     end_without_domain("demo")
-    options = Options(**given)
+    options = Options(**values)
     console, begun = Console(), time.monotonic()
     run = options.folder / datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
     try:

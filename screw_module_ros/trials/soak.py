@@ -85,10 +85,10 @@ class Options(NamedTuple):
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a check fails.")
-def command(**given) -> None:
+def command(**chosen) -> None:
     """Run the robot for a long time; report leaks, growing latency and lost samples."""
     end_without_domain("soak")
-    options = Options(**given)
+    options = Options(**chosen)
     if options.quick:
         options = options._replace(every=min(options.every, 1.0), change=min(options.change, 3.0))
     console = Console()
@@ -157,7 +157,7 @@ class Soak:
                 with Robot("soak", watch=graph.watch, simulated=not options.wall_clock) as robot:
                     make_ready(robot, graph, console)
                     robot.node.create_subscription(
-                        DiagnosticStatus, "session_recorder/status", self._heard, qos.STATE
+                        DiagnosticStatus, "session_recorder/status", self._on_status, qos.STATE
                     )
                     bag = Path(robot.trigger("session_recorder/start", deadline_s=30.0))
                     seconds = options.seconds
@@ -242,7 +242,7 @@ class Soak:
             except RobotError as again:
                 self.stops.append(f"after {self._passed(robot):.0f} s: {again}")
 
-    def _heard(self, status: DiagnosticStatus) -> None:
+    def _on_status(self, status: DiagnosticStatus) -> None:
         values = {value.key: value.value for value in status.values}
         self._waiting = float(values.get("waiting", "nan"))
         topics = [json.loads(text) for name, text in values.items() if name.startswith("/")]

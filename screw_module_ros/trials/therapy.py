@@ -79,10 +79,11 @@ def session_arguments(graph: GraphRun) -> list[str]:
 
 def bridge_arguments(graph: GraphRun, port: int, file_games: bool) -> list[str]:
     """Return the arguments of the bridge; the patient's screen may publish `therapy/wish`."""
-    given = ["-p", f"port:={port}", "-p", "wishes:=true", "-p", f"token_file:={token_file(graph)}"]
+    options = ["-p", f"port:={port}", "-p", "wishes:=true"]
+    options += ["-p", f"token_file:={token_file(graph)}"]
     if file_games:
-        given += ["-p", 'origins:=["null"]']
-    return ["--ros-args", *graph.arguments("endpoint_state"), *given]
+        options += ["-p", 'origins:=["null"]']
+    return ["--ros-args", *graph.arguments("endpoint_state"), *options]
 
 
 def token_file(graph: GraphRun) -> Path:

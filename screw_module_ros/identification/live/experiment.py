@@ -74,15 +74,15 @@ class Experiment:
         Raises RobotError if no samples arrive or the deadline passes, and errors of `on_progress`.
         """
         clock = self.robot.clock
-        begun = heard = clock.now_ns() * 1e-9
+        begun = newest = clock.now_ns() * 1e-9
         count = recording.encoder.count
         while not done():
             self.robot.pause(_POLL_S)
             now = clock.now_ns() * 1e-9
             on_progress(now - begun)
             if recording.encoder.count != count:
-                count, heard = recording.encoder.count, now
-            if now - heard > _SILENT_S and not recording.full:
+                count, newest = recording.encoder.count, now
+            if now - newest > _SILENT_S and not recording.full:
                 raise RobotError(f"the encoder is silent{self.robot.complaints_text()}")
             if now - begun > deadline_s:
                 raise RobotError(f"not done after {deadline_s:.0f} s, given up")
@@ -191,14 +191,14 @@ def common_rate(robot: Robot) -> float:
 
     Raises NotPossible if the rates differ, or if a sensor's clock differs from this node's.
     """
-    given = [parameters(robot, node, ("rate", "use_sim_time")) for node in _SENSORS]
-    for node, values in zip(_SENSORS, given, strict=True):
+    found = [parameters(robot, node, ("rate", "use_sim_time")) for node in _SENSORS]
+    for node, values in zip(_SENSORS, found, strict=True):
         if values["use_sim_time"] != robot.clock.simulated:
             raise NotPossible(
                 f"{node} runs with use_sim_time {str(values['use_sim_time']).lower()}, "
                 "characterize does not: start it with the same"
             )
-    rates = [values["rate"] for values in given]
+    rates = [values["rate"] for values in found]
     if rates[0] != rates[1]:
         raise NotPossible(
             f"encoder at {rates[0]:g} and force_sensor at {rates[1]:g} samples per second: start "

@@ -206,13 +206,13 @@ class Motion:
             return np.zeros(len(force))
         names = CommandLimits._fields + Screw._fields + ("rated_torque",)
         limits = [f"torque.{name}" for name in TorqueLimits._fields]
-        given = parameters(self._experiment.robot, AMPLIFIER, [*names, *limits])
+        values = parameters(self._experiment.robot, AMPLIFIER, [*names, *limits])
         chain = torque_chain(
-            CommandLimits(*(given[name] for name in CommandLimits._fields)),
-            TorqueLimits(*(given[name] for name in limits)),
+            CommandLimits(*(values[name] for name in CommandLimits._fields)),
+            TorqueLimits(*(values[name] for name in limits)),
             linearization,
-            Screw(given["lead"]),
-            given["rated_torque"],
+            Screw(values["lead"]),
+            values["rated_torque"],
         )
         heat, commands = COLD, np.empty(len(force))
         for row, newtons in enumerate(force):
@@ -247,12 +247,12 @@ def check_possible(trial: MotionTrial, simulated: bool) -> None:
 def linearization_of(robot: Robot) -> tuple[Linearization | None, str]:
     """Return the linearization the amplifier runs with, None for none, and its name."""
     names = ("linearize", "linearization_file", "calibration_file", "module_serial")
-    given = parameters(robot, AMPLIFIER, names)
-    if not given["linearize"]:
+    values = parameters(robot, AMPLIFIER, names)
+    if not values["linearize"]:
         return None, "none"
-    if file := given.get("calibration_file"):
-        return load_module_calibration(file, given["module_serial"]).linearization, file
-    if file := given["linearization_file"]:
+    if file := values.get("calibration_file"):
+        return load_module_calibration(file, values["module_serial"]).linearization, file
+    if file := values["linearization_file"]:
         return load_linearization(file), file
     return default_linearization(), "of the thesis"
 
@@ -260,9 +260,9 @@ def linearization_of(robot: Robot) -> tuple[Linearization | None, str]:
 def friction_of(robot: Robot) -> tuple[FrictionModel, str]:
     """Return the friction model the controller runs with, and its name."""
     names = ("friction_file", "calibration_file", "module_serial")
-    given = parameters(robot, CONTROLLER, names)
-    if file := given.get("calibration_file"):
-        return load_module_calibration(file, given["module_serial"]).friction, file
-    if file := given["friction_file"]:
+    values = parameters(robot, CONTROLLER, names)
+    if file := values.get("calibration_file"):
+        return load_module_calibration(file, values["module_serial"]).friction, file
+    if file := values["friction_file"]:
         return load_friction_model(file), file
     return load_friction_model(resource_path(_THESIS_FRICTION)), "of the thesis"

@@ -31,8 +31,8 @@ def compared_rows(rows: Iterable[Compared], brief: bool = False) -> list[tuple[s
     for row in rows:
         p = row.published
         if row.ours is None:
-            given = (p.experiment, p.quantity, p.where, number(p.value))
-            cells.append((*given, number(p.near), "no result", "", row.verdict))
+            printed = (p.experiment, p.quantity, p.where, number(p.value))
+            cells.append((*printed, number(p.near), "no result", "", row.verdict))
             continue
         cells.append(
             (

@@ -79,20 +79,20 @@ def arguments(words: Sequence[str] | None = None) -> Arguments:
     return Arguments(tuple(files), tuple(rules), tuple(names), tuple(others))
 
 
-def overrides(name: str, given: Arguments) -> list[Parameter]:
+def overrides(name: str, args: Arguments) -> list[Parameter]:
     """Return the values that the command line sets for the node `name`."""
-    for node, new in given.names:
+    for node, new in args.names:
         if node in ("", name):
             name = new
             break
-    values = {rule.name: rule.value for rule in given.rules if not rule.node}
-    values |= {rule.name: rule.value for rule in given.rules if rule.node == name}
+    values = {rule.name: rule.value for rule in args.rules if not rule.node}
+    values |= {rule.name: rule.value for rule in args.rules if rule.node == name}
     return [_parameter(key, text) for key, text in values.items()]
 
 
-def asks_for_help(given: Arguments) -> bool:
+def asks_for_help(args: Arguments) -> bool:
     """Return whether the command line asks how the program is used."""
-    return any(word in _HELP for word in given.others)
+    return any(word in _HELP for word in args.others)
 
 
 def usage(program: str) -> str:
@@ -105,11 +105,11 @@ def usage(program: str) -> str:
     )
 
 
-def check_others(given: Arguments) -> None:
+def check_others(args: Arguments) -> None:
     """Raise ParameterError for arguments that no node reads."""
-    if given.others:
+    if args.others:
         raise ParameterError(
-            f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "
+            f"unknown arguments: {' '.join(args.others)}; a node takes ROS arguments alone, like "
             "--ros-args -p NAME:=VALUE --params-file FILE"
         )
 

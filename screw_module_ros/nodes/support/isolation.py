@@ -59,12 +59,12 @@ class Place(NamedTuple):
 
 def port_arguments(first_port: int) -> list[str]:
     """Return the --ros-args that put the simulated rig and every node on four CAN ports."""
-    given = []
+    options = []
     for number, bus in enumerate(BUSES):
         port = first_port + number
-        given += ["-p", f"{bus.node}:can.port:={port}"]
-        given += ["-p", f"sim_rig:{bus.name}.can.port:={port}"]
-    return given
+        options += ["-p", f"{bus.node}:can.port:={port}"]
+        options += ["-p", f"sim_rig:{bus.name}.can.port:={port}"]
+    return options
 
 
 def own_place() -> Place:

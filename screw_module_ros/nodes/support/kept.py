@@ -98,9 +98,9 @@ def state_folder() -> Path | None:
     A relative XDG_STATE_HOME counts as unset, as its specification requires (XDG Base Directory
     0.8): it would depend on the folder in which a node starts. The same holds for a relative HOME.
     """
-    given = os.environ.get(STATE_VARIABLE, "")
-    if os.path.isabs(given):
-        return Path(given)
+    override = os.environ.get(STATE_VARIABLE, "")
+    if os.path.isabs(override):
+        return Path(override)
     home = os.environ.get("HOME", "")
     if not os.path.isabs(home):
         try:

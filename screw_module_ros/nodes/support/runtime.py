@@ -64,8 +64,8 @@ def run_together(
     the highest priority among the nodes and the cores of the first. name: prefix of the message of
     a refused start.
     """
-    given = arguments()
-    if asks_for_help(given):
+    found = arguments()
+    if asks_for_help(found):
         print(usage(Path(sys.argv[0]).name))
         return 0
     stopping = threading.Event()
@@ -77,7 +77,7 @@ def run_together(
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []
     try:
-        files = _begin(given)
+        files = _begin(found)
         nodes += make()
         for node in nodes:
             node.stopping = stopping
@@ -97,14 +97,14 @@ def run_together(
         stopped()
 
 
-def _begin(given: Arguments) -> list[ParameterFile]:
+def _begin(args: Arguments) -> list[ParameterFile]:
     """Begin with ROS; return the parameter files.
 
     Raises DomainError, ParameterError for what rcl refuses.
     """
     domain_id()
-    check_others(given)
-    files = [read_file(path) for path in given.files]
+    check_others(args)
+    files = [read_file(path) for path in args.files]
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:

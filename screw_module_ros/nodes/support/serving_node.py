@@ -83,9 +83,9 @@ class ServingNode(LifecycleNode):
 
         def answer(request: Any, response: Any) -> Any:
             with self._holding_time():
-                said = self._carried_out(action, request, name, always)
-            response.success = not said or isinstance(said, Done)
-            response.message = str(said) or done
+                answered = self._carried_out(action, request, name, always)
+            response.success = not answered or isinstance(answered, Done)
+            response.message = str(answered) or done
             return response
 
         self.create_service(kind, name, answer)

@@ -25,7 +25,7 @@ def stop_on_signals(stopping: threading.Event) -> None:
 
     threading.Thread(target=wait, name="signals", daemon=True).start()
     for number in _SIGNALS:
-        signal.signal(number, lambda given, _: caught.put(given))
+        signal.signal(number, lambda received, _: caught.put(received))
 
 
 def stopped() -> None:

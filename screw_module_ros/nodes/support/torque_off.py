@@ -34,12 +34,12 @@ class TorqueOff:
         self._take_state()  # a waiting message may be old
         states: list[AmplifierState] = []
 
-        def heard() -> bool:
+        def answered() -> bool:
             state = self._take_state()
             states.extend([state] if state is not None else [])
             return bool(states)
 
-        if not self._clock.wait_for(heard, _STATE_S):
+        if not self._clock.wait_for(answered, _STATE_S):
             return
         if states[0].enabled or states[0].state == AmplifierState.OPERATION_ENABLED:
             raise NotPermitted(

@@ -180,13 +180,13 @@ def date_of(recorded: Recorded) -> str:
 def _course(recorded: Recorded) -> str:
     """Return how the session went: its pauses and, unless it was finished, how it ended."""
     reasons = Counter(act.reason for act in recorded.acts if act.state == PAUSED)
-    said = [f"paused{f' {n} times' if n > 1 else ''}: {why}" for why, n in reasons.items()]
+    parts = [f"paused{f' {n} times' if n > 1 else ''}: {why}" for why, n in reasons.items()]
     last = recorded.acts[-1]
     if last.state == ABORTED:
-        said.append(f"ended early: {last.reason}")
+        parts.append(f"ended early: {last.reason}")
     elif last.state != FINISHED:
-        said.append("its end is not recorded")
-    return "; ".join(said) or "complete"
+        parts.append("its end is not recorded")
+    return "; ".join(parts) or "complete"
 
 
 def _share(rows: Sequence[dict[str, Any]], name: str) -> str:

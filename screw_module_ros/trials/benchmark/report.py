@@ -97,9 +97,9 @@ def loop_table(found: list[Speed]) -> Table:
         table.add_column(name, justify="left" if name == "trial" else "right")
     for speed in found:
         low, high = speed.factors[0], speed.factors[-1]
-        said = "" if speed.cores > 1 else "yes" if speed.median >= WANTED_FACTOR else "MISSED"
+        note = "" if speed.cores > 1 else "yes" if speed.median >= WANTED_FACTOR else "MISSED"
         table.add_row(
-            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}", said
+            speed.trial, str(speed.cores), f"{speed.median:.0f}", f"{low:.0f}..{high:.0f}", note
         )
     return table
 

@@ -83,10 +83,10 @@ def refused(service: str, service_type: type = Trigger, said: str = "", **fields
 
 def parameter_refused(node: str, name: str, value: Any, said: str) -> Act:
     """Set a parameter that the node must refuse with a reason that contains `said`."""
-    given = Parameter(name, value=value).to_parameter_msg()
+    change = Parameter(name, value=value).to_parameter_msg()
 
     def act(testbed) -> None:
-        request = SetParameters.Request(parameters=[given])
+        request = SetParameters.Request(parameters=[change])
         (result,) = testbed.robot.call(SetParameters, f"{node}/set_parameters", request).results
         if result.successful:
             raise Failed(f"{node} accepted {name} = {value!r}")
@@ -127,7 +127,7 @@ def game(*setpoint: float) -> Act:
     """Set the game's set point: x, y, z [m], vx, vy, vz [m/s]."""
 
     def act(testbed) -> None:
-        testbed.heard.setpoint = setpoint
+        testbed.listener.setpoint = setpoint
 
     return act
 

@@ -51,8 +51,8 @@ class Intruders:
     def start(self, node: str, *arguments: str) -> int:
         """Start one more process of an executable, with the same CAN ports; return its id."""
         own = f"{node}:"
-        given = [word.removeprefix(own) for word in self._graph.arguments("sim_rig")]
-        guest = bringup.Process(node, ["--ros-args", *given, *arguments])
+        inherited = [word.removeprefix(own) for word in self._graph.arguments("sim_rig")]
+        guest = bringup.Process(node, ["--ros-args", *inherited, *arguments])
         self._guests.append(guest)
         return guest.pid
 

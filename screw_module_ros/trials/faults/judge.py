@@ -42,26 +42,26 @@ class _Trial:
     """One row: motion, fault, detection, removal of the cause, recovery to operation."""
 
     def __init__(self, testbed: Testbed, row: Row):
-        self.testbed, self.row, self.heard = testbed, row, testbed.heard
+        self.testbed, self.row, self.listener = testbed, row, testbed.listener
         self._facts: dict = {}
         self._cause_removed = False
 
     def verdict(self) -> Verdict:
         """Carry out the row."""
-        testbed, begun_ns, begun = self.testbed, _WALL.now_ns(), self.heard.time
+        testbed, begun_ns, begun = self.testbed, _WALL.now_ns(), self.listener.time
         problem = self._problem()
         stuck = bool(problem) and not self._recovered()
         testbed.deadline = float("inf")
         return Verdict(
             self.row.name, problem, stuck,
             seconds=(_WALL.now_ns() - begun_ns) * 1e-9,
-            simulated=self.heard.time - begun,
+            simulated=self.listener.time - begun,
             **self._facts,
         )  # fmt: skip
 
     def _problem(self) -> str:
         testbed, row = self.testbed, self.row
-        testbed.deadline = self.heard.time + ROW_S
+        testbed.deadline = self.listener.time + ROW_S
         try:
             row.prepare(testbed)
             testbed.ready(row.mode)
@@ -77,7 +77,7 @@ class _Trial:
 
     def _recovered(self) -> bool:
         """End the fault and recover after a failure, for the next row; return success."""
-        self.testbed.deadline = self.heard.time + ROW_S
+        self.testbed.deadline = self.listener.time + ROW_S
         try:
             if not self._cause_removed:
                 self._remove_cause()
@@ -99,18 +99,18 @@ class _Trial:
 
     def _inject(self) -> None:
         row, testbed = self.row, self.testbed
-        before = self.heard.mark()
+        before = self.listener.mark()
         begin = row.inject(testbed) or max(before, testbed.just_now())
         if row.safe == EITHER:
             self._pass(begin + row.watch)
-        if row.safe == GOES_ON or row.safe == EITHER and not self.heard.disabled_at():
+        if row.safe == GOES_ON or row.safe == EITHER and not self.listener.disabled_at():
             self._goes_on(before, begin)
         else:
             self._stops(begin)
 
     def _stops(self, begin: float) -> None:
         if self.row.safe == EITHER:  # the time of its effect is unknown: count from the stop
-            begin = min(self.heard.disabled_at().values())
+            begin = min(self.listener.disabled_at().values())
             self._await_reason()
         self._await_no_torque(begin)
         if self.row.safe == VERTICAL_OFF:
@@ -120,13 +120,13 @@ class _Trial:
         self._remove_cause()
         self._check_it_stays_off(begin)
         self._recover()
-        on = set(_DRIVES) - set(self.heard.disabled_at())
+        on = set(_DRIVES) - set(self.listener.disabled_at())
         if self.row.safe == OFF and on:
             raise Failed(f"{' and '.join(sorted(on))} was never disabled")
 
     def _pass(self, until: float) -> None:
         """Let simulated time pass."""
-        self.testbed.robot.pause(max(0.0, until - self.heard.time))
+        self.testbed.robot.pause(max(0.0, until - self.listener.time))
 
     # Off ---------------------------------------------------------------------------------------
 
@@ -139,7 +139,7 @@ class _Trial:
         """Wait for the row's time limits, then check the torque of the rig's motors."""
         row = self.row
         self._pass(begin + self._longest + 10 * PERIOD)
-        moments = self.heard.since(begin)
+        moments = self.listener.since(begin)
         on, plane_on = (torque_samples(moments, begin, which) for which in (vertical, plane))
         self._facts.update(vertical=on, plane=plane_on)
         if on > row.within:
@@ -149,24 +149,24 @@ class _Trial:
 
     def _check_it_stays_off(self, begin: float) -> None:
         """Check that no torque and no drive comes back by itself after the fault."""
-        heard, row = self.heard, self.row
-        heard.forget_enabled()
-        quiet = heard.time
+        listener, row = self.listener, self.row
+        listener.forget_enabled()
+        quiet = listener.time
         self._pass(quiet + row.watch)
-        moments = heard.since(min(begin + self._longest, quiet))
+        moments = listener.since(min(begin + self._longest, quiet))
         if any(map(vertical, moments)):
             raise Failed("vertical torque came back by itself")
         if row.safe != VERTICAL_OFF and any(map(plane, moments)):
             raise Failed("planar torque came back by itself")
         allowed = {"manus"} if row.safe == VERTICAL_OFF else set()
-        if again := heard.ever_enabled() - allowed:
+        if again := listener.ever_enabled() - allowed:
             raise Failed(f"{', '.join(sorted(again))} enabled by itself")
 
     def _recover(self) -> None:
         """Recover with the services of the row only; check the force step on the patient's hand."""
         self.testbed.recovery.steps.clear()
         self.testbed.ready(self.row.mode)
-        self._facts["step"] = largest_step(self.heard.since(self.testbed.recovery.enabled_at))
+        self._facts["step"] = largest_step(self.listener.since(self.testbed.recovery.enabled_at))
         if self._facts["step"] > LARGEST_STEP:
             raise Failed(f"a step of {self._facts['step']:.1f} N on the patient's hand on recovery")
         steps = self.testbed.recovery.steps
@@ -179,7 +179,7 @@ class _Trial:
         """Check that the robot continues, also after the cause has gone, and reports an alarm."""
         self._pass(begin + self.row.watch)
         self._await_alarm()
-        if problem := beyond_limits(self.heard.since(before)):
+        if problem := beyond_limits(self.listener.since(before)):
             raise Failed(problem)
         self._check_drives(set(_DRIVES))
         if not self.row.limp:
@@ -189,38 +189,38 @@ class _Trial:
                 self._check_torque(half, vertical, "the vertical axis")
         self._remove_cause()
         if self.row.safe == GOES_ON:  # with EITHER the end of the fault may stop the robot
-            self._pass(self.heard.time + _AFTERWARDS_S)
+            self._pass(self.listener.time + _AFTERWARDS_S)
             self._check_drives(set(_DRIVES))
 
     def _check_drives(self, wanted: set[str]) -> None:
-        off = wanted & set(self.heard.disabled_at())
+        off = wanted & set(self.listener.disabled_at())
         if off:
             raise Failed(f"{', '.join(sorted(off))} went off ({self._reasons()})")
-        silent = [node for node in sorted(wanted) if not self.heard.enabled(node)]
+        silent = [node for node in sorted(wanted) if not self.listener.enabled(node)]
         if silent:
             raise Failed(f"{', '.join(silent)} is silent")
 
     def _check_torque(self, seconds: float, has_torque, which: str) -> None:
         """Check that an enabled drive gives torque."""
-        if not any(map(has_torque, self.heard.since(self.heard.time - seconds))):
+        if not any(map(has_torque, self.listener.since(self.listener.time - seconds))):
             raise Failed(f"{which} is enabled but gives no torque")
 
     # Reports -----------------------------------------------------------------------------------
 
     def _reasons(self) -> str:
-        return "; ".join(self.heard.reasons()) or "no reason reported"
+        return "; ".join(self.listener.reasons()) or "no reason reported"
 
     def _await_reason(self) -> None:
-        if not self.testbed.until(self.heard.reasons, _ALARM_S):
+        if not self.testbed.until(self.listener.reasons, _ALARM_S):
             raise Failed("stopped without a reason in safety_state")
-        self._facts["reason"] = self.heard.reasons()[0]
+        self._facts["reason"] = self.listener.reasons()[0]
 
     def _await_alarm(self) -> None:
         """Wait until the fault is reported as the row says."""
-        alarm, heard = self.row.alarm, self.heard
+        alarm, listener = self.row.alarm, self.listener
         if alarm is None:
             return
-        if not self.testbed.until(lambda: not missing_of(alarm, heard, self._facts), _ALARM_S):
-            missing = missing_of(alarm, heard, self._facts)
-            alarms = "; ".join(f"{n}: {', '.join(m)}" for n, m in heard.alarms().items())
+        if not self.testbed.until(lambda: not missing_of(alarm, listener, self._facts), _ALARM_S):
+            missing = missing_of(alarm, listener, self._facts)
+            alarms = "; ".join(f"{n}: {', '.join(m)}" for n, m in listener.alarms().items())
             raise Failed(f"no alarm: {missing}; alarms: {alarms}; reasons: {self._reasons()}")

@@ -69,22 +69,22 @@ def _median(three: Sequence[Moment]) -> tuple[float, ...]:
     return tuple(sorted(axis)[1] for axis in zip(*(one.force for one in three), strict=True))
 
 
-def missing_of(alarm: Alarm, heard: Listener, facts: dict[str, str]) -> str:
+def missing_of(alarm: Alarm, listener: Listener, facts: dict[str, str]) -> str:
     """Return the missing part of the alarm, empty if it is complete.
 
     facts: receives the found messages as `alarm` and `reason`.
     """
     if alarm.node and not alarm.said:
-        if heard.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:
+        if listener.silent_for(f"diagnostics of {alarm.node}") < SILENT_S:
             return f"{alarm.node} still publishes diagnostics"
     elif alarm.node:
-        said = heard.alarms().get(alarm.node, [])
+        said = listener.alarms().get(alarm.node, [])
         found = [message for message in said if re.search(alarm.said, message)]
         if not found:
             return f"diagnostics of {alarm.node}: {alarm.said!r}"
         facts["alarm"] = f"{alarm.node}: {found[0]}"
     if alarm.reason:
-        found = [reason for reason in heard.reasons() if re.search(alarm.reason, reason)]
+        found = [reason for reason in listener.reasons() if re.search(alarm.reason, reason)]
         if not found:
             return f"safety_state reason {alarm.reason!r}"
         facts["reason"] = found[0]

@@ -27,8 +27,8 @@ _HOMING_S = 20.0  # a joint whose drive has lost its settings brakes
 class Patient:
     """Moves the hand, lets it rest, carries the handle; checks whether the hand is at rest."""
 
-    def __init__(self, robot: Robot, heard: Listener):
-        self._robot, self._heard = robot, heard
+    def __init__(self, robot: Robot, listener: Listener):
+        self._robot, self._listener = robot, listener
 
     def set_up(self) -> None:
         """Set mass, stiffness and damping of the rig's patient, after a start of the rig."""
@@ -36,11 +36,11 @@ class Patient:
 
     def rest(self) -> None:
         """Let the hand rest at the reference mark; with a drive off, where the handle is."""
-        heard = self._heard
-        heard.setpoint = SPRING
+        listener = self._listener
+        listener.setpoint = SPRING
         (x, y), z = (0.0, 0.0), HOME
-        if not (heard.enabled("amplifier") and heard.enabled("manus")):
-            now = heard.now
+        if not (listener.enabled("amplifier") and listener.enabled("manus")):
+            now = listener.now
             (x, y), z = now.plane, min(max(now.height, _LOWEST), _HIGHEST)
         self._robot.set_arm(
             arm((float(x), float(y), z), 0.2, amplitude=_STILL, omega=_STILL, kind="active")
@@ -52,14 +52,14 @@ class Patient:
             arm(target=(0.0, 0.0, HOME), amplitude=_AMPLITUDE, omega=(_OMEGA,) * 3)
         )
         if not self._robot.met(lambda: self._torque_is_out(mode), 3.0):
-            now = self._heard.now
+            now = self._listener.now
             raise RobotError(
                 f"no torque in motion: {now.torque:.3f} Nm, {now.speed:.3f} m/s, joints "
                 f"{now.joints[0]:.2f} and {now.joints[1]:.2f} Nm{self._robot.complaints_text()}"
             )
 
     def _torque_is_out(self, mode: int) -> bool:
-        now = self._heard.now
+        now = self._listener.now
         vertical = abs(now.torque) > NO_TORQUE or mode == ForceCommand.OFF
         plane = max(map(abs, now.joints)) > NO_JOINT_TORQUE
         return vertical and plane and abs(now.speed) > 1e-3
@@ -67,7 +67,7 @@ class Patient:
     @property
     def at_rest(self) -> bool:
         """Whether the hand rests: from now on only the robot changes the force on it."""
-        moments = self._heard.since(self._heard.now.time - _REST_S)
+        moments = self._listener.since(self._listener.now.time - _REST_S)
         forces = [moment.force for moment in moments]
         return bool(moments) and all(
             max(axis) - min(axis) < _RESTING_FORCE for axis in zip(*forces, strict=True)
@@ -87,11 +87,11 @@ class Patient:
         )
 
         def there() -> bool:
-            now = self._heard.now
+            now = self._listener.now
             return abs(now.height - HOME) < _AT_HOME and abs(now.speed) < _RESTING
 
         if not robot.met(there, 5.0):
-            now = self._heard.now
+            now = self._listener.now
             raise RobotError(
                 f"the handle does not come to {HOME:g} m: {now.height:.4f} m, {now.speed:.3f} m/s"
                 f"{robot.complaints_text()}"
@@ -102,12 +102,12 @@ class Patient:
         robot = self._robot
         robot.set_arm(arm((0.0, 0.0, math.nan), 0.2, amplitude=_STILL, omega=_STILL))
         if not robot.met(self._plane_at_home, _HOMING_S):
-            now = self._heard.now
+            now = self._listener.now
             raise RobotError(
                 f"the plane does not come to rest: {1e3 * math.hypot(*now.plane):.1f} mm from "
                 f"its mark, {now.joint_speed:.2g} rad/s{robot.complaints_text()}"
             )
 
     def _plane_at_home(self) -> bool:
-        now = self._heard.now
+        now = self._listener.now
         return math.hypot(*now.plane) < _AT_PLANE_HOME and now.joint_speed < _RESTING_JOINT

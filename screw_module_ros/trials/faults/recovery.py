@@ -27,19 +27,19 @@ class Recovery:
     request [s].
     """
 
-    def __init__(self, robot: Robot, heard: Listener, patient: Patient):
+    def __init__(self, robot: Robot, listener: Listener, patient: Patient):
         self.steps: set[str] = set()
         self.enabled_at = 0.0
-        self._robot, self._heard, self._patient = robot, heard, patient
+        self._robot, self._listener, self._patient = robot, listener, patient
         self._one_enabled = False
         self._tared = -_TARE_AGAIN_S
 
     def go(self, mode: int) -> None:
         """Bring the robot to operation in `mode`. Raises RobotError after 30 s."""
-        end = self._heard.time + _READY_S
+        end = self._listener.time + _READY_S
         self._one_enabled = False
         while missing := self._improve(mode):
-            if self._heard.time > end:
+            if self._listener.time > end:
                 raise RobotError(f"no recovery to operation: {missing}")
             self._robot.pause(_STEP_S)
 
@@ -52,27 +52,28 @@ class Recovery:
         return self._operate(mode)
 
     def _sensors(self) -> str:
-        robot, heard = self._robot, self._heard
-        if not heard.homed:
+        robot, listener = self._robot, self._listener
+        if not listener.homed:
             self._patient.place()
             return self._home("encoder/home")
         ill = any(
             complaint.startswith("force_sensor:") and "samples/s" not in complaint
             for complaint in robot.complaints()
         )
-        if not heard.fresh("force_sensor") or ill:
+        if not listener.fresh("force_sensor") or ill:
             return self._tare() or "force_sensor: tared"
         return ""
 
     def _tare(self) -> str:
         """Let the handle go and tare; the diagnostics show the result a moment later."""
-        if self._heard.time - self._tared < _TARE_AGAIN_S and self._heard.fresh("force_sensor"):
+        listener = self._listener
+        if listener.time - self._tared < _TARE_AGAIN_S and listener.fresh("force_sensor"):
             return "force_sensor: its diagnostics are not OK yet"
         self._robot.set_fixture("free")
         refused = self._try(Trigger, "force_sensor/tare")
         self._patient.place()
         if not refused:
-            self._tared = self._heard.time
+            self._tared = self._listener.time
         return refused
 
     def _drives(self) -> str:
@@ -106,25 +107,25 @@ class Recovery:
         return reasons or "waiting"
 
     def _operate(self, mode: int) -> str:
-        heard, controller = self._heard, self._robot.state(ImpedanceState)
+        listener, controller = self._listener, self._robot.state(ImpedanceState)
         if controller is None:
             return "impedance_controller is silent"
         if controller.mode != mode:
             self._robot.set_mode(mode)
-        silent = [node for node in ("amplifier", "manus") if not heard.fresh(node)]
+        silent = [node for node in ("amplifier", "manus") if not listener.fresh(node)]
         if silent:
             return f"{silent[0]} is silent"
-        off = [node for node in ("amplifier", "manus") if not heard.enabled(node)]
+        off = [node for node in ("amplifier", "manus") if not listener.enabled(node)]
         if off:
             return self._enable(off)
-        settled = heard.time - self.enabled_at > _SETTLE_S
+        settled = listener.time - self.enabled_at > _SETTLE_S
         return "" if settled and controller.mode == mode else "settling"
 
     def _enable(self, nodes: list[str]) -> str:
         if not self._patient.at_rest:
             return "the hand moves"
         if not self._one_enabled:
-            self.enabled_at = self._heard.time
+            self.enabled_at = self._listener.time
         for node in nodes:
             if refused := self._try(SetBool, f"{node}/enable", data=True):
                 return refused

@@ -81,7 +81,7 @@ def rows() -> Iterator[Row]:
 
 
 def _height(testbed) -> float:
-    return testbed.heard.now.height
+    return testbed.listener.now.height
 
 
 def _foreign(
@@ -191,7 +191,7 @@ def _setpoints() -> Iterator[Row]:
 
 
 def _no_game(testbed) -> None:
-    testbed.heard.setpoint = None
+    testbed.listener.setpoint = None
 
 
 def _wait(testbed) -> None:

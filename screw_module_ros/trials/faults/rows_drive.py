@@ -56,13 +56,13 @@ _BACK = {
 
 def rows() -> Iterator[Row]:
     """The vertical drive with every fault, the planar ones with some."""
-    for name, text, within, said in _FAULTS:
-        yield _row("drive", "amplifier", name, text, within, said)
-    for name, text, within, said in _FAULTS:
+    for name, text, within, alarm_text in _FAULTS:
+        yield _row("drive", "amplifier", name, text, within, alarm_text)
+    for name, text, within, alarm_text in _FAULTS:
         if name in _SHOULDER_TOO:
-            yield _row("shoulder", "manus", name, text, within, said)
+            yield _row("shoulder", "manus", name, text, within, alarm_text)
         if name in _ELBOW_TOO:
-            yield _row("elbow", "manus", name, text, within, said)
+            yield _row("elbow", "manus", name, text, within, alarm_text)
     for name, text, within in (
         ("position_freeze", "its position stands still", _APART),
         ("position_jump", "its position jumps", _APART),
@@ -78,7 +78,7 @@ def rows() -> Iterator[Row]:
     yield _without_limit()
 
 
-def _row(device: str, node: str, name: str, text: str, within: int, said: str) -> Row:
+def _row(device: str, node: str, name: str, text: str, within: int, alarm_text: str) -> Row:
     stops = within > 0
     follows = within + VIA_SUPERVISOR
     vertical, plane = (within, follows) if device == "drive" else (follows, within)
@@ -88,7 +88,7 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
         fault=f"{device}: {text}",
         inject=fault(device, name),
         back=cured(device),
-        alarm=_alarm(device, node, name, said) if stops else None,
+        alarm=_alarm(device, node, name, alarm_text) if stops else None,
         recovery=_BACK[node] if stops else "none is needed",
         noticed_by=f"{node}; the drive itself" if stops else "no node: no torque is excessive",
         within=vertical if stops else 0,
@@ -99,10 +99,10 @@ def _row(device: str, node: str, name: str, text: str, within: int, said: str) -
     )
 
 
-def _alarm(device: str, node: str, name: str, said: str) -> Alarm:
+def _alarm(device: str, node: str, name: str, alarm_text: str) -> Alarm:
     if (device, name) == ("drive", "pdos_lost"):  # which node is first depends on the rate
         return Alarm("supervisor", "amplifier|disagree", "amplifier|disagree")
-    return Alarm(node, said, node)
+    return Alarm(node, alarm_text, node)
 
 
 def _refuses_to_enable() -> Row:
@@ -132,7 +132,7 @@ def _restarted_without_limit(testbed) -> float:
     fault("drive", "refuse_torque_limit")(testbed)
     begin = fault("drive", "reset")(testbed)
     robot = testbed.robot
-    if not testbed.until(lambda: "amplifier" in testbed.heard.disabled_at(), 2.0):
+    if not testbed.until(lambda: "amplifier" in testbed.listener.disabled_at(), 2.0):
         raise Failed("the amplifier is still enabled")
     robot.pause(0.5)
     answer = robot.call(Trigger, "amplifier/clear_fault", deadline_s=6.0)

@@ -21,7 +21,7 @@ from .row import GOES_ON, MISSED, OFF, VERTICAL_OFF, Act, Alarm, Failed, Row, no
 
 _ESTOP = Alarm("supervisor", "emergency stop", "emergency stop")
 _RESET = "supervisor/reset, enable"
-_HEARD_S = 0.02
+_ARRIVES_S = 0.02
 
 
 def rows() -> Iterator[Row]:
@@ -54,7 +54,7 @@ def _operator() -> Iterator[Row]:
                  both(estop, reset), "supervisor", Alarm("", "", "emergency stop"),
                  "reset where it was refused, enable")  # fmt: skip
     yield _stops("estop-enable-without-reset", "enable after an emergency stop, without reset",
-                 both(estop, _heard, refused("amplifier/enable", SetBool, data=True),
+                 both(estop, _await_stop, refused("amplifier/enable", SetBool, data=True),
                       refused("manus/enable", SetBool, data=True)),
                  "amplifier, manus refuse", _ESTOP, _RESET)  # fmt: skip
     yield _stops("reset-while-cause-persists", "cable out, reset again and again",
@@ -101,9 +101,9 @@ def _operator() -> Iterator[Row]:
                  "amplifier, manus", None, "enable")  # fmt: skip
 
 
-def _heard(testbed) -> None:
+def _await_stop(testbed) -> None:
     """Wait until the stop has reached the drives' nodes: before, the drives are still enabled."""
-    testbed.robot.pause(_HEARD_S)
+    testbed.robot.pause(_ARRIVES_S)
 
 
 def _still_estopped(testbed) -> None:
@@ -112,11 +112,11 @@ def _still_estopped(testbed) -> None:
     testbed.restart("supervisor")
     testbed.await_restarted()
 
-    def said() -> SafetyState | None:
+    def newer() -> SafetyState | None:
         state = testbed.robot.state(SafetyState)
         return state if state is not None and seconds(state.header.stamp) > ended else None
 
-    testbed.robot.wait_until(said, 2.0, "the new supervisor is silent")
+    testbed.robot.wait_until(newer, 2.0, "the new supervisor is silent")
     if not testbed.robot.newest(SafetyState).estopped:
         raise Failed("the emergency stop was lost in the restart")
 
@@ -131,8 +131,8 @@ def _lock_reported(testbed) -> None:
 
 
 def _until_latched(testbed) -> None:
-    testbed.until(lambda: len(testbed.heard.disabled_at()) == 2, 3.0)
-    testbed.until(lambda: any("encoder" in r for r in testbed.heard.reasons()), 3.0)
+    testbed.until(lambda: len(testbed.listener.disabled_at()) == 2, 3.0)
+    testbed.until(lambda: any("encoder" in r for r in testbed.listener.reasons()), 3.0)
     testbed.robot.pause(0.6)  # until the encoder counts as lost instead of late
 
 
@@ -151,10 +151,10 @@ def _home_elsewhere(testbed) -> float:
     there = (math.nan, math.nan, HOME + 0.08)  # friction stops the handle before it
     still = (math.nan, math.nan, 0.0)
     testbed.robot.set_arm(arm(there, amplitude=still, omega=still))
-    if not testbed.until(lambda: testbed.heard.now.height > HOME + 0.02, 5.0):
+    if not testbed.until(lambda: testbed.listener.now.height > HOME + 0.02, 5.0):
         raise Failed("the hand does not leave the mark")
     testbed.robot.pause(1.0)
-    before = testbed.heard.now.height
+    before = testbed.listener.now.height
     for _ in range(10):
         refused("encoder/home", said=AGAIN)(testbed)
     state = testbed.robot.state(ImpedanceState)

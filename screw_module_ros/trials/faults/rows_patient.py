@@ -63,9 +63,9 @@ def _hits(arrived: Callable[[float], bool]) -> Act:
 
     def act(testbed) -> None:
         begin = testbed.just_now()
-        if not testbed.until(lambda: arrived(testbed.heard.now.height), 3.0):
+        if not testbed.until(lambda: arrived(testbed.listener.now.height), 3.0):
             raise Failed("the handle did not reach the end stop")
-        fastest = max(abs(moment.speed) for moment in testbed.heard.since(begin))
+        fastest = max(abs(moment.speed) for moment in testbed.listener.since(begin))
         if fastest < _FAST:
             raise Failed(f"the handle reached the end stop with only {fastest:.2f} m/s")
 

@@ -64,11 +64,11 @@ _FORCE_FAULTS = (
 
 def rows() -> Iterator[Row]:
     """Return the rows of both sensors; those of the force sensor in force feedback."""
-    for given in _ENCODER_FAULTS:
-        yield _row("encoder", 1, *given)
+    for columns in _ENCODER_FAULTS:
+        yield _row("encoder", 1, *columns)
     yield _rollover()
-    for given in _FORCE_FAULTS:
-        yield _row("force_sensor", 3, *given)
+    for columns in _FORCE_FAULTS:
+        yield _row("force_sensor", 3, *columns)
     for gauge in _GAUGES:
         yield _row(
             "force_sensor", 3, "saturate", gauge, f"gauge {gauge} at its limit", OFF, _SILENT,
@@ -119,7 +119,7 @@ def _moved_across(testbed) -> None:
     begin = testbed.just_now()
 
     def across() -> bool:
-        heights = [moment.height for moment in testbed.heard.since(begin)]
+        heights = [moment.height for moment in testbed.listener.since(begin)]
         return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
 
     if not testbed.until(across, 6.0):

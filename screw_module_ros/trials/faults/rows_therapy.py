@@ -135,12 +135,12 @@ def _started(testbed) -> float:
 def _wait_for(testbed, wanted, problem: str, seconds: float = 5.0) -> TherapyState:
     found: list[TherapyState] = []
 
-    def heard() -> bool:
+    def answered() -> bool:
         while (state := testbed.added[_STATES]()) is not None:
             found.append(state)
         return bool(found) and wanted(found[-1])
 
-    if not testbed.until(heard, seconds):
+    if not testbed.until(answered, seconds):
         last = f"state {found[-1].state}: {found[-1].reason}" if found else "it is silent"
         raise Failed(f"{problem}: {last}")
     return found[-1]

@@ -52,7 +52,7 @@ class Testbed:
         self.composed = composed
         self.graph = GraphRun(extra=[*_FAST, *extra], composed=composed)
         self.robot: Robot = None
-        self.heard: Listener = None
+        self.listener: Listener = None
         self.patient: Patient = None
         self.recovery: Recovery = None
         self.intruders: Intruders = None
@@ -65,9 +65,9 @@ class Testbed:
         self.graph.__enter__()
         try:
             self.robot = Robot("fault_operator", watch=self._watch, simulated=True)
-            self.heard = Listener(self.robot)
-            self.patient = Patient(self.robot, self.heard)
-            self.recovery = Recovery(self.robot, self.heard, self.patient)
+            self.listener = Listener(self.robot)
+            self.patient = Patient(self.robot, self.listener)
+            self.recovery = Recovery(self.robot, self.listener, self.patient)
             self.intruders = Intruders(self.robot.clock, self.graph)
             self.graph.wait_until_ready(self.robot)
             self._prepare()
@@ -81,21 +81,21 @@ class Testbed:
             self.thaw(node)
         if self.intruders is not None:
             self.intruders.close()
-        for client in (self.heard, self.robot):
+        for client in (self.listener, self.robot):
             if client is not None:
                 client.close()
         self.graph.__exit__(None, None, None)
 
     def _watch(self) -> None:
         self.graph.watch()
-        if self.heard is None:
+        if self.listener is None:
             return
-        self.heard.look()
-        if self.heard.time > self.deadline:
+        self.listener.look()
+        if self.listener.time > self.deadline:
             raise RobotError(f"the row takes too long{self.robot.complaints_text()}")
 
     def _prepare(self) -> None:
-        self.robot.wait_until(lambda: self.heard.now is not None, 5.0, "no sim/truth")
+        self.robot.wait_until(lambda: self.listener.now is not None, 5.0, "no sim/truth")
         self.robot.set_fixture("free")
         self.robot.tare()
         self.robot.set_fixture("human_arm")
@@ -158,7 +158,7 @@ class Testbed:
 
     def just_now(self) -> float:
         """Return the present simulated time [s]."""
-        return self.heard.time
+        return self.listener.time
 
     # Recovery ------------------------------------------------------------------------------
 
@@ -186,7 +186,7 @@ class Testbed:
         if nodes & {"impedance_controller", "manus"}:
             self.configure()
         if "sim_rig" in nodes:
-            self.robot.wait_until(lambda: self.heard.fresh("sim_rig"), 5.0, "no sim/truth")
+            self.robot.wait_until(lambda: self.listener.fresh("sim_rig"), 5.0, "no sim/truth")
             self.patient.set_up()
 
     def _await_start(self, pid: int, name: str) -> None:
