@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """python-can's `udp_multicast` with less work per frame and the same datagrams on the wire.
 
-A robot of five processes exchanges about ten frames a millisecond. This class omits three costs:
-the kernel's receive time (ports stamp with CLOCK_MONOTONIC), a poll before each read, and a new map
-for each frame sent. The base class handles everything unusual: extended, remote, error and FD
-frames, foreign datagrams.
+A robot of five processes exchanges about ten frames a millisecond. This class omits four costs:
+the kernel's receive time (ports stamp with CLOCK_MONOTONIC), a poll before each read, and a map for
+each frame sent or received: the datagrams of one sender and identifier differ in their data alone.
+The base class handles everything unusual: extended, remote, error and FD frames, foreign datagrams.
 """
 
 from __future__ import annotations
@@ -42,6 +42,7 @@ class LeanUdpBus(UdpMulticastBus):
         self._waitable = [self._own_socket]
         self._destination = (channel, port)
         self._templates: dict[tuple, tuple[bytes, bytes]] = {}
+        self._known: dict[bytes, tuple[int, str | None, int, float]] = {}
         self.own_stamp = 0.0
         self.members_bus = f"{channel}:{port}"
         self.members_frames = 0
@@ -62,14 +63,26 @@ class LeanUdpBus(UdpMulticastBus):
         return self._frame(datagram)
 
     def _frame(self, datagram: bytes) -> can.Message:
+        begin = datagram.find(_DATA_KEY) + len(_DATA_KEY) + 1
+        end = begin + datagram[begin - 1] if len(datagram) > begin else begin
+        around = datagram[:begin] + datagram[end:]
+        known = self._known.get(around)
+        if known is None:
+            return self._new_frame(datagram, around, datagram[begin:end])
+        can_id, channel, dlc, stamp = known
+        self._count(stamp)
+        return can.Message(
+            0.0, can_id, False, channel=channel, dlc=dlc, data=datagram[begin:end]
+        )
+
+    def _new_frame(self, datagram: bytes, around: bytes, data: bytes) -> can.Message:
+        """Return the frame in a datagram; keep what `around` its data means, if that is plain."""
         try:
             fields = msgpack.unpackb(datagram)
             if not _is_plain(fields):
                 return unpack_message(datagram, replace={"timestamp": 0.0}, check=True)
-            stamp = fields["timestamp"]
-            if _MARKS[0] <= stamp <= _MARKS[1] and stamp != self.own_stamp:
-                self.members_frames += 1
-            return can.Message(
+            stamp = float(fields["timestamp"])
+            message = can.Message(
                 0.0,
                 fields["arbitration_id"],
                 False,
@@ -79,6 +92,16 @@ class LeanUdpBus(UdpMulticastBus):
             )
         except Exception as error:  # a foreign datagram can raise anything in the decoder
             raise can.CanOperationError("could not unpack received message") from error
+        self._count(stamp)
+        if fields["data"] == data:
+            if len(self._known) >= _MOST_TEMPLATES:
+                self._known.clear()
+            self._known[around] = (message.arbitration_id, message.channel, message.dlc, stamp)
+        return message
+
+    def _count(self, stamp: float) -> None:
+        if _MARKS[0] <= stamp <= _MARKS[1] and stamp != self.own_stamp:
+            self.members_frames += 1
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send `msg`; raises can.CanOperationError when the socket does not accept it."""

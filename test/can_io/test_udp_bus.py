@@ -11,6 +11,7 @@ import pytest
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.udp_multicast.utils import pack_message
 
+from screw_module_ros.can_io.echo import own_stamp
 from screw_module_ros.can_io.udp_bus import LeanUdpBus
 
 GROUP = "239.74.163.2"
@@ -67,6 +68,35 @@ def test_the_same_datagram(pair):
     for frame in frames:
         lean.send(frame)
     assert sent == [pack_message(frame) for frame in frames]
+
+
+def test_what_is_known_of_a_sender_changes_nothing(pair):
+    """Frames of several senders and identifiers, each again and again with other data."""
+    lean, _ = pair
+    lean.own_stamp = own_stamp()
+    stamps = [own_stamp(), own_stamp(), lean.own_stamp, 0.0, 12.5]
+    counted = 0
+    for number in range(300):
+        stamp = stamps[number % len(stamps)]
+        sent = can.Message(
+            timestamp=stamp,
+            arbitration_id=(0x80, 0x181, 0x7FF)[number % 3],
+            is_extended_id=False,
+            channel=(None, "rig")[number % 2],
+            data=(b"\xa4data\xc4\x01", bytes([number & 0xFF] * (number % 9)))[number % 7 > 0],
+        )
+        counted += stamp in stamps[:2]
+        found = lean._frame(pack_message(sent))
+        assert found.equals(sent, timestamp_delta=None, check_direction=False, check_channel=True)
+        assert lean.members_frames == counted
+
+
+def test_strangers_do_not_fill_the_memory(pair):
+    """Whoever sends a new time stamp with each frame, as python-can does."""
+    lean, _ = pair
+    for number in range(1000):
+        lean._frame(pack_message(can.Message(float(number), 0x181, False, data=b"12")))
+    assert len(lean._known) <= 256
 
 
 def test_nothing_there(pair):
