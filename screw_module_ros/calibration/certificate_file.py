@@ -12,10 +12,9 @@ from typing import Annotated, NamedTuple
 
 from ..control.modes import uses_feedback, uses_observer
 from ..control.vertical_settings import VerticalSettings
-from ..quoting import quoted
 from ..settings import Setting, declared
 from .strict_mapping import CalibrationError, Section
-from .yaml_file import file_content, parsed_calibration
+from .yaml_file import check_serial, file_content, parsed_calibration
 
 FORMAT = "screw_module_ros/certificate"
 CUTOFFS = {"force_gain": "force_cutoff", "observer_gain": "observer_cutoff"}
@@ -88,12 +87,7 @@ def load_certificate(settings: CertificateSettings, serial: str) -> Certificate 
     top = parsed_calibration(path, content, FORMAT, CertificateError, _MEASURE)
     checksum = _checked(content, top)
     written = top.text("serial")
-    if written != serial:
-        own = f"this is module {quoted(serial)}" if serial else "module_serial is empty"
-        top.fail(
-            "serial", f"the certificate belongs to module {quoted(written)}, {own}",
-            "name the file of this module",
-        )  # fmt: skip
+    check_serial(path, written, serial, CertificateError)
     permitted = top.section("permitted_gains")
     fields = declared(VerticalSettings)
     gains = [
