@@ -185,7 +185,8 @@ class ImpedanceControllerNode(ModuleNode):
         certified = self.parameters.read(CertificateSettings)
         if self._certificate is None or certified.uncertified_gains:
             return law.refusal(mode)
-        return self._certificate.refusal(law, mode) or law.refusal(mode)
+        rate = self.parameters.read(RateSettings).rate
+        return self._certificate.refusal(law, mode, rate) or law.refusal(mode)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
