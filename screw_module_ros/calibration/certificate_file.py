@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Certificate of one module, of which the controller takes the largest force gains (thesis 7.1).
 
-`identification/certificate` writes it: the delivered impedance of every mode, and the largest gains
-that are stable on what the module may meet. Its last line is the SHA-256 of the text before it.
+`identification/certificate` writes it: the delivered impedance of every mode, the largest gains
+that are stable on what the module may meet, and the conditions of that (`certificate_conditions`).
+Its last line is the SHA-256 of the text before it.
 """
 
 from __future__ import annotations
@@ -12,19 +13,16 @@ from typing import Annotated, NamedTuple
 
 from ..control.modes import uses_feedback, uses_observer
 from ..control.vertical_settings import VerticalSettings
-from ..quoting import quoted
 from ..settings import Setting, declared
+from .certificate_conditions import Conditions, read_conditions
 from .strict_mapping import CalibrationError, Section
-from .yaml_file import file_content, parsed_calibration
+from .yaml_file import check_serial, file_content, parsed_calibration
 
 FORMAT = "screw_module_ros/certificate"
-CUTOFFS = {"force_gain": "force_cutoff", "observer_gain": "observer_cutoff"}
-"""Settings of the law that a certificate limits, with the filter of the force that each acts on.
-Experiment `stability` finds the gains with the default filter; a faster one makes the largest
-stable gain smaller."""
+GAINS = ("force_gain", "observer_gain")
+"""Settings of the law that a certificate limits."""
 _MEASURE = "restore the file as it was written, or run stability and delivered_impedance again"
 _CHECKSUM = "sha256: "
-_USUAL = VerticalSettings()
 
 
 class CertificateError(CalibrationError):
@@ -38,48 +36,50 @@ class CertificateSettings(NamedTuple):
         str, Setting("certificate of the module, empty for none: no gain is refused then")
     ] = ""
     uncertified_gains: Annotated[
-        bool, Setting("also take force gains beyond the certificate's")
+        bool, Setting("also take force gains beyond the certificate's, and its conditions")
     ] = False
 
 
 class Certificate(NamedTuple):
     """What a certificate permits.
 
-    force_gain, observer_gain: largest permitted values of these settings; identity: serial, date
-    and checksum for diagnostics.
+    force_gain, observer_gain: largest permitted values of these settings; conditions: with which
+    they were found; identity: serial, date and checksum for diagnostics.
     """
 
     force_gain: float
     observer_gain: float
+    conditions: Conditions
     identity: str
 
-    def refusal(self, settings: VerticalSettings, mode: int) -> str:
-        """Return why the settings go beyond the certificate in a mode, empty if they do not."""
+    def refusal(self, settings: VerticalSettings, mode: int, rate: float) -> str:
+        """Return why the settings go beyond the certificate in a mode, empty if they do not.
+
+        rate: of the controller [Hz].
+        """
         used = {"force_gain": uses_feedback(mode), "observer_gain": uses_observer(mode)}
-        for name, cutoff in CUTOFFS.items():
-            if not used[name]:
-                continue
-            given, most = getattr(settings, name), getattr(self, name)
-            usual = getattr(_USUAL, cutoff)
-            if getattr(settings, cutoff) > usual:
+        for name in (name for name in GAINS if used[name]):
+            beyond = self.conditions.departure(name, settings, rate) or self._excess(name, settings)
+            if beyond:
+                given, limit = beyond
                 return (
-                    f"{cutoff} is {getattr(settings, cutoff):g} Hz, and the module's certificate "
-                    f"({self.identity}) is for {usual:g} Hz at most: choose a lower one, or set "
+                    f"{given}, and the module's certificate ({self.identity}) {limit}, or set "
                     "uncertified_gains"
                 )
-            if given > most:
-                return (
-                    f"{name} is {given:g}, and the module's certificate ({self.identity}) permits "
-                    f"{most:g} at most: choose a smaller one, or set uncertified_gains"
-                )
         return ""
+
+    def _excess(self, name: str, settings: VerticalSettings) -> tuple[str, str] | None:
+        given, most = getattr(settings, name), getattr(self, name)
+        if given <= most:
+            return None
+        return f"{name} is {given:g}", f"permits {most:g} at most: choose a smaller one"
 
 
 def load_certificate(settings: CertificateSettings, serial: str) -> Certificate | None:
     """Return the certificate that the settings name, None without one.
 
     serial: of the connected module. Raises CertificateError naming file, problem and way out: when
-    the file cannot be read, was changed, belongs to another module or lists no gains.
+    the file cannot be read, was changed, belongs to another module, or lacks gains or conditions.
     """
     path = settings.certificate_file
     if not path:
@@ -88,19 +88,15 @@ def load_certificate(settings: CertificateSettings, serial: str) -> Certificate 
     top = parsed_calibration(path, content, FORMAT, CertificateError, _MEASURE)
     checksum = _checked(content, top)
     written = top.text("serial")
-    if written != serial:
-        own = f"this is module {quoted(serial)}" if serial else "module_serial is empty"
-        top.fail(
-            "serial", f"the certificate belongs to module {quoted(written)}, {own}",
-            "name the file of this module",
-        )  # fmt: skip
+    check_serial(path, written, serial, CertificateError)
     permitted = top.section("permitted_gains")
     fields = declared(VerticalSettings)
     gains = [
         permitted.number(name, fields[name].setting.low, fields[name].setting.high)
-        for name in CUTOFFS
+        for name in GAINS
     ]
-    return Certificate(*gains, f"{written} {top.text('date')} sha256:{checksum[:12]}")
+    conditions = read_conditions(top.section("conditions"))
+    return Certificate(*gains, conditions, f"{written} {top.text('date')} sha256:{checksum[:12]}")
 
 
 def _checked(content: bytes, top: Section) -> str:

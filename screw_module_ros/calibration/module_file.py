@@ -30,11 +30,10 @@ from typing import Annotated, NamedTuple
 
 import yaml
 
-from ..quoting import quoted
 from ..settings import Setting
 from .module_fields import FORMAT, ModuleCalibration, content_checksum, content_values, read_content
 from .strict_mapping import CalibrationError, Section
-from .yaml_file import VERSION, read_calibration
+from .yaml_file import VERSION, check_serial, read_calibration
 
 __all__ = [
     "CalibrationSettings",
@@ -105,22 +104,8 @@ def load_module_calibration(path: str | Path, serial: str) -> ModuleCalibration:
             f"{noted[:12]!r})",
             _IDENTIFY,
         )
-    _check_serial(str(path), calibration.serial, serial)
+    check_serial(str(path), calibration.serial, serial, ModuleCalibrationError)
     return calibration._replace(checksum=found)
-
-
-def _check_serial(file: str, written: str, serial: str) -> None:
-    if not serial:
-        raise ModuleCalibrationError(
-            f"{file}: serial: the file belongs to module {quoted(written)}, and which "
-            "module this is was not said; set module_serial to the serial on the module"
-        )
-    if written != serial:
-        raise ModuleCalibrationError(
-            f"{file}: serial: the file belongs to module {quoted(written)}, this is module "
-            f"{quoted(serial)} "
-            "(module_serial); name the file of this module, or identify it"
-        )
 
 
 def write_calibration(path: str | Path, calibration: ModuleCalibration) -> ModuleCalibration:

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization, default_linearization
+from ..control.vertical_settings import VerticalSettings
 from ..resources import resource_path
 from ..settings import Setting
 from .friction_file import load_friction_model
@@ -28,11 +29,18 @@ class ChosenFriction(NamedTuple):
     gravity: float | None = None
     mass: float | None = None
 
-    def described(self, gravity: float) -> str:
-        """Return the identity, with a note if gravity [N] was set by hand."""
-        if self.gravity is None or gravity == self.gravity:
-            return self.identity
-        return f"{self.identity}, gravity {gravity:g} N by hand"
+    def described(self, gravity: float, mass: float) -> str:
+        """Return the identity, with a note if gravity [N] or mass [kg] was set by hand."""
+        told = self.identity
+        if self.gravity not in (None, gravity):
+            told += f", gravity {gravity:g} N by hand"
+        if self.mass not in (None, mass):
+            told += f", mass {mass:g} kg by hand"
+        return told
+
+    def law(self, settings: VerticalSettings) -> VerticalSettings:
+        """Return the law's settings, in which OBSERVER carries no mass beyond the one measured."""
+        return settings if self.mass is None else settings.carrying_at_most(self.mass)
 
 
 def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:

@@ -62,6 +62,23 @@ def parsed_calibration(
     return Section(file, "", rest, error, way_out)
 
 
+def check_serial(file: str, written: str, serial: str, error: type[CalibrationError]) -> None:
+    """Raise `error` unless a file of the module `written` is for this module.
+
+    serial: that of this module, empty if nobody said which it is: then no file is for it.
+    """
+    if not serial:
+        raise error(
+            f"{file}: serial: the file belongs to module {quoted(written)}, and which module this "
+            "is was not said; set module_serial to the serial on the module"
+        )
+    if written != serial:
+        raise error(
+            f"{file}: serial: the file belongs to module {quoted(written)}, this is module "
+            f"{quoted(serial)} (module_serial); name the file of this module, or identify it"
+        )
+
+
 def calibration_identity(path: str | Path) -> str:
     """Return the identity of a calibration for logs and bags: file name and hash of its bytes.
 

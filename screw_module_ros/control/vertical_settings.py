@@ -167,6 +167,15 @@ class VerticalSettings(NamedTuple):
         """Return the settings for a module whose weight [N] and mass [kg] were measured."""
         return self._replace(gravity=gravity, mass=mass, observer_inertia=KNOWN_SHARE)
 
+    def carrying_at_most(self, measured: float) -> VerticalSettings:
+        """Return the settings for a module whose mass was measured [kg].
+
+        A mass set by hand may be larger, for a heavier handle; then OBSERVER still carries only
+        what it may of the mass that was measured. More could leave the hand less than no mass.
+        """
+        most = KNOWN_SHARE * measured / self.mass
+        return self._replace(observer_inertia=min(self.observer_inertia, most))
+
     @property
     def least_damping(self) -> float:
         """Smallest damping with which OBSERVER brings a released handle to rest [Ns/m]."""

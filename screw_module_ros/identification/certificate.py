@@ -10,6 +10,7 @@ from typing import Any
 
 import yaml
 
+from ..calibration.certificate_conditions import Conditions
 from ..calibration.certificate_file import FORMAT, text_checksum
 from ..control.vertical_settings import VerticalSettings
 from ..settings import declared
@@ -58,7 +59,10 @@ def software() -> str:
 
 
 def _gains(lab: Lab) -> dict[str, Any]:
-    """Return the largest stable gains, with margins over the defaults, and the permitted gains."""
+    """Return largest stable gains with margins over the defaults, permitted gains and conditions.
+
+    Raises MissingResult if the gains are of a version that kept no conditions.
+    """
     try:
         gains = lab.result(stability.NAME)
     except MissingResult:
@@ -77,7 +81,18 @@ def _gains(lab: Lab) -> dict[str, Any]:
             setting: _permitted(setting, [found[f"{law}_{met}"].value for met in _MET])
             for law, setting in _SETTINGS.items()
         },
+        "conditions": _conditions(gains),
     }
+
+
+def _conditions(gains: Result) -> dict[str, float]:
+    """Return the conditions of the gains, to the last bit: the controller compares them."""
+    if missing := set(Conditions._fields) - set(gains.settings):
+        raise MissingResult(
+            f"the result of {stability.NAME} does not say with which {min(missing)} its gains were "
+            f"found, an older version wrote it: run {stability.NAME} again"
+        )
+    return {name: gains.settings[name] for name in Conditions._fields}
 
 
 def _default(law: str) -> float:

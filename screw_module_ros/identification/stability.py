@@ -14,11 +14,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..calibration.certificate_conditions import conditions_of
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
+from . import gravity, inertia
 from .force_gain import reduced
-from .lab import Job, Lab
+from .lab import Job, Lab, MissingResult
 from .results import Quantity, Result
 from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
 from .trials import Arm, MotionTrial
@@ -47,18 +49,21 @@ class Settings(NamedTuple):
     contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
     contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
     cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
+    velocity_cutoff: Annotated[float, Setting("of the velocity filter", "Hz", 0.1, 1000.0)] = 30.0
     simulated: Annotated[bool, Setting("also find the onset in simulation")] = True
 
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     validated(settings)
-    mechanism, sampling = _of(lab, settings)
+    mechanism, sampling, velocity_cutoff = _of(lab, settings)
+    usual = _law(lab)
+    feedback = Feedback(5.0, settings.cutoff, velocity_cutoff=velocity_cutoff)
     quantities, data, notes = [], {}, []
     for name, (text, environment) in ENVIRONMENTS.items():
         loops = (
-            ("feedback", Feedback(5.0, settings.cutoff)),
-            ("observer", _observer(VerticalSettings())),
+            ("feedback", feedback),
+            ("observer", _observer(usual)),
         )
         for law_name, law in loops:
             gain = largest_gain(mechanism, environment, sampling, law)
@@ -66,6 +71,9 @@ def run(lab: Lab, settings: Settings) -> Result:
                 Quantity(f"{law_name}_{name}", gain, math.nan, "",
                          f"largest stable gain predicted, {law_name}, {text}")
             )  # fmt: skip
+            if gain <= 0.0:
+                notes.append(f"{law_name}, {text}: no gain is stable.")
+                continue
             costs = limits(mechanism, environment, sampling, law)
             data[f"limits_{law_name}_{name}"] = np.array(list(costs.values()))
             worst = max(costs, key=costs.get)
@@ -75,13 +83,15 @@ def run(lab: Lab, settings: Settings) -> Result:
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
-    data |= _curves(mechanism, sampling, settings.cutoff)
+    data |= _curves(mechanism, sampling, (feedback, _observer(usual)))
     notes.append(
         "Factor of each limit: largest gain without this limit over the largest gain with it. The "
         "linear loop has neither friction, which stabilises, nor play, which destabilises. The "
         "hand formula models the environment as a mass and does not apply to walls."
     )
-    return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
+    used = conditions_of(usual._replace(force_cutoff=settings.cutoff), *sampling, velocity_cutoff)
+    in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
+    return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
 def limits(
@@ -155,27 +165,42 @@ def _by_hand(
                      f"largest stable gain by the hand formula, feedback, {text}")]  # fmt: skip
 
 
-def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling]:
-    """Return mechanism and sampling, those of a simulated module if the bench is one."""
+def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
+    """Return mechanism, sampling and cut-off of the velocity filter [Hz].
+
+    A simulated module has its own.
+    """
     world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))
     if world is None or loop is None:
         return (
             Mechanism(settings.nut_mass, settings.handle_mass, settings.contact_stiffness,
                       settings.contact_damping),
             Sampling(settings.rate, settings.delay),
+            settings.velocity_cutoff,
         )  # fmt: skip
     v, a = world.vertical, world.amplifier
     return (
         Mechanism(v.turning_mass, v.moving_mass, v.contact_stiffness, v.contact_damping,
                   a.bandwidth, world.sensor.bandwidth),
         Sampling(loop.rate, loop.command_delay + a.delay),
+        loop.cutoff,
     )  # fmt: skip
+
+
+def _law(lab: Lab) -> VerticalSettings:
+    """Return the law as a controller has it with the lab's calibration, else with the defaults."""
+    law = VerticalSettings()
+    try:
+        weight = lab.result(gravity.NAME).value("gravity")
+        return law.calibrated(weight, lab.result(inertia.NAME).value("mass"))
+    except MissingResult:
+        return law
 
 
 def _observer(law: VerticalSettings) -> Observer:
     return Observer(
         law.observer_gain, law.observer_cutoff, law.observer_bandwidth, law.mass,
-        law.observer_delay, law.stiffness, law.least_damping,
+        law.observer_delay, law.stiffness, law.least_damping, law.observer_inertia,
     )  # fmt: skip
 
 
@@ -216,15 +241,15 @@ def _found(name: str, text: str, low: float, high: float) -> Quantity:
     return Quantity(f"simulated_{name}", 0.5 * (low + high), 0.5 * (high - low), "", condition)
 
 
-def _curves(mechanism: Mechanism, sampling: Sampling, cutoff: float) -> dict[str, np.ndarray]:
+def _curves(
+    mechanism: Mechanism, sampling: Sampling, laws: tuple[Feedback, Observer]
+) -> dict[str, np.ndarray]:
     """Return the largest gain over the delay and over the environment's mass, for a figure."""
     delays = np.linspace(0.1e-3, 4e-3, 14)
     masses = np.geomspace(0.3, 50.0, 14)
     hand = Environment()
     found = {"delays": delays, "masses": masses}
-    for name, law in (
-        ("feedback", Feedback(5.0, cutoff)), ("observer", _observer(VerticalSettings()))
-    ):  # fmt: skip
+    for name, law in zip(("feedback", "observer"), laws, strict=True):
         found[f"delay_{name}"] = np.array(
             [largest_gain(mechanism, hand, sampling._replace(delay=d), law) for d in delays]
         )

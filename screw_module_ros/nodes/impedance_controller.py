@@ -136,15 +136,15 @@ class ImpedanceControllerNode(ModuleNode):
             raise ValueError(f"without the last calibration: {refused}")
 
     def _name_calibration(self) -> None:
-        gravity = self.parameters.read(VerticalSettings).gravity
-        calibration = self._friction.described(gravity) if self._friction else ""
+        law = self.parameters.read(VerticalSettings)
+        calibration = self._friction.described(law.gravity, law.mass) if self._friction else ""
         self._state_message.calibration = calibration
 
     def begin(self) -> None:
         """Start with zero force and the set point at the measured position."""
         chosen = self.parameters.read(ControllerSettings)
         self.part = VerticalController(
-            self.parameters.read(VerticalSettings).validated(),
+            self._friction.law(self.parameters.read(VerticalSettings).validated()),
             self._friction.model,
             self.parameters.read(WatchSettings, "watch"),
             self.parameters.read(AgreementSettings, "agreement"),
@@ -185,7 +185,8 @@ class ImpedanceControllerNode(ModuleNode):
         certified = self.parameters.read(CertificateSettings)
         if self._certificate is None or certified.uncertified_gains:
             return law.refusal(mode)
-        return self._certificate.refusal(law, mode) or law.refusal(mode)
+        rate = self.parameters.read(RateSettings).rate
+        return self._certificate.refusal(law, mode, rate) or law.refusal(mode)
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
@@ -194,7 +195,7 @@ class ImpedanceControllerNode(ModuleNode):
         if self.part is None:
             return
         if kind is VerticalSettings:
-            self.part.settings = self.parameters.read(VerticalSettings)
+            self.part.settings = self._friction.law(self.parameters.read(VerticalSettings))
         elif kind is ControllerSettings:
             self.part.mode = self.parameters.read(ControllerSettings).mode
 

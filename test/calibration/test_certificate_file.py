@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """A module's certificate: what it permits, and what is refused."""
 
+import math
 import re
 
 import pytest
+import yaml
 
+from screw_module_ros.calibration.certificate_conditions import LEAST, MOST, conditions_of
 from screw_module_ros.calibration.certificate_file import (
     CertificateError,
     CertificateSettings,
@@ -17,11 +20,19 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 SERIAL = "ARM-0007"
 
 
-def written(folder, gains="{force_gain: 6.28, observer_gain: 12.6}", serial=SERIAL):
+RATE = 1000.0
+LAW = VerticalSettings(mass=5.437218, observer_inertia=0.35)
+CONDITIONS = conditions_of(LAW, RATE, 1.26e-3, 30.0)
+
+
+def written(
+    folder, gains="{force_gain: 6.28, observer_gain: 12.6}", serial=SERIAL, conditions=CONDITIONS
+):
     text = (
         f"format: screw_module_ros/certificate\nversion: 1\nserial: {serial}\n"
         f"date: '2026-11-22T09:30:00Z'\npermitted_gains: {gains}\n"
     )
+    text += yaml.safe_dump({"conditions": conditions._asdict()}) if conditions else ""
     file = folder / "module_certificate.yaml"
     file.write_text(f"{text}sha256: {text_checksum(text)}\n")
     return CertificateSettings(str(file))
@@ -38,26 +49,46 @@ def test_no_file_limits_nothing():
 def test_a_gain_beyond_it_is_refused_in_the_modes_that_use_it(tmp_path, mode, field):
     certificate = load_certificate(written(tmp_path), SERIAL)
     most = getattr(certificate, field)
-    at_most = VerticalSettings()._replace(**{field: most})
+    at_most = LAW._replace(**{field: most})
     beyond = at_most._replace(**{field: most + 0.01})
-    assert not certificate.refusal(at_most, mode)
-    assert re.search(f"{field} is .*ARM-0007.* at most", certificate.refusal(beyond, mode))
-    assert not certificate.refusal(beyond, modes.IMPEDANCE)
+    assert not certificate.refusal(at_most, mode, RATE)
+    assert re.search(f"{field} is .*ARM-0007.* at most", certificate.refusal(beyond, mode, RATE))
+    assert not certificate.refusal(beyond, modes.IMPEDANCE, RATE)
 
 
-@pytest.mark.parametrize(
-    ("mode", "field"), [(modes.FORCE_FEEDBACK, "force_cutoff"), (modes.COMBINED, "force_cutoff"),
-                        (modes.OBSERVER, "observer_cutoff")]
-)  # fmt: skip
-def test_a_faster_filter_than_the_gains_were_found_with_is_refused(tmp_path, mode, field):
+def departed(name, share):
+    """Return law and rate with one condition of the certificate times a share."""
+    if name == "rate":
+        return LAW, RATE * share
+    return LAW._replace(**{name: share * getattr(LAW, name)}), RATE
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.COMBINED, modes.OBSERVER])
+@pytest.mark.parametrize("name", [*LEAST, *MOST])
+def test_a_condition_that_costs_margin_is_refused_in_the_modes_it_matters_in(tmp_path, mode, name):
     """With 30 Hz in place of 9 the gain that is stable on a heavy arm falls from 16 to 5."""
     certificate = load_certificate(written(tmp_path), SERIAL)
-    usual = getattr(VerticalSettings(), field)
-    slower, faster = (VerticalSettings()._replace(**{field: k * usual}) for k in (0.5, 3.0))
-    assert not certificate.refusal(slower, mode)
-    told = certificate.refusal(faster, mode)
-    assert re.search(f"{field} is .*ARM-0007.* {usual:g} Hz .*uncertified_gains", told)
-    assert not certificate.refusal(faster, modes.IMPEDANCE)
+    worse, better = (0.999, 1.001) if name in LEAST else (1.001, 0.999)
+    for share in (1.0, better):
+        law, rate = departed(name, share)
+        assert not certificate.refusal(law, mode, rate)
+    law, rate = departed(name, worse)
+    told = certificate.refusal(law, mode, rate)
+    gain = "observer_gain" if mode == modes.OBSERVER else "force_gain"
+    if gain in {**LEAST, **MOST}[name]:
+        limit = "at least" if name in LEAST else "at most"
+        wanted = getattr(CONDITIONS, name)
+        assert re.search(f"{name} is .*ARM-0007.* {wanted:.10g}.* {limit}.*uncertified", told)
+    else:
+        assert not told
+    assert not certificate.refusal(law, modes.IMPEDANCE, rate)
+
+
+def test_a_certificate_without_its_conditions_is_refused(tmp_path):
+    with pytest.raises(CertificateError, match="conditions: missing.*run stability"):
+        load_certificate(written(tmp_path, conditions=None), SERIAL)
+    with pytest.raises(CertificateError, match="conditions.delay: nan is not a finite number"):
+        load_certificate(written(tmp_path, conditions=CONDITIONS._replace(delay=math.nan)), SERIAL)
 
 
 @pytest.mark.parametrize(
@@ -66,8 +97,8 @@ def test_a_faster_filter_than_the_gains_were_found_with_is_refused(tmp_path, mod
         (("force_gain: 6", "force_gain: 9"), SERIAL, "sha256: the file was changed"),
         (("version: 1", "version: 2"), SERIAL, "version"),
         (("sha256:", "sha257:"), SERIAL, "sha256: missing"),
-        (("", ""), "ARM-0008", "belongs to module 'ARM-0007', this is module 'ARM-0008'"),
-        (("", ""), "", "module_serial is empty"),
+        (("", ""), "ARM-0008", "module 'ARM-0007', this is module 'ARM-0008'.*name the file of th"),
+        (("", ""), "", "set module_serial to the serial on the module"),
     ],
 )
 def test_another_modules_or_a_changed_one_is_refused(tmp_path, change, serial, told):

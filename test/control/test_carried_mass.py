@@ -3,7 +3,8 @@
 
 import pytest
 
-from screw_module_ros.control.carried_mass import CUTOFF, FIRM, carried_step
+from screw_module_ros.control.carried_mass import CUTOFF, FIRM, KNOWN_SHARE, carried_step
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.filters import lowpass_settled
 
 DT = 1e-3
@@ -39,3 +40,19 @@ def test_even_speed_needs_no_force():
     state = lowpass_settled(0.2)
     force, _ = carried_step(state, 0.2, 3.5, 9.0, 5.0, DT)
     assert force == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("mass", "inertia"), [(9.0, 0.7), (9.0, 0.5), (5.6, 0.7), (50.0, 0.7)])
+def test_a_mass_set_by_hand_adds_nothing_to_what_a_measured_one_allows(mass, inertia):
+    """9 kg in place of 5.5 carried 6.3 kg / (1 + k) of the 5.5 kg / (1 + k) that are there."""
+    law = VerticalSettings().calibrated(10.0, 5.5)._replace(mass=mass, observer_inertia=inertia)
+    kept = law.carrying_at_most(5.5)
+    carried = kept.mass * kept.observer_inertia
+    assert carried == pytest.approx(min(inertia * mass, KNOWN_SHARE * 5.5))
+    assert kept._replace(observer_inertia=inertia) == law
+
+
+def test_a_smaller_mass_or_share_than_the_measured_one_stays():
+    law = VerticalSettings().calibrated(10.0, 5.5)
+    for own in (law, law._replace(mass=4.0), law._replace(mass=6.0, observer_inertia=0.2)):
+        assert own.carrying_at_most(5.5) == own

@@ -6,11 +6,21 @@ import math
 import numpy as np
 import pytest
 
+from screw_module_ros.calibration.certificate_conditions import (
+    FEEDBACK,
+    LEAST,
+    MOST,
+    OBSERVED,
+    Conditions,
+    conditions_of,
+)
 from screw_module_ros.calibration.certificate_file import CertificateSettings, load_certificate
+from screw_module_ros.control.carried_mass import KNOWN_SHARE
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import certificate, stability
 from screw_module_ros.identification.figures.stability import stability_figures
 from screw_module_ros.identification.lab import Lab
-from screw_module_ros.identification.results import Result
+from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.sampled_loop import (
     Environment,
     Feedback,
@@ -156,6 +166,56 @@ def assert_certified(result, folder):
     certificate.write(Lab(Nothing(), folder), delivered, "ARM-0007")
     settings = CertificateSettings(str(folder / certificate.FILE))
     permitted = load_certificate(settings, "ARM-0007")
+    assert permitted.conditions == conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
     for law, gain in (("feedback", permitted.force_gain), ("observer", permitted.observer_gain)):
         stable = [result.value(f"{law}_{met}") for met in ("hand", "heavy_arm", "wall")]
         assert min(stable) - 0.01 <= gain <= min(stable)
+
+
+SLOW_LOOP = conditions_of(VerticalSettings(observer_inertia=0.35), 1000.0, 1.26e-3, 30.0)
+
+
+def permitted_with(conditions: Conditions) -> dict[str, float]:
+    """Return the largest gains that are stable on hand, heavy arm and damped wall, by setting."""
+    c, usual = conditions, VerticalSettings()
+    laws = {
+        FEEDBACK: Feedback(1.0, c.force_cutoff, velocity_cutoff=c.velocity_cutoff),
+        OBSERVED: Observer(1.0, c.observer_cutoff, c.observer_bandwidth, c.mass, c.observer_delay,
+                           usual.stiffness, usual.least_damping, c.observer_inertia),
+    }  # fmt: skip
+    met = [stability.ENVIRONMENTS[name][1] for name in ("hand", "heavy_arm", "wall")]
+    return {
+        setting: min(largest_gain(Mechanism(), on, Sampling(c.rate, c.delay), law) for on in met)
+        for setting, law in laws.items()
+    }
+
+
+@pytest.mark.parametrize("loop", [SLOW_LOOP, SLOW_LOOP._replace(rate=2000.0, delay=0.385e-3)])
+def test_what_a_certificate_refuses_costs_margin(loop):
+    """More delay too, which the controller does not know; the velocity filter costs nothing.
+
+    A slower loop has the same number of periods of delay, and with that more of it.
+    """
+    usual = permitted_with(loop)
+    for name, gains in {**LEAST, **MOST, "delay": (FEEDBACK, OBSERVED)}.items():
+        share = 0.6 if name in LEAST else 1.8
+        other = loop._replace(**{name: share * getattr(loop, name)})
+        if name == "rate":
+            other = other._replace(delay=loop.delay / share)
+        found = permitted_with(other)
+        for gain in (FEEDBACK, OBSERVED):
+            assert (found[gain] < usual[gain]) == (gain in gains), (name, gain)
+    for cutoff in (10.0, 100.0):
+        assert permitted_with(loop._replace(velocity_cutoff=cutoff)) == usual
+
+
+def test_the_certificate_is_for_the_law_that_the_calibration_makes(tmp_path, monkeypatch):
+    """The mass that it carries costs margin; on a light wall no gain is left, which is said."""
+    light = {"light_wall": stability.ENVIRONMENTS["light_wall"]}
+    monkeypatch.setattr(stability, "ENVIRONMENTS", light)
+    for name, quantity in (("gravity", "gravity"), ("inertia", "mass")):
+        Result(name, (Quantity(quantity, 5.1, 0.1, "", ""),), {}).save(tmp_path)
+    found = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
+    assert (found.settings["mass"], found.settings["observer_inertia"]) == (5.1, KNOWN_SHARE)
+    assert found.value("observer_light_wall") == 0.0 < found.value("feedback_light_wall")
+    assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)

@@ -133,6 +133,25 @@ def test_gravity_set_by_hand_is_told_with_the_identity(make_node, calibration):
     node.close()
 
 
+def test_a_mass_set_by_hand_is_told_and_not_carried(make_node, calibration):
+    """OBSERVER carried 0.7 of any mass that somebody set, and with 9 kg left less than none."""
+    node = make_node("impedance_controller", *given(calibration.path))
+    node.trigger_configure()
+    node.trigger_activate()
+    assert not node.parameters.write(mass=9.0)
+    law = node.part.settings
+    assert law.mass == 9.0
+    assert law.observer_inertia * law.mass == pytest.approx(KNOWN_SHARE * 5.5)
+    assert node._state_message.calibration == f"{calibration.identity}, mass 9 kg by hand"
+    node.trigger_deactivate()
+    node.trigger_activate()
+    assert node.part.settings == law
+    assert not node.parameters.write(mass=5.5)
+    assert node.part.settings.observer_inertia == KNOWN_SHARE
+    assert node._state_message.calibration == calibration.identity
+    node.close()
+
+
 @pytest.mark.parametrize("by_hand", [False, True])
 def test_the_next_module_does_not_inherit_it(make_node, calibration, by_hand):
     """Cleaned up and configured without a file: weight, mass and carried share are the old ones.

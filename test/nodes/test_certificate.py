@@ -2,14 +2,18 @@
 """The controller keeps to the gains of its module's certificate, at start and at run time."""
 
 import pytest
+import yaml
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from screw_module_msgs.srv import SetControlMode
 
+from screw_module_ros.calibration.certificate_conditions import conditions_of
 from screw_module_ros.calibration.certificate_file import text_checksum
 from screw_module_ros.control import modes
+from screw_module_ros.control.vertical_settings import VerticalSettings
 
 SERIAL = "ARM-0007"
+CONDITIONS = conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
 
 
 @pytest.fixture
@@ -20,6 +24,7 @@ def controller(make_node, tmp_path):
         "date: '2026-11-22T09:30:00Z'\n"
         "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
     )
+    text += yaml.safe_dump({"conditions": CONDITIONS._asdict()})
     file = tmp_path / "module_certificate.yaml"
     file.write_text(f"{text}sha256: {text_checksum(text)}\n")
 
@@ -57,6 +62,26 @@ def test_no_gain_and_no_mode_goes_beyond_it(controller):
     assert "6.28 at most" in refused
     assert "6.28 at most" in changed(node, mode=modes.FORCE_FEEDBACK)
     assert node.get_parameter("mode").value == modes.IMPEDANCE
+    node.close()
+
+
+def test_it_does_not_start_in_a_loop_slower_than_the_certificate_s(controller):
+    """The gains of a loop at 2 kHz were taken at any rate."""
+    node = controller(mode=modes.FORCE_FEEDBACK, rate=500.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+    assert not changed(node, rate=1000.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    node.close()
+
+
+def test_a_live_parameter_does_not_leave_the_certificate_s_conditions(controller):
+    node = controller(mode=modes.OBSERVER, damping=20.0)
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "observer_inertia is 0.3, and the module's certificate" in changed(
+        node, observer_inertia=0.3
+    )
+    assert not changed(node, mass=6.0), "more than in the certificate costs no margin"
+    assert "mass is 5 kg" in changed(node, mass=5.0)
     node.close()
 
 
