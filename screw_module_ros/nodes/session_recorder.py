@@ -222,7 +222,7 @@ class SessionRecorder(ModuleNode):
 
     def _on_start(self, request: Trigger.Request) -> str:
         if self._session is not None and not self._session.status().error:
-            return f"already recording to {self._folder}: call ~/stop first"
+            return f"already recording to {self._folder}: stop that first"
         self._stop()
         self._refusal = self._start()
         return self._refusal or Done(str(self._folder))

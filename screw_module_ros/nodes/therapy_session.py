@@ -262,7 +262,7 @@ class TherapySessionNode(ModuleNode):
         with self._lock:
             running = self._session
             if running is not None and running.state in (RUNNING, PAUSED):
-                return f"a session of {self._patient} is {running.state}: call ~/abort first"
+                return f"a session of {self._patient} is {running.state}: end it first"
             if self._heard_ns is None:
                 return "no endpoint_state has come yet"
             if hindrance := self._recording.hindrance(self.clock.now_ns()):
@@ -290,7 +290,7 @@ class TherapySessionNode(ModuleNode):
         with self._lock:
             session = self._session
             if session is None:
-                return "no session has been started: call ~/start"
+                return "no session has been started"
             changed = self._change(getattr(session, name), *reason)
             return "" if changed else f"the session is {session.state}"
 

@@ -7,12 +7,16 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from datetime import datetime
+from functools import cmp_to_key
+from itertools import pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import graph
 from ..recording.errors import BagReadError
 from ..recording.reader import read_bag, topics
+from ..samples import sequence_gap
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
 from .readiness import stop_reason
@@ -90,16 +94,15 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
     """
     folder = Path(folder)
     names = _names(folder)
-    states = [m.message for m in read_bag(folder, [names[_STATE]])]
+    states = _in_ticks([m.message for m in read_bag(folder, [names[_STATE]])])
     begins = [index for index, state in enumerate(states) if state.definition]
     if not begins:
         raise BagReadError(f"{folder}: no therapy session begins in it")
     parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
-    starts = [_ns(part[0].header.stamp) for part in parts]
     trials, changes = (
         [m.message for m in _read(folder, names, name)] for name in (_TRIAL, _ASSISTANCE)
     )
-    hands = [m.message for m in read_bag(folder, [names[_HAND]])]
+    hands = _in_ticks([m.message for m in read_bag(folder, [names[_HAND]])])
     return [
         _session(
             folder, part,
@@ -107,8 +110,38 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
             [_change(m) for m in changes if begin <= _ns(m.header.stamp) < end],
             [m for m in hands if begin - _S <= _ns(m.header.stamp) < end],
         )
-        for part, begin, end in zip(parts, starts, [*starts[1:], math.inf], strict=True)
+        for part, (begin, end) in zip(parts, _spans(parts), strict=True)
     ]  # fmt: skip
+
+
+def _spans(parts: Sequence[list[Any]]) -> list[tuple[float, float]]:
+    """Return the stamps from which and until which messages belong to each session [ns].
+
+    All belong to the only session of a bag, also if the clock was set back while it ran.
+    """
+    if len(parts) == 1:
+        return [(-math.inf, math.inf)]
+    starts = [_ns(part[0].header.stamp) for part in parts]
+    return list(zip(starts, [*starts[1:], math.inf], strict=True))
+
+
+def _in_ticks(messages: list[Any]) -> list[Any]:
+    """Return messages in the order of their ticks, if that of the bag is another.
+
+    A bag is in the order of the system clock, which may have been set back while it was recorded.
+    Messages without a tick number stay behind the one before.
+    """
+    number, keyed = 0, []
+    for message in messages:
+        number = int(message.sequence) or number
+        keyed.append((number, message))
+    if all(sequence_gap(a[0], b[0]) >= -1 for a, b in pairwise(keyed)):
+        return messages
+    return [message for _, message in sorted(keyed, key=cmp_to_key(_later))]
+
+
+def _later(one: tuple[int, Any], other: tuple[int, Any]) -> int:
+    return sequence_gap(other[0], one[0]) + 1
 
 
 def _session(
@@ -123,6 +156,8 @@ def _session(
             f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
         )
     samples = [_sample(message, protocol.space) for message in hands]
+    trials.sort(key=itemgetter("trial"))
+    changes.sort(key=itemgetter("block", "circuit"))
     acts = _acts(states, first.patient)
     return Recorded(
         folder, first.patient, protocol, acts, trials, changes, samples, max(hashes)

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
 from .adaptation import Change
+from .gaps import Gap, gaps_of
 from .protocol import Protocol
 from .record import differing, flat
-from .result import Gap, TrialResult, gaps_of
+from .result import TrialResult
 from .samples import HandSample
 from .session import ABORTED, PAUSED, RUNNING, Session
 

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ..samples import sequence_gap
+from .gaps import Gap, gaps_of
 from .line import AXES, Line, speed_of
 from .measures import Measures, measures
 from .path import circle_figures, hold_deviation, path_figures
@@ -48,13 +47,6 @@ class Figures(NamedTuple):
     hold_deviation: float = _NAN
     largest_force: float = _NAN
     largest_vertical_force: float = _NAN
-
-
-class Gap(NamedTuple):
-    """Missing samples: sequence number before them, number of them."""
-
-    after: int
-    missing: int
 
 
 class TrialResult(NamedTuple):
@@ -102,25 +94,6 @@ class Course(NamedTuple):
     end_ns: int
     initiated: bool
     reached: bool
-
-
-def gaps_of(samples: Sequence[HandSample]) -> tuple[Gap, ...]:
-    """Return the gaps between samples; the stride is the most frequent step of their numbers."""
-    steps = [sequence_gap(a.sequence, b.sequence) + 1 for a, b in _pairs(samples)]
-    strides = Counter(step for step in steps if step > 0)
-    if not strides:
-        return ()
-    most = max(strides.values())
-    stride = min(step for step, count in strides.items() if count == most)
-    return tuple(
-        Gap(a.sequence, round(step / stride) - 1)
-        for (a, _), step in zip(_pairs(samples), steps, strict=True)
-        if step >= 1.5 * stride
-    )
-
-
-def _pairs(samples: Sequence[HandSample]) -> list[tuple[HandSample, HandSample]]:
-    return list(zip(samples, samples[1:], strict=False))
 
 
 def trial_result(

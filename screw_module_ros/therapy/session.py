@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
+from .clock_watch import ClockWatch
 from .line import NO_SLOT, VERTICAL, SlotWish, is_known
 from .measures import Measures
 from .protocol import Protocol, TrialPlan, plan
@@ -48,6 +49,7 @@ class Session:
         self._plans = list(plan(protocol))
         self._circuits: list[Circuit] = []
         self._movements: list[Measures] = []
+        self._clock = ClockWatch()
         self.trial: Trial | None = self._next_trial()
 
     @property
@@ -61,11 +63,19 @@ class Session:
         return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
 
     def take(self, sample: HandSample) -> Said:
-        """Process one sample; one with `stop`, or without a valid position, pauses the session."""
+        """Process one sample.
+
+        One with `stop`, without a valid position, or after a step of the system clock pauses the
+        session.
+        """
         if self.state != RUNNING or self.trial is None:
             return _NOTHING
         if sample.stop or not is_known(self.protocol.space, sample):
             self.pause(sample.stop or "where the hand is, or its speed, is not known")
+            return _NOTHING
+        if jump := self._clock.jump(sample):
+            reason = f"the computer's clock was set by {jump:+.1f} s: Resume repeats the movement"
+            self.pause(reason)
             return _NOTHING
         try:
             self.trial.take(sample)
@@ -91,6 +101,7 @@ class Session:
         """Continue after a pause."""
         if self.state == PAUSED:
             self.state, self.reason = RUNNING, ""
+            self._clock.begin()
             self.trial = self._next_trial()
 
     def abort(self, reason: str) -> None:

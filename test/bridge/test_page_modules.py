@@ -132,16 +132,90 @@ def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told)
     """) == told
 
 
+FORM = PLAYED_DOCUMENT + """
+    const { StartCard } = await import("./js/therapist/start.js");
+    const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];
+    const card = new StartCard(protocols, () => {});
+"""
+
+
 def test_the_form_follows_the_session_also_when_another_began_meanwhile(result_of):
     """A page without a connection misses the end of one session and the start of the next."""
-    assert result_of(PLAYED_DOCUMENT + """
-        const { StartCard } = await import("./js/therapist/start.js");
-        const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];
-        const card = new StartCard(protocols, () => {});
+    assert result_of(FORM + """
         card.show({ state: 1, patient: "P-22222", protocol: "a" });
         card.show({ state: 1, patient: "P-33333", protocol: "b" });
         const result = [card.patient.value, card.protocol.value, card.start.disabled];
     """) == ["P-33333", "b", True]
+
+
+STOPPED = """
+    const { safetySentence } = await import("./js/therapist/sentences.js");
+    const safety = { level: 2, reasons: ["emergency stop"] };
+    const endpoint = { enabled: [false, false] };
+"""
+
+
+@pytest.mark.parametrize(("state", "way_out"), [
+    (1, "Then press Resume, which repeats the movement, or End session."),
+    (2, "Then press Resume, which repeats the movement, or End session."),
+    (0, "Then press Start."),
+    (3, "Then press Start."),
+])  # fmt: skip
+def test_after_a_software_stop_a_therapist_is_told_what_to_do(result_of, state, way_out):
+    """A therapist has no console, and no page may reset a stop."""
+    told, is_bad = result_of(STOPPED + f"""
+        const result = safetySentence(safety, endpoint, {{ state: {state} }});
+    """)
+    assert is_bad
+    assert told.startswith("The robot has stopped: the software stop was asked for. See to the")
+    assert "ask its operator to remove the cause, reset the stop and switch the torque on" in told
+    assert told.endswith(way_out)
+    assert "~/" not in told and "console" not in told
+
+
+def test_the_supervisors_answer_to_a_console_is_not_shown(result_of):
+    assert result_of(PLAYED_DOCUMENT + """
+        globalThis.getComputedStyle = () => ({ fontSize: "16px" });
+        const { RobotPanel } = await import("./js/therapist/robot.js");
+        const tell = RobotPanel.prototype.softwareStop;
+        const words = [];
+        const panel = { robot: "/", start: { tell: (sentence) => words.push(sentence) } };
+        panel.bridge = { call: async () => ({ success: true, message: "call ~/reset" }) };
+        await tell.call(panel);
+        panel.bridge = { call: async () => ({ success: false, message: "nobody answers" }) };
+        await tell.call(panel);
+        const result = words;
+    """) == [
+        "Software stop asked for …",
+        "The software stop was carried out. What to do now stands beside its button.",
+        "Software stop asked for …",
+        "The software stop failed: nobody answers. Use the emergency stop.",
+    ]
+
+
+def test_a_stopped_robot_is_neither_started_nor_resumed(result_of):
+    """The session would pause again at once, without a word of why the button did nothing."""
+    assert result_of(FORM + """
+        const seen = (state, isStopped) => {
+          card.show({ state, patient: "P-22222", protocol: "a" }, isStopped);
+          return [card.start, card.resume, card.end].map((each) => !each.disabled);
+        };
+        const result = [seen(0, true), seen(0, false), seen(2, true), seen(2, false)];
+    """) == [[False] * 3, [True, False, False], [False, False, True], [False, True, True]]
+
+
+@pytest.mark.parametrize(("state", "recorded", "can_stop"), [
+    (0, False, False), (1, False, False), (2, False, False), (3, False, False),
+    (0, True, False),  # of a session that the node has forgotten
+    (1, True, True), (2, True, True), (3, True, True),  # it ends a second after the session
+])  # fmt: skip
+def test_a_recording_is_stopped_only_where_there_is_one(result_of, state, recorded, can_stop):
+    assert result_of(FORM + f"""
+        const before = card.save.disabled;
+        const told = {{ state: {state}, patient: "P-22222", protocol: "a" }};
+        card.show({{ ...told, recorded: {json.dumps(recorded)} }});
+        const result = [before, !card.save.disabled];
+    """) == [True, can_stop]
 
 
 def test_the_reason_of_a_refused_limit_stays(result_of):

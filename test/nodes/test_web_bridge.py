@@ -222,7 +222,8 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     page.get_by_role("button", name="Software stop (not the emergency stop)").click()
     stage.ask(lambda robot: robot.wait_until(lambda: stopped(robot), 10.0, "nothing stops"))
     page.get_by_text("Paused, movement").wait_for()
-    page.get_by_text("Stopped: emergency stop").wait_for()
+    page.get_by_text("The robot has stopped: the software stop was asked for").wait_for()
+    assert page.get_by_role("button", name="Resume").is_disabled()  # only an operator resets
     screen.get_by_role("heading", name="Pause").wait_for()
     stage.switch_on()
     page.get_by_role("button", name="Resume").click()

@@ -18,7 +18,7 @@ from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import parse_protocol, sha256
 from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import RUNNING, Session
+from screw_module_ros.therapy.session import PAUSED, RUNNING, Session
 
 TOPICS = (
     graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
@@ -46,9 +46,14 @@ def short_text(name: str = "clock_adaptive", count: int = 2) -> str:
 
 
 def played(
-    person: Person, seed: int, definition: str, patient: str = "P-7K3QX", begin_s: int = 0
+    person: Person, seed: int, definition: str, patient: str = "P-7K3QX", begin_s: int = 0,
+    clock_set: tuple[int, float] | None = None,
 ) -> Played:
-    """Play a session. begin_s: after the epoch [s]."""
+    """Play a session. begin_s: after the epoch [s].
+
+    clock_set: sample before which the system clock is set, and by how much [s]; the therapist
+    resumes the session then.
+    """
     session = Session(parse_protocol(definition, "test"))
     simulation = Simulation(session, person, seed)
     simulation.now_ns = begin_s * _S
@@ -60,9 +65,16 @@ def played(
     while session.state == RUNNING:
         simulation.step()
         simulation.step()
+        if clock_set is not None and len(samples) == clock_set[0]:
+            simulation.clock_set_ns = round(clock_set[1] * _S)
         sample = simulation.sample()
         samples.append(sample)
         session.take(sample)
+        if session.state == PAUSED:
+            for act in (lambda: None, session.resume):
+                act()
+                told.append((sample.time_ns, graph.THERAPY_STATE, _state(
+                    session, patient, "", sample.sequence, definition)))  # fmt: skip
         simulation.look()
         for result in session.results[results:]:
             message = result_message(result, patient, name)
@@ -111,6 +123,7 @@ def _endpoint(sample: HandSample) -> EndpointState:
 
 def _state(session: Session, patient: str, told: str, since: int, definition: str) -> TherapyState:
     return TherapyState(
-        state=STATES[session.state], state_since=since, patient=patient, definition=told,
+        state=STATES[session.state], state_since=since, sequence=since, reason=session.reason,
+        patient=patient, definition=told,
         protocol=session.protocol.name, definition_sha256=sha256(definition), recorded=True,
     )  # fmt: skip

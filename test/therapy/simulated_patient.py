@@ -81,6 +81,7 @@ class Simulation:
         self.position, self.velocity = [x, y, z], [0.0, 0.0, 0.0]
         self.handle = [0.0, 0.0, 0.0]
         self.now_ns, self.count = 0, 0
+        self.clock_set_ns = 0  # by how much the system clock was set, whose stamps samples have
         self.slots = (initial_state(), initial_state())
         self.shown = self.begin = self.bow = None
 
@@ -91,7 +92,7 @@ class Simulation:
     def sample(self) -> HandSample:
         sequence = 1000 + self.count // EVERY * STRIDE
         return HandSample(
-            sequence, self.now_ns, *self.position, *self.velocity, *self.handle
+            sequence, self.now_ns + self.clock_set_ns, *self.position, *self.velocity, *self.handle
         )
 
     def look(self) -> None:
@@ -156,10 +157,13 @@ class Simulation:
         self.count += 1
         self.now_ns += STEP_NS
 
+    def _passed(self, stamp_ns: int) -> float:
+        return (self.now_ns + self.clock_set_ns - stamp_ns) * 1e-9
+
     def _robot(self) -> tuple[float, float, float]:
         """Return the slots' forces on the hand [N]."""
         wish, (x, y, z), (vx, vy, vz) = self.session.wish, self.position, self.velocity
-        since = OPEN if wish.start_ns is None else (self.now_ns - wish.start_ns) * 1e-9
+        since = OPEN if wish.start_ns is None else self._passed(wish.start_ns)
         plane, vertical = wish.plane, wish.vertical
         plane_out, plane_state = slot_step(
             LIMITS,

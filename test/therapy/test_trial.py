@@ -10,7 +10,7 @@ from screw_module_ros.therapy.adaptation import Assistance
 from screw_module_ros.therapy.line import PLANE, Line
 from screw_module_ros.therapy.protocol import STRENGTH, TrialPlan
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.result import Course, gaps_of, trial_result
+from screw_module_ros.therapy.result import Course, trial_result
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.trial import (
     DONE,
@@ -217,32 +217,3 @@ def test_the_largest_force_is_that_of_the_samples_with_a_force():
     course = Course(0, 0, True, False)
     told = trial_result(plan, STRENGTH, False, line, 1.4, 800.0, course, samples).figures
     assert math.isnan(told.largest_force) and math.isnan(told.largest_vertical_force)
-
-
-def test_gaps_say_after_which_sample_and_how_many():
-    def at(*numbers):
-        return [HandSample(n, n * 1_000_000, *(0.0,) * 9) for n in numbers]
-
-    assert gaps_of(at(0, 5, 10, 15)) == ()
-    assert gaps_of(at(0, 5, 20, 25, 30)) == ((5, 2),)
-    wrapped = at(2**32 - 10, 2**32 - 5, 0, 5, 15)
-    assert gaps_of(wrapped) == ((5, 1),)
-    assert gaps_of(at(7)) == ()
-
-
-def test_an_axis_that_is_not_known_does_not_matter():
-    """With NaN from a locked or unhomed vertical axis, a planar reach has all its figures."""
-    hand = Hand(trial())
-    take = hand.trial.take
-    hand.trial.take = lambda sample: take(sample._replace(z=math.nan, vz=math.nan))
-    hand.stay(0.6, fy=1.0)
-    assert hand.trial.phase == WAIT
-    begin = hand.y
-    for k in range(1, 201):
-        hand.y = begin + 0.14 * way(k / 200)
-        hand.take(0.14 * pace(k / 200), fy=5.0)
-    hand.stay(0.6)
-    figures = hand.trial.result.figures
-    assert figures.patient_work == pytest.approx(5.0 * 0.14, rel=0.1)
-    assert figures.robot_share == 0.0
-    assert math.isfinite(figures.path_error) and math.isfinite(figures.sparc)

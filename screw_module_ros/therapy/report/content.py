@@ -69,14 +69,17 @@ def outward_paths(recorded: Recorded) -> list[Path]:
     axes = AXES[recorded.protocol.space]
     rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
     at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
-    times = np.array([sample.time_ns for sample in recorded.samples])
     found = []
     totals, numbers = Counter(row["assisted"] for row in rows), Counter()
     for row in rows:
-        last = int(np.searchsorted(times, row["ended_ns"]))
-        first = at.get(row["first"], last)
+        first = at.get(row["first"], len(recorded.samples))
+        last = at.get(row["last"], first + row["samples"])
         points = np.array(
-            [[s.position[a] for a in axes] for s in recorded.samples[first : last + 1]]
+            [
+                [sample.position[a] for a in axes]
+                for sample in recorded.samples[first : last + 1]
+                if sample.time_ns <= row["ended_ns"]
+            ]
         )
         if len(points) > 1:
             late = numbers[row["assisted"]] >= 2 * totals[row["assisted"]] // 3

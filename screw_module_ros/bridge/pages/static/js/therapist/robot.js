@@ -3,6 +3,7 @@
 
 import { history, named } from "../bridge.js";
 import { el, say } from "../elements.js";
+import { SAFETY_STOPPED } from "../states.js";
 import { LimitsCard } from "./limits.js";
 import { safetySentence, sessionSentence } from "./sentences.js";
 import { StartCard } from "./start.js";
@@ -40,7 +41,7 @@ export class RobotPanel {
       this.views.take(message);
       this.traces.take(message);
     });
-    this.hear("therapy/state", (message) => this.start.show(message));
+    this.hear("therapy/state", (message) => this.start.show(message, this.isStopped()));
     this.hear("safety_state");
     this.hear("therapy/trial", (message) => this.trials.take(message));
     this.hear("therapy/assistance", (message) => this.trials.takeChange(message));
@@ -73,12 +74,16 @@ export class RobotPanel {
     return performance.now() - at < SILENT_MS ? message : null;
   }
 
+  isStopped() {
+    return this.newest("safety_state")?.level === SAFETY_STOPPED;
+  }
+
   async softwareStop() {
     this.start.tell("Software stop asked for …");
     try {
       const { success, message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
       if (!success) throw new Error(message);
-      this.start.tell(`Software stop: ${message}`);
+      this.start.tell("The software stop was carried out. What to do now stands beside its button.");
     } catch (error) {
       this.start.tell(`The software stop failed: ${error.message}. Use the emergency stop.`);
     }
@@ -97,7 +102,7 @@ export class RobotPanel {
     this.viewed = now;
     const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
     say(this.sentence, sessionSentence(state, this.protocols));
-    const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint);
+    const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint, state);
     say(this.reasons, reason);
     this.reasons.classList.toggle("bad", isBad);
     const shown = this.protocols.find(({ protocol }) => protocol === state?.protocol);

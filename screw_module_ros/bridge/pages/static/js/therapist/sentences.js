@@ -33,13 +33,24 @@ export function sessionSentence(state, protocols) {
   }
 }
 
+// What to do after a stop. Only an operator resets it: no page has that right.
+function wayOut(state) {
+  const isOn = state?.state === RUNNING || state?.state === PAUSED;
+  const after = isOn ? "Resume, which repeats the movement, or End session" : "Start";
+  return "See to the patient first. This page cannot start the robot again: ask its operator to remove "
+    + `the cause, reset the stop and switch the torque on at the robot's computer. Then press ${after}.`;
+}
+
+// The supervisor's word for a stop by `estop`, which is all that this page's button does.
+const ESTOP = "emergency stop";
+
 // What stands in the way of motion, [sentence, whether it is bad].
-export function safetySentence(safety, endpoint) {
+export function safetySentence(safety, endpoint, state) {
   if (!safety) return ["The supervisor says nothing: no motion is permitted.", true];
-  const reasons = safety.reasons.join("; ");
+  const told = safety.reasons.map((each) => (each === ESTOP ? "the software stop was asked for" : each));
+  const reasons = told.join("; ");
   if (safety.level === SAFETY_STOPPED) {
-    const how = "To go on: remove the cause, then reset and enable at the robot's console.";
-    return [`Stopped: ${reasons || "no reason told"}. ${how}`, true];
+    return [`The robot has stopped: ${reasons || "no reason told"}. ${wayOut(state)}`, true];
   }
   if (safety.level !== SAFETY_OK) return [`Waiting: ${reasons || "no reason told"}.`, true];
   if (!endpoint) return ["The robot's position is silent.", true];

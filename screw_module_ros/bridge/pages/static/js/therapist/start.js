@@ -71,14 +71,17 @@ export class StartCard {
     this.told.classList.toggle("good", isGood);
   }
 
-  show(state) {
+  // isStopped: the robot has stopped, so that a session would pause again at once.
+  show(state, isStopped = false) {
     const now = state?.state;
     const isOn = now === RUNNING || now === PAUSED;
     if (isOn) this.take(state);
-    for (const each of [this.patient, this.new, this.protocol, this.start]) each.disabled = isOn;
+    for (const each of [this.patient, this.new, this.protocol, this.record]) each.disabled = isOn;
+    this.start.disabled = isOn || isStopped;
     this.pause.disabled = now !== RUNNING;
-    this.resume.disabled = now !== PAUSED;
+    this.resume.disabled = now !== PAUSED || isStopped;
     this.end.disabled = !isOn;
+    this.save.disabled = !(now && state.recorded);
   }
 
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
