@@ -98,7 +98,7 @@ class TherapySessionNode(ModuleNode):
     def connect(self) -> None:
         """Make the topics."""
         inbox = self.new_inbox()
-        self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.STATE), wakes=True)
+        self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.EACH_STATE), wakes=True)
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._recording.connect(inbox)
@@ -137,7 +137,7 @@ class TherapySessionNode(ModuleNode):
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
         with self._lock:
             now_ns = self.clock.now_ns()
-            for message in islice(iter(self._take, None), qos.STATE.depth):
+            for message in islice(iter(self._take, None), qos.EACH_STATE.depth):
                 self._take_sample(message, now_ns)
             self._watch(now_ns)
             self._follow_recorder(now_ns)

@@ -25,5 +25,8 @@ NEWEST = COMMAND
 STATE = _keep_last(10, ReliabilityPolicy.RELIABLE)
 """States at 50 to 200 Hz: reliable, so that clients with default settings receive them."""
 
+EACH_STATE = _keep_last(200, ReliabilityPolicy.RELIABLE)
+"""For a subscription that counts each state: a second at 200 Hz, in which its process may pause."""
+
 PERMISSION = _keep_last(10, ReliabilityPolicy.RELIABLE)
 """For the drives' subscriptions of safety_state: each refusal counts, also an overwritten one."""
