@@ -2,8 +2,7 @@
 """`make test`: pytest in a ROS domain of its own; a run that leaves something behind has failed.
 
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
-is the whole suite, by three workers: a graph that starts, or waits for the middleware, leaves a
-processor free.
+is the whole suite, by two workers: simulated time waits for whoever is slow.
 """
 
 from __future__ import annotations
@@ -20,8 +19,7 @@ import isolation
 import leftovers
 
 LEAVE_S = 3.0
-WHOLE_SUITE = ["-p", "xdist", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"]
-WHOLE_SUITE += ["--durations", "20"]
+WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile", "--durations", "20"]
 ROOT = Path(__file__).resolve().parent.parent
 
 

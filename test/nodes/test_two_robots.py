@@ -99,10 +99,10 @@ def test_what_one_does_the_other_does_not(robots, bags):
     left.enable()
     right.enable()
     left.trigger("supervisor/estop")
-    left.wait_until(lambda: not left.state(AmplifierState).enabled, 20.0, "left is not stopped")
+    left.wait_until(lambda: not left.newest(AmplifierState).enabled, 20.0, "left is not stopped")
     right.pause(0.5)
-    assert right.state(AmplifierState).enabled
-    assert right.state(SafetyState).level == SafetyState.OK
+    assert right.newest(AmplifierState).enabled
+    assert right.newest(SafetyState).level == SafetyState.OK
     for name, robot in robots.items():
         robot.pause(1.5)  # the recorder looks for topics once a second
         robot.trigger("session_recorder/stop")
