@@ -38,7 +38,7 @@ _blocks = itertools.cycle(range(0, isolation.CAN_PORTS_PER_RUN, PORTS_PER_TEST))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each test with a whole graph the same time, which is only there to end one that hangs."""
+    """Give each test with a whole graph the same time; it is only there to end one that hangs."""
     for item in items:
         if item.get_closest_marker("graph"):
             item.add_marker(pytest.mark.timeout(GRAPH_ENDS_S))
