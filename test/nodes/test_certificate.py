@@ -42,10 +42,15 @@ def changed(node, **values):
     return "; ".join(result.reason for result in results if not result.successful)
 
 
-def test_it_does_not_start_beyond_the_certificate(controller):
-    node = controller(mode=modes.FORCE_FEEDBACK, force_gain=8.0)
+@pytest.mark.parametrize(
+    ("beyond", "within"),
+    [({"force_gain": 8.0}, {"force_gain": 6.0}), ({"rate": 500.0}, {"rate": 1000.0})],
+    ids=["gain", "a loop slower than the certificate's"],
+)
+def test_it_does_not_start_beyond_the_certificate(controller, beyond, within):
+    node = controller(mode=modes.FORCE_FEEDBACK, **beyond)
     assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
-    assert not changed(node, force_gain=6.0)
+    assert not changed(node, **within)
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     node.close()
 
@@ -62,15 +67,6 @@ def test_no_gain_and_no_mode_goes_beyond_it(controller):
     assert "6.28 at most" in refused
     assert "6.28 at most" in changed(node, mode=modes.FORCE_FEEDBACK)
     assert node.get_parameter("mode").value == modes.IMPEDANCE
-    node.close()
-
-
-def test_it_does_not_start_in_a_loop_slower_than_the_certificate_s(controller):
-    """The gains of a loop at 2 kHz were taken at any rate."""
-    node = controller(mode=modes.FORCE_FEEDBACK, rate=500.0)
-    assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
-    assert not changed(node, rate=1000.0)
-    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     node.close()
 
 
