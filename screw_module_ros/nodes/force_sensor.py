@@ -73,7 +73,8 @@ class ForceSensorNode(DriverNode):
         self.device.start()
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_force=self.publish))
-        self.start_polls(lambda: self.device.fault)
+        device = self.device  # the loop may still ask while `disconnect` takes it away
+        self.start_polls(lambda: device.fault)
 
     def end(self) -> None:
         """Stop polling."""
