@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from contextlib import contextmanager
 
 from .page import HOPS, LINES, TOPICS, Page, alive
 
@@ -165,6 +166,17 @@ class Hop:
         """Follow permanently: time waits for published messages, whether or not `slot` waits."""
         self._page.hop_waiter[self.row] = slot
         self.catch_up()
+
+    @contextmanager
+    def paused(self):
+        """Do not hold time meanwhile; afterwards as before."""
+        page, row = self._page, self.row
+        followed = page.hop_follows[row]
+        page.hop_follows[row] = 0
+        try:
+            yield
+        finally:
+            page.hop_follows[row] |= followed
 
     def let_go(self) -> None:
         """Stop waiting for this end until it has caught up."""

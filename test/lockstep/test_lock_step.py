@@ -163,6 +163,30 @@ def test_a_message_holds_time_for_who_waits_and_keeps_up(conductor, page, member
     assert again.reached_ns == START_NS
 
 
+@pytest.mark.parametrize("taken_meanwhile", [False, True])
+def test_a_pause_holds_no_time_and_forgets_no_message(conductor, page, member, taken_meanwhile):
+    source, hop = Source(page, "requests"), Hop(page, "requests")
+    hop.hold(member.slot)
+    member.idle()
+    source.publishing()
+    with hop.paused():
+        assert conductor.quiet() == FOREVER
+        if taken_meanwhile:
+            hop.catch_up()
+    assert hop.pending() is not taken_meanwhile
+    assert (conductor.quiet() is None) is not taken_meanwhile
+
+
+def test_who_is_given_up_stays_so_after_a_pause(page, member):
+    source, hop = Source(page, "requests"), Hop(page, "requests")
+    hop.hold(member.slot)
+    source.publishing()
+    hop.let_go()
+    with hop.paused():
+        pass
+    assert not hop.pending()
+
+
 def test_a_publisher_that_starts_anew_is_counted_on(page):
     source, hop = Source(page, "topic"), Hop(page, "topic")
     for number in (1, 2, 3):

@@ -26,15 +26,21 @@ class Executor:
         raise self.left.pop(0)
 
 
+def _node() -> SimpleNamespace:
+    return SimpleNamespace(
+        stopping=threading.Event(), periodic=Timers(), make_calls=lambda: None
+    )
+
+
 def test_a_publisher_destroyed_by_another_thread_does_not_end_the_node():
     ended = threading.Event()
     executor = Executor(ended, InvalidHandle("destruction was requested"))
-    _serve(executor, SimpleNamespace(stopping=threading.Event(), periodic=Timers()), ended)
+    _serve(executor, _node(), ended)
     assert not executor.left and ended.is_set()
 
 
 def test_any_other_error_ends_the_node():
-    node = SimpleNamespace(stopping=threading.Event(), periodic=Timers())
+    node = _node()
     with pytest.raises(RuntimeError):
         _serve(Executor(threading.Event(), RuntimeError()), node, threading.Event())
     assert node.stopping.is_set()

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls of the service thread: when the hot loop wakes it, and how long it may sleep."""
 
+import threading
+
 import pytest
 
 from screw_module_ros.clock import Clock, ManualClock
+from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.nodes.support.runtime import _Served
 from screw_module_ros.nodes.support.timers import Timers
 
-S = 1_000_000_000
+S, MS = 1_000_000_000, 1_000_000
 
 
 class _RealTime(ManualClock):
@@ -69,3 +73,22 @@ def test_calls_after_a_pause_are_made_once():
     clock.time_ns = 8 * S
     timers.run()
     assert calls == [round(7.5 * S), 8 * S]
+
+
+def test_simulated_time_waits_for_a_call_that_is_due(make_node, wait_until):
+    """A guard that looks each 0.1 s looked up to 0.08 s later, depending on the machine."""
+    node = make_node("encoder", "-p", "use_sim_time:=true", "-r", "__ns:=/due_calls")
+    conductor = Conductor(node.clock.page, 0.0, pytest.fail)
+    begin_ns, ended, calls = node.clock.now_ns(), threading.Event(), []
+    node.periodic.every(node.clock, 0.02, lambda: calls.append(node.clock.now_ns() - begin_ns))
+    served = _Served(node, ended)
+    for tick in range(1, 101):
+        wait_until(lambda: conductor.quiet() is not None)
+        conductor.move(begin_ns + tick * MS)
+        node.wake_if_due()
+    wait_until(lambda: conductor.quiet() is not None)
+    ended.set()
+    served.join()
+    node.stop_serving()
+    conductor.close()
+    assert calls == [20 * MS, 40 * MS, 60 * MS, 80 * MS, 100 * MS]

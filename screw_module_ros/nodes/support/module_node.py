@@ -56,7 +56,7 @@ class ModuleNode(ServingNode):
         super().__init__(name)
         answer_always(self)
         self.periodic = Timers()
-        self.wake: Callable[[], None] = lambda: None
+        self._called = self.create_guard_condition(self._make_calls)
         self._outlets: list[Outlet] = []
         self._outside_step = threading.Event()
         self._outside_step.set()
@@ -141,7 +141,7 @@ class ModuleNode(ServingNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle configure."""
         try:
-            with self.clock.working():
+            with self.working():
                 self.connect()
         except Exception as error:  # the sentence is what the user acts on, whatever its type
             self._fail("configure", error)
@@ -154,7 +154,7 @@ class ModuleNode(ServingNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle activate: what came before it counts no longer."""
         try:
-            with self.clock.working():
+            with self.working():
                 self.begin()
                 for inbox in self._inboxes:
                     inbox.discard()
@@ -169,7 +169,7 @@ class ModuleNode(ServingNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle deactivate."""
-        with self.clock.working():
+        with self.working():
             self._leave_step()
             self.end()
         self._phase = "inactive"
@@ -194,7 +194,7 @@ class ModuleNode(ServingNode):
         """
         if self._active.is_set():
             try:
-                with self.clock.working():
+                with self.working():
                     self._leave_step()
                     self.end()
             except TimeStandsStill as error:
@@ -277,7 +277,21 @@ class ModuleNode(ServingNode):
     def wake_if_due(self) -> None:
         """Wake the service thread when it has calls to make; a long step repeats this."""
         if self.periodic.is_due():
+            self.hold_for_calls()
             self.wake()
+
+    def wake(self) -> None:
+        """Wake the service thread. `Executor.wake` does not: its `spin_once` sleeps again."""
+        self._called.trigger()
+
+    def make_calls(self) -> None:
+        """Make the periodic calls that are due; in the service thread."""
+        if self.periodic.due():
+            self._make_calls()
+
+    def _make_calls(self) -> None:
+        with self.working():  # also without a call: the loop may have held time for one just made
+            self.periodic.run()
 
     def leaves(self) -> None:
         """Record that the loop has ended its last step."""

@@ -177,7 +177,6 @@ class _Served:
         self.failed = False
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(node)
-        node.wake = self.executor.wake
         self._thread = threading.Thread(target=self._run, args=(ended,), daemon=True)
         self._thread.start()
 
@@ -192,7 +191,7 @@ class _Served:
 
     def join(self) -> None:
         """Wait until the thread has ended."""
-        self.executor.wake()
+        self.node.wake()
         self._thread.join(timeout=_END_S)
 
 
@@ -202,7 +201,7 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
         while not ended.is_set():
             try:
                 executor.spin_once(timeout_sec=node.periodic.left_s())
-                node.periodic.run()
+                node.make_calls()
             except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
                 ended.wait(BACK_OFF_S)
     finally:

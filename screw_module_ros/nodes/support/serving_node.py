@@ -2,7 +2,7 @@
 """A lifecycle node with the clock of its process, whose services report errors as text.
 
 In simulated time a request holds time until the service processes it, and the answer holds time
-until the client has it.
+until the client has it. A periodic call that is due holds time until the service thread makes it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class ServingNode(LifecycleNode):
         self._active = threading.Event()
         self._phase = "unconfigured"
         self._failure = ""
-        self._requests = self._answers = None
+        self._requests = self._answers = self._due = self._due_calls = None
 
     def _chosen_clock(self) -> Clock:
         if not self.get_parameter("use_sim_time").value:
@@ -53,13 +53,37 @@ class ServingNode(LifecycleNode):
         return simulated_clock(name, namespace, lambda: self.stopping.is_set())
 
     def start_serving(self) -> None:
-        """Make each request hold simulated time until a service processes it; ends __init__."""
+        """Make requests and due calls hold simulated time until they are served; ends __init__."""
         if not self.clock.simulated:
             return
-        self._requests = self.clock.hop(request_topic(self.get_fully_qualified_name()))
-        self._answers = self.clock.source(answer_topic(self.get_fully_qualified_name()))
-        self._requests.hold(self.clock.member.slot)
+        name = self.get_fully_qualified_name()
+        self._requests = self.clock.hop(request_topic(name))
+        self._answers = self.clock.source(answer_topic(name))
+        self._due = self.clock.source(_due_topic(name))
+        self._due_calls = self.clock.hop(_due_topic(name))
+        for hop in (self._requests, self._due_calls):
+            hop.hold(self.clock.member.slot)
         self.clock.idle()
+
+    def hold_for_calls(self) -> None:
+        """Hold simulated time until the service thread has made the calls that are due."""
+        if self._due is not None and not self._due_calls.pending():
+            self._due.publishing()
+
+    @contextmanager
+    def working(self):
+        """Hold simulated time while the service thread works, except in its waits.
+
+        Requests and due calls do not hold time meanwhile: the work may need it.
+        """
+        if self._requests is None:
+            yield
+            return
+        with self.clock.working(), self._requests.paused(), self._due_calls.paused():
+            try:
+                yield
+            finally:
+                self._due_calls.catch_up()
 
     @property
     def active(self) -> bool:
@@ -104,20 +128,20 @@ class ServingNode(LifecycleNode):
     @contextmanager
     def _holding_time(self):
         """Hold simulated time while a service runs, and until the client has the answer."""
-        if not self.clock.simulated:
+        if self._requests is None:
             yield
             return
-        with self.clock.working():
-            self._requests.let_go()  # a second request must not hold time while the first needs it
+        with self.working():
             yield
             self._answers.publishing()
             self._requests.catch_up()
         self._answers.published()
 
     def stop_serving(self) -> None:
-        """Stop holding simulated time for requests: no service answers from now on."""
+        """Stop holding simulated time: nothing is served from now on."""
         if self._requests is not None:
             self._requests.let_go()
+            self._due_calls.let_go()
 
 
 def request_topic(node: str) -> str:
@@ -128,3 +152,7 @@ def request_topic(node: str) -> str:
 def answer_topic(node: str) -> str:
     """Return the name under which simulated time counts answers of a node (full name)."""
     return f"answer {node}"
+
+
+def _due_topic(node: str) -> str:
+    return f"calls {node}"

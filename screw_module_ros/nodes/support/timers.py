@@ -3,12 +3,14 @@
 
 rclpy's timers follow ROS time, which a parameter can stop; guards and diagnostics must not depend
 on it. The service thread sleeps in an executor, which sees neither simulated time nor a condition.
-So the hot loop asks `is_due` before each step, and wakes it.
+So the hot loop asks `is_due` before each step, and triggers the node's guard condition. In
+simulated time it also holds the time until the calls are made (`ServingNode.hold_for_calls`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 
 from screw_module_ros.clock import Clock, TimeStandsStill
@@ -91,13 +93,12 @@ class Timers:
         left_s = (each.left_ns() * 1e-9 for each in self._timed)
         return max(_SHORTEST_S, min((_LONGEST_S, *left_s)))
 
+    def due(self) -> list[Timer | Watch]:
+        """Return the calls to make now."""
+        return [each for each in self._all if each.is_due()]
+
     def run(self) -> None:
         """Make the calls that are due."""
-        for each in self._all:
-            if not each.is_due():
-                continue
-            try:
-                with each.clock.working():
-                    each.run()
-            except TimeStandsStill:
-                continue  # the rig has stopped, so the time is unknown
+        for each in self.due():
+            with suppress(TimeStandsStill):  # the rig has stopped, so the time is unknown
+                each.run()

@@ -70,6 +70,11 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     finally:
         _write(json_file, named, verdicts)
     failed = [verdict.name for verdict in verdicts if not verdict.passed]
+    if failed:
+        console.show("\nFailed:")
+    for number, verdict in enumerate(verdicts, 1):
+        if not verdict.passed:  # again, so that a log's end says why
+            console.show(_verdict_line(named[verdict.name], verdict, number, len(rows)))
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
         f"{time.monotonic() - begun:.0f} s"
