@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from functools import cmp_to_key
 from itertools import pairwise
@@ -171,17 +171,31 @@ def replayed(recorded: Recorded) -> Replay:
 
 
 def _names(folder: Path) -> dict[str, str]:
-    """Return the topics' full names, with the robot's namespace."""
+    """Return the full names of the topics of the one robot that had a session."""
     known = topics(folder)
-    found = {}
-    for name in (_HAND, _STATE, _TRIAL, _ASSISTANCE):
-        full = [topic for topic in known if topic == name or topic.endswith(f"/{name}")]
-        if full:
-            found[name] = full[0]
-    missing = [name for name in (_HAND, _STATE) if name not in found]
-    if missing:
-        raise BagReadError(f"{folder} has no {' and no '.join(missing)}: no therapy session")
-    return found
+    robots = sorted(_above(known, _HAND) & _above(known, _STATE))
+    if not robots:
+        raise BagReadError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
+    if len(robots) > 1:
+        robots = [robot for robot in robots if _has_session(folder, robot)] or robots[:1]
+    if len(robots) != 1:
+        raise BagReadError(
+            f"{folder} has sessions of {len(robots)} robots ({', '.join(robots)}): record each"
+            " robot with its own session_recorder, other_robots false"
+        )
+    names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
+    return {name: robots[0] + name for name in names if robots[0] + name in known}
+
+
+def _above(known: Iterable[str], name: str) -> set[str]:
+    """Return what stands before a topic's name in the full names, like / or /left/."""
+    return {
+        topic.removesuffix(name) for topic in known if topic == name or topic.endswith(f"/{name}")
+    }
+
+
+def _has_session(folder: Path, robot: str) -> bool:
+    return any(m.message.definition for m in read_bag(folder, [robot + _STATE]))
 
 
 def _read(folder: Path, names: dict[str, str], name: str) -> Iterator[Any]:

@@ -33,13 +33,14 @@ class Replay(NamedTuple):
 
     results: of the trials, computed again; gaps: samples missing in the recording while the session
     ran; samples: number of recorded ones; problems: one sentence for each difference, empty if all
-    results are equal.
+    results are equal; unseen: recorded samples that the session counted as missing.
     """
 
     results: list[TrialResult]
     gaps: tuple[Gap, ...]
     samples: int
     problems: list[str]
+    unseen: int = 0
 
     @property
     def verdict(self) -> str:
@@ -47,8 +48,10 @@ class Replay(NamedTuple):
         if not self.problems:
             return f"equal: {len(self.results)} trials from {self.samples} samples, bit for bit"
         missing = sum(gap.missing for gap in self.gaps)
-        lost = f", {missing} samples missing" if missing else ", no sample missing"
-        return f"NOT equal: {len(self.problems)} problems{lost}"
+        lost = f"{missing} samples missing" if missing else "no sample missing in the recording"
+        if self.unseen:
+            lost += f", but {self.unseen} recorded samples did not reach the session"
+        return f"NOT equal: {len(self.problems)} problems, {lost}"
 
 
 def replay(
@@ -74,10 +77,15 @@ def replay(
         f"{gap.missing} samples missing after tick {gap.after}{_where(results, gap)}"
         for gap in gaps
     ]
+    unseen = _unseen(results, recorded)
+    problems += [
+        f"trial {number}: {missing} recorded samples did not reach the session"
+        for number, missing in unseen.items()
+    ]
     problems += _differences(results, recorded)
     if changes is not None:
         problems += _changed(adapted, changes)
-    return Replay(results, gaps, len(used), problems)
+    return Replay(results, gaps, len(used), problems, sum(unseen.values()))
 
 
 def _again(
@@ -117,6 +125,15 @@ def _where(results: Sequence[TrialResult], gap: Gap) -> str:
         if result.gaps and gap in result.gaps:
             return f", in trial {result.plan.number}"
     return ", between trials"
+
+
+def _unseen(
+    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
+) -> dict[int, int]:
+    """Return by trial how many samples the session counted as missing that are recorded."""
+    missing = {row["trial"]: row["missing"] for row in recorded}
+    unseen = {r.plan.number: missing.get(r.plan.number, 0) - r.missing for r in results}
+    return {number: count for number, count in unseen.items() if count > 0}
 
 
 def _differences(

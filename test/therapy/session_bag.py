@@ -27,12 +27,16 @@ _S = 1_000_000_000
 
 
 class Played(NamedTuple):
-    """A session that was played: whose, the protocol's YAML, samples, and the messages beside."""
+    """A session that was played: whose, the protocol's YAML, samples, and the messages beside.
+
+    robot: what stands before the topics' names.
+    """
 
     patient: str
     definition: str
     samples: list[HandSample]
     told: list[tuple[int, str, object]]
+    robot: str = "/"
 
 
 def short_text(name: str = "clock_adaptive", count: int = 2) -> str:
@@ -96,7 +100,8 @@ def write_bag(
     writer, definitions = BagWriter(folder), Definitions()
     kinds = {name: graph.TOPICS[name].type for name in TOPICS}
     channels = {
-        name: writer.add_topic(Topic(f"/{name}", kind, definitions.find(kind)))
+        robot + name: writer.add_topic(Topic(robot + name, kind, definitions.find(kind)))
+        for robot in dict.fromkeys(session.robot for session in sessions)
         for name, kind in kinds.items()
     }
     for session in sessions:
@@ -105,7 +110,7 @@ def write_bag(
         for time_ns, name, message in sorted([*hands, *session.told], key=lambda each: each[0]):
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(time_ns, _S)
             data = bytes(serialize_message(message))
-            writer.write([Message(channels[name], time_ns, time_ns, 0, data)])
+            writer.write([Message(channels[session.robot + name], time_ns, time_ns, 0, data)])
     writer.close()
     return folder
 

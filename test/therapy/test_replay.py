@@ -80,7 +80,20 @@ def test_a_changed_number_is_found(recorded):
     found = replay(SHORT, samples, acts, tampered)
     (problem,) = found.problems
     assert problem.startswith("trial 3: path_error")
-    assert "NOT equal: 1 problems, no sample missing" == found.verdict
+    assert found.verdict == "NOT equal: 1 problems, no sample missing in the recording"
+
+
+def test_samples_that_only_the_session_missed_are_told(recorded):
+    """The verdict said that no sample is missing, below six hundred differing figures."""
+    samples, acts, results = recorded
+    late = [dict(row) for row in results]
+    late[4]["missing"] += 7
+    found = replay(SHORT, samples, acts, late)
+    assert found.problems[0] == "trial 5: 7 recorded samples did not reach the session"
+    assert found.verdict == (
+        "NOT equal: 2 problems, no sample missing in the recording, "
+        "but 7 recorded samples did not reach the session"
+    )
 
 
 def test_results_that_one_side_lacks(recorded):

@@ -7,6 +7,7 @@ import pytest
 from session_bag import played, short_text, write_bag
 from simulated_patient import FEEBLE, HEALTHY, SHAKING
 
+from screw_module_ros import graph
 from screw_module_ros.recording.errors import BagReadError
 from screw_module_ros.session_command import main
 from screw_module_ros.therapy.bag import read_sessions, replayed
@@ -71,6 +72,20 @@ def test_the_next_patient_in_the_same_bag_is_another_session(healthy, tmp_path):
     assert [len(each.trials) for each in found] == [8, 8, 8]
     assert [replayed(each).problems for each in found] == [[], [], []]
     assert len({each.trials[0]["path_error"] for each in found}) == 3
+
+
+def test_the_one_robot_with_a_session_is_found(healthy, tmp_path):
+    """A bag of two robots: the first topics in it were taken, whichever robot they were of."""
+    idle = healthy._replace(robot="/arm/", told=[
+        (at, topic, type(message)()) for at, topic, message in healthy.told
+        if topic == graph.THERAPY_STATE
+    ])  # fmt: skip
+    of_left = healthy._replace(robot="/left/")
+    (found,) = read_sessions(write_bag(tmp_path / "one", [idle, of_left]))
+    assert len(found.trials) == 8 and replayed(found).problems == []
+    both = write_bag(tmp_path / "two", [healthy._replace(robot="/arm/"), of_left])
+    with pytest.raises(BagReadError, match="sessions of 2 robots .*/arm/, /left/.*: record each"):
+        read_sessions(both)
 
 
 def test_the_record_names_its_protocol_by_a_hash(bag):
