@@ -48,10 +48,10 @@ class Conditions(NamedTuple):
 
         gain: name of the setting; rate: of the controller [Hz].
         """
-        given = conditions_of(settings, rate, self.delay, self.velocity_cutoff)
+        actual = conditions_of(settings, rate, self.delay, self.velocity_cutoff)
         for names, way, better in ((LEAST, "at least", "higher"), (MOST, "at most", "lower")):
             for name in (name for name, gains in names.items() if gain in gains):
-                found, wanted = getattr(given, name), getattr(self, name)
+                found, wanted = getattr(actual, name), getattr(self, name)
                 if found < wanted if names is LEAST else found > wanted:
                     unit = _field(name).setting.unit
                     unit = f" {unit}" if unit else ""

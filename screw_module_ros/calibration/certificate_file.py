@@ -61,18 +61,18 @@ class Certificate(NamedTuple):
         for name in (name for name in GAINS if used[name]):
             beyond = self.conditions.departure(name, settings, rate) or self._excess(name, settings)
             if beyond:
-                given, limit = beyond
+                asked, limit = beyond
                 return (
-                    f"{given}, and the module's certificate ({self.identity}) {limit}, or set "
+                    f"{asked}, and the module's certificate ({self.identity}) {limit}, or set "
                     "uncertified_gains"
                 )
         return ""
 
     def _excess(self, name: str, settings: VerticalSettings) -> tuple[str, str] | None:
-        given, most = getattr(settings, name), getattr(self, name)
-        if given <= most:
+        asked, most = getattr(settings, name), getattr(self, name)
+        if asked <= most:
             return None
-        return f"{name} is {given:g}", f"permits {most:g} at most: choose a smaller one"
+        return f"{name} is {asked:g}", f"permits {most:g} at most: choose a smaller one"
 
 
 def load_certificate(settings: CertificateSettings, serial: str) -> Certificate | None:

@@ -31,12 +31,12 @@ class ChosenFriction(NamedTuple):
 
     def described(self, gravity: float, mass: float) -> str:
         """Return the identity, with a note if gravity [N] or mass [kg] was set by hand."""
-        told = self.identity
+        text = self.identity
         if self.gravity not in (None, gravity):
-            told += f", gravity {gravity:g} N by hand"
+            text += f", gravity {gravity:g} N by hand"
         if self.mass not in (None, mass):
-            told += f", mass {mass:g} kg by hand"
-        return told
+            text += f", mass {mass:g} kg by hand"
+        return text
 
     def law(self, settings: VerticalSettings) -> VerticalSettings:
         """Return the law's settings, in which OBSERVER carries no mass beyond the one measured."""

@@ -14,12 +14,12 @@ from .sampled_models import WIRE, fit_response, sampled_response
 class Held(NamedTuple):
     """A sine through a hold, a wire with a delay and a sampler, as curves.
 
-    time, sample_time [sample periods]; given, answer: input and output of the wire over `time`;
+    time, sample_time [sample periods]; input, answer: input and output of the wire over `time`;
     samples: at `sample_time`; rebuilt: the samples held again, over `time`.
     """
 
     time: np.ndarray
-    given: np.ndarray
+    input: np.ndarray
     answer: np.ndarray
     sample_time: np.ndarray
     samples: np.ndarray

@@ -176,10 +176,10 @@ class ImpedanceControllerNode(ModuleNode):
             self._senders.close()
             self._senders = None
 
-    def refusal(self, given: Mapping[str, Any]) -> str:
+    def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the law cannot run with these parameters, or goes beyond the certificate."""
-        law = self.parameters.read(VerticalSettings, given=given)
-        return self._problem(law, self.parameters.read(ControllerSettings, given=given).mode)
+        law = self.parameters.read(VerticalSettings, changes=changes)
+        return self._problem(law, self.parameters.read(ControllerSettings, changes=changes).mode)
 
     def _problem(self, law: VerticalSettings, mode: int) -> str:
         certified = self.parameters.read(CertificateSettings)

@@ -21,11 +21,11 @@ _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is w
 class RecorderClient:
     """Sets the name of the bag, then starts the recording.
 
-    told: the recorder's answer, for diagnostics; refused: it does not record.
+    message: the recorder's answer, for diagnostics; refused: it does not record.
     """
 
     def __init__(self, node: Node, clock: Clock):
-        self.told = ""
+        self.message = ""
         self.refused = False
         self._node, self._clock = node, clock
         self._started_ns: int | None = None
@@ -42,11 +42,11 @@ class RecorderClient:
         return -1 if self._started_ns is None else now_ns - self._started_ns
 
     def is_closing(self, now_ns: int) -> bool:
-        """Return whether the recorder has been told to stop and has not answered yet."""
+        """Return whether the recorder has been asked to stop and has not answered yet."""
         return self._stop_ns is not None and now_ns - self._stop_ns < _CLOSING_NS
 
     def stop(self) -> None:
-        """Ask for the bag to be closed; what comes of it is told in the log."""
+        """Ask for the bag to be closed; the log has the outcome."""
         self._started_ns, self._stop_ns = None, self._clock.now_ns()
         self._stopper.call_async(Trigger.Request()).add_done_callback(self._stopped)
 
@@ -57,13 +57,13 @@ class RecorderClient:
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
         request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])
         self._unsent = self._clock.now_ns() + _FOUND_NS, request
-        self.told = "asked for"
+        self.message = "asked for"
 
     def look(self, now_ns: int) -> None:
         """Send the request of `start` as soon as there is a recorder; give up one that is mute."""
         if self._unsent is None:
             if self._due_ns is not None and now_ns >= self._due_ns:
-                self._tell("not recorded: the session_recorder does not answer")
+                self._refuse("not recorded: the session_recorder does not answer")
             return
         due_ns, request = self._unsent
         if self._parameters.service_is_ready():
@@ -72,7 +72,7 @@ class RecorderClient:
             self._parameters.call_async(request).add_done_callback(named)
         elif now_ns >= due_ns:
             self._unsent = None
-            self._tell("not recorded: no session_recorder answers")
+            self._refuse("not recorded: no session_recorder answers")
 
     def _named(self, number: int, future) -> None:
         if number != self._request:
@@ -80,7 +80,7 @@ class RecorderClient:
         answer = future.result()
         if answer is None or not all(result.successful for result in answer.results):
             reason = answer.results[0].reason if answer else "no answer"
-            self._tell(f"not recorded: the bag cannot be named: {reason}")
+            self._refuse(f"not recorded: the bag cannot be named: {reason}")
             return
         started = partial(self._started, number)
         self._starter.call_async(Trigger.Request()).add_done_callback(started)
@@ -91,23 +91,23 @@ class RecorderClient:
             if answer is not None and answer.success:
                 self.stop()
         elif answer is not None and answer.success:
-            self.told = f"recording to {answer.message}"
+            self.message = f"recording to {answer.message}"
             self._started_ns, self._due_ns = self._clock.now_ns(), None
-            self._node.get_logger().info(self.told)
+            self._node.get_logger().info(self.message)
         else:
-            self._tell(f"not recorded: {answer.message if answer else 'no answer'}")
+            self._refuse(f"not recorded: {answer.message if answer else 'no answer'}")
 
     def _stopped(self, future) -> None:
         answer = future.result()
         self._stop_ns = None
         if answer is not None and answer.success:
-            self.told = f"recorded to {answer.message}"
-            self._node.get_logger().info(self.told)
+            self.message = f"recorded to {answer.message}"
+            self._node.get_logger().info(self.message)
         else:
-            self.told = f"the bag was not closed: {answer.message if answer else 'no answer'}"
-            self._node.get_logger().warning(self.told)
+            self.message = f"the bag was not closed: {answer.message if answer else 'no answer'}"
+            self._node.get_logger().warning(self.message)
 
-    def _tell(self, problem: str) -> None:
-        self.told, self.refused, self._due_ns = problem, True, None
+    def _refuse(self, problem: str) -> None:
+        self.message, self.refused, self._due_ns = problem, True, None
         self._request += 1
         self._node.get_logger().warning(problem)

@@ -26,7 +26,7 @@ class SessionRecording:
     """One recording at a time. told: what the recorder answered, or why the recording was lost."""
 
     def __init__(self, node: Node, clock: Clock):
-        self.told = ""
+        self.message = ""
         self._client = RecorderClient(node, clock)
         self._watch = RecorderWatch()
         self._phase = _OFF
@@ -84,7 +84,7 @@ class SessionRecording:
 
     def _asked(self, now_ns: int) -> str:
         self._client.look(now_ns)
-        self.told = self._client.told
+        self.message = self._client.message
         if self._client.refused:
             self._phase = _OFF
             return REFUSED
@@ -98,7 +98,7 @@ class SessionRecording:
         problem = self._watch.lost(now_ns) if self._phase == _ON else ""
         if not problem:
             return ""
-        self._phase, self.told = _OFF, problem
+        self._phase, self.message = _OFF, problem
         if self._watch.silent:  # it may go on later, when nobody counts on it
             self._client.stop()
         return LOST

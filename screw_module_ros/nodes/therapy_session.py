@@ -37,7 +37,7 @@ from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text, sha25
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
 from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
 from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import PAUSED, RUNNING, Said, Session
+from screw_module_ros.therapy.session import PAUSED, RUNNING, Outcome, Session
 from screw_module_ros.therapy.wishes import WishLimits
 
 from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
@@ -81,7 +81,7 @@ class TherapySessionNode(ModuleNode):
         self._session: Session | None = None
         self._patient = self._definition = ""
         self._sample: HandSample | None = None
-        self._heard_ns: int | None = None
+        self._sampled_ns: int | None = None
         self._attendance = Attendance()
         self._recording = SessionRecording(self, self.clock)
         self._slot = TherapySlot()
@@ -111,8 +111,8 @@ class TherapySessionNode(ModuleNode):
         """Start without a session."""
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
-        self._session, self._told, self._wish = None, None, None
-        self._heard_ns = None
+        self._session, self._sent, self._wish = None, None, None
+        self._sampled_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
         self._recording.begin(self.parameters.read(RecorderWatchSettings, "recorder"))
 
@@ -127,7 +127,7 @@ class TherapySessionNode(ModuleNode):
         with self._lock:
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
-                self._tell(self.clock.now_ns())
+                self._send(self.clock.now_ns())
             self._recording.close()
 
     # Loop ----------------------------------------------------------------------------------
@@ -142,11 +142,11 @@ class TherapySessionNode(ModuleNode):
             self._watch(now_ns)
             self._follow_recorder(now_ns)
             self._relay_wishes(now_ns)
-            self._tell(now_ns)
+            self._send(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
         session = self._session
-        self._heard_ns = now_ns
+        self._sampled_ns = now_ns
         self._sample = hand_sample(message, session.protocol.space if session else PLANE)
         if session is not None:
             before = session.state
@@ -170,7 +170,7 @@ class TherapySessionNode(ModuleNode):
             self._change(self._session.pause, reason)
 
     def _silent(self, now_ns: int) -> bool:
-        return self._heard_ns is None or now_ns - self._heard_ns > _SILENT_NS
+        return self._sampled_ns is None or now_ns - self._sampled_ns > _SILENT_NS
 
     def _change(self, act: Callable[..., None], *reason: str) -> bool:
         """Apply an operator's action to the session; return whether it changed the state."""
@@ -186,25 +186,25 @@ class TherapySessionNode(ModuleNode):
             return
         news = self._recording.follow(session.state in (RUNNING, PAUSED), now_ns)
         if news == REFUSED:
-            self._change(session.abort, self._recording.told)
+            self._change(session.abort, self._recording.message)
         elif news == LOST:
-            self._change(session.pause, self._recording.told)
+            self._change(session.pause, self._recording.message)
         elif news == BEGUN and session.reason == _WAITS:
             self._change(session.resume)
 
-    def _publish(self, said: Said) -> None:
+    def _publish(self, outcome: Outcome) -> None:
         name = self._session.protocol.name
-        if said.result is not None:
-            message = result_message(said.result, self._patient, name)
+        if outcome.result is not None:
+            message = result_message(outcome.result, self._patient, name)
             self.stamp(message.header)
             self._publish_result(message)
-        if said.change is not None:
-            block = said.result.plan.block
-            message = change_message(said.change, self._patient, name, block)
+        if outcome.change is not None:
+            block = outcome.result.plan.block
+            message = change_message(outcome.change, self._patient, name, block)
             self.stamp(message.header)
             self._publish_change(message)
 
-    def _tell(self, now_ns: int) -> None:
+    def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
         session = self._session
         if session is None:
@@ -213,21 +213,21 @@ class TherapySessionNode(ModuleNode):
                 self.stamp(self._state.header)
                 self._publish_state(self._state)
             return
-        told = (session.state, session.reason, session.trial and session.trial.phase)
-        changed = told != self._told or session.wish != self._wish
+        progress = (session.state, session.reason, session.trial and session.trial.phase)
+        changed = progress != self._sent or session.wish != self._wish
         if not (self._due(now_ns) or changed):
             return
         if session.wish != self._wish:
             self._start_ns = self._on_monotonic(session.wish.start_ns)
-        if told[:2] != (self._told or ())[:2]:
+        if progress[:2] != (self._sent or ())[:2]:
             self.get_logger().info(f"session {session.state}: {session.reason or self._patient}")
-        self._told, self._wish = told, session.wish
+        self._sent, self._wish = progress, session.wish
         fill_slot(self._slot, session.wish, self._start_ns)
         self.stamp(self._slot.header)
         self._publish_slot(self._slot)
-        self._tell_state(session)
+        self._send_state(session)
 
-    def _tell_state(self, session: Session) -> None:
+    def _send_state(self, session: Session) -> None:
         fill_state(self._state, session, self._sample)
         self._state.patient, self._state.protocol = self._patient, session.protocol.name
         self._state.sequence = self._sample.sequence if self._sample else 0
@@ -263,14 +263,14 @@ class TherapySessionNode(ModuleNode):
             running = self._session
             if running is not None and running.state in (RUNNING, PAUSED):
                 return f"a session of {self._patient} is {running.state}: end it first"
-            if self._heard_ns is None:
+            if self._sampled_ns is None:
                 return "no endpoint_state has come yet"
             if hindrance := self._recording.hindrance(self.clock.now_ns()):
                 return hindrance
             self._attendance.begin(self.clock.now_ns())
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
-            self._session, self._told, self._wish = Session(protocol), None, None
+            self._session, self._sent, self._wish = Session(protocol), None, None
             self._state.state_since = self._sample.sequence
             if request.record:
                 name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
@@ -303,7 +303,7 @@ class TherapySessionNode(ModuleNode):
     def health(self) -> Health:
         """Report the progress of the session."""
         session = self._session
-        values = {"recording": self._recording.told}
+        values = {"recording": self._recording.message}
         if session is None:
             return Health(OK, "no session", values)
         values |= {"trials done": len(session.results), "trials": session.trials}

@@ -166,8 +166,8 @@ def _session(
 
 def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
-    given = (recorded.samples, recorded.acts, recorded.trials, recorded.changes)
-    return replay(recorded.protocol, *given)
+    session = (recorded.samples, recorded.acts, recorded.trials, recorded.changes)
+    return replay(recorded.protocol, *session)
 
 
 def _names(folder: Path) -> dict[str, str]:

@@ -100,10 +100,10 @@ def _again(
             session = _acted(protocol, session, acts.pop(0))
         if session is None or session.trial is None:
             continue
-        said = session.take(sample)
+        outcome = session.take(sample)
         used.append(sample)
-        if said.change is not None:
-            adapted.append((said.result.plan.block, said.change))
+        if outcome.change is not None:
+            adapted.append((outcome.result.plan.block, outcome.change))
     return session, used, adapted
 
 

@@ -21,14 +21,14 @@ from .trial import PrepareError, Trial
 RUNNING, PAUSED, FINISHED, ABORTED = "running", "paused", "finished", "aborted"
 
 
-class Said(NamedTuple):
+class Outcome(NamedTuple):
     """Outcome of a sample: a trial's result and a change of assistance, None if there is none."""
 
     result: TrialResult | None = None
     change: Change | None = None
 
 
-_NOTHING = Said()
+_NOTHING = Outcome()
 
 
 class Session:
@@ -62,7 +62,7 @@ class Session:
         """Return the requested slots; none while the session does not run."""
         return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
 
-    def take(self, sample: HandSample) -> Said:
+    def take(self, sample: HandSample) -> Outcome:
         """Process one sample.
 
         One with `stop`, without a valid position, or after a step of the system clock pauses the
@@ -90,7 +90,7 @@ class Session:
         self.trial = self._next_trial()
         if self.trial is None:
             self.state = FINISHED
-        return Said(result, change)
+        return Outcome(result, change)
 
     def pause(self, reason: str) -> None:
         """Pause without slots; the current trial will be repeated from its start."""

@@ -79,7 +79,7 @@ def test_wire_profile_is_flat_within_a_sample():
 def test_rebuilt_output_is_whole_samples_late(delay, late):
     """Figures 4-13 and 4-14."""
     held = held_wire(delay, periods=20, per_period=10)
-    shifted = held.given[: len(held.given) - 10 * late]
+    shifted = held.input[: len(held.input) - 10 * late]
     assert held.rebuilt[10 * late :] == pytest.approx(shifted)
 
 

@@ -92,7 +92,7 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     recorder.answer("set_parameters", NAMED)
     assert [follow(recording, second) for second in (5, 10)] == ["", ""]
     assert follow(recording, 12) == REFUSED
-    assert "does not answer" in recording.told
+    assert "does not answer" in recording.message
     assert not recording.waits and recording.hindrance(12 * S) == ""
 
 

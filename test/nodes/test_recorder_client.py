@@ -58,7 +58,7 @@ def test_a_recorder_that_appears_records(served, wait_until):
         return response
 
     recorder.create_service(Trigger, "~/start", record)
-    wait_until(lambda: client.look(2 * S) or client.told == "recording to P-22222")
+    wait_until(lambda: client.look(2 * S) or client.message == "recording to P-22222")
     assert client.since(2 * S) == S
 
 
@@ -69,4 +69,4 @@ def test_without_a_recorder_it_is_refused_after_a_while(served):
     client.look(6 * S - 1)
     assert not client.refused
     client.look(6 * S)
-    assert client.refused and "no session_recorder answers" in client.told
+    assert client.refused and "no session_recorder answers" in client.message

@@ -58,13 +58,13 @@ def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
     """Else the first wish, or the release, would pull from a place that the hand has left."""
     given = []
     node = SimpleNamespace(
-        _session=None, _heard_ns=10 * S, _sample=SimpleNamespace(position=HAND),
+        _session=None, _sampled_ns=10 * S, _sample=SimpleNamespace(position=HAND),
         parameters=SimpleNamespace(read=lambda kind: SimpleNamespace(allow_wishes=True)),
         _wishes=SimpleNamespace(relay=lambda allowed, hand, now_ns: given.append(hand)),
     )  # fmt: skip
     node._silent = lambda now_ns: TherapySessionNode._silent(node, now_ns)
     TherapySessionNode._relay_wishes(node, 10 * S + round(age_s * S))
-    node._heard_ns = node._sample = None  # nothing was heard yet
+    node._sampled_ns = node._sample = None  # nothing was heard yet
     TherapySessionNode._relay_wishes(node, 11 * S)
     assert given == [expected, None]
 

@@ -54,10 +54,10 @@ def amplifier_figures(result: Result) -> dict[str, Figure]:
     """Return figs 4-5 and 4-6."""
     d = result.data
     name = f"model: {result.value('pole'):.4g} Hz, {1e6 * result.value('delay'):.3g} us"
-    given = (d["frequency"], d["measured"])
+    measured = (d["frequency"], d["measured"])
     return {
-        "4-5": bode("Fig. 4-5: amplifier, current / commanded current", *given),
-        "4-6": bode("Fig. 4-6: amplifier, with fitted model", *given, {name: d["model"]}),
+        "4-5": bode("Fig. 4-5: amplifier, current / commanded current", *measured),
+        "4-6": bode("Fig. 4-6: amplifier, with fitted model", *measured, {name: d["model"]}),
     }
 
 
@@ -68,21 +68,21 @@ def current_figures(result: Result) -> dict[str, Figure]:
         f"model, software delay {1e6 * result.value('delay'):.0f} us": d["model"],
         "model without software delay": d["model_no_delay"],
     }
-    given = (d["frequency"], d["measured"])
+    measured = (d["frequency"], d["measured"])
     return {
-        "4-7": bode("Fig. 4-7: current / commanded current, 2 kHz", *given),
-        "4-8": bode("Fig. 4-8: current / commanded current, 2 kHz, with model", *given, models),
+        "4-7": bode("Fig. 4-7: current / commanded current, 2 kHz", *measured),
+        "4-8": bode("Fig. 4-8: current / commanded current, 2 kHz, with model", *measured, models),
     }
 
 
 def torque_figures(result: Result) -> dict[str, Figure]:
     """Return figs 4-9 to 4-14, the folded resonance and the misfit of each delay."""
     d = result.data
-    given = (d["frequency"], d["measured"])
+    measured = (d["frequency"], d["measured"])
     model = {_name(result, ""): d["model"]}
     figures = {
-        "4-9": bode("Fig. 4-9: torque / commanded torque, 2 kHz", *given),
-        "4-10": bode("Fig. 4-10: torque / commanded torque, 2 kHz, with model", *given, model),
+        "4-9": bode("Fig. 4-9: torque / commanded torque, 2 kHz", *measured),
+        "4-10": bode("Fig. 4-10: torque / commanded torque, 2 kHz, with model", *measured, model),
         "4-11": _linear_phase(result),
     }
     if "model_slow" in d:
@@ -118,7 +118,7 @@ def _linear_phase(result: Result) -> Figure:
 def _wire(title: str, delay: float) -> Figure:
     held = held_wire(delay, periods=16)
     figure, axes = _plain(title)
-    axes.plot(held.time, held.given, color=_FIRST, lw=1.4, label="input, held")
+    axes.plot(held.time, held.input, color=_FIRST, lw=1.4, label="input, held")
     if delay:
         axes.plot(held.time, held.answer, color=_SECOND, lw=1.4, ls="--", label="output")
     axes.plot(held.sample_time, held.samples, "x", color=DESIRED, ms=6, label="read")

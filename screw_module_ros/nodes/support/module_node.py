@@ -126,7 +126,7 @@ class ModuleNode(ServingNode):
         """Return the diagnostics entry while active."""
         return Health(OK, "running", {})
 
-    def refusal(self, given: Mapping[str, Any]) -> str:
+    def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why parameters, by name, do not go together with the others; empty if they do."""
         return ""
 

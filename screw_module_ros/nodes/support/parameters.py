@@ -33,7 +33,7 @@ class Parameters:
     """The parameters of one node: NamedTuples of settings under name prefixes.
 
     `changed(kind)` is called after fields of that tuple were changed at run time; `configured()`
-    returns whether fields that are not live must be refused; `refusal(given)` returns why values,
+    returns whether fields that are not live must be refused; `refusal(changes)` returns why values,
     by name, do not go together with the others, empty if they do.
     """
 
@@ -66,9 +66,9 @@ class Parameters:
 
     def _declare_one(self, name: str, field: Field, default: Any) -> None:
         value = _to_ros(default)
-        given = self._node._parameter_overrides.get(name)
-        if given is not None:
-            wrong = _problem(name, field, given.value, type(value))
+        override = self._node._parameter_overrides.get(name)
+        if override is not None:
+            wrong = _problem(name, field, override.value, type(value))
             if wrong:
                 raise ParameterError(f"parameter {wrong}")
         self._node.declare_parameter(name, value, _descriptor(field, value))
@@ -93,23 +93,23 @@ class Parameters:
             )
         return warnings
 
-    def read(self, kind: type, prefix: str = "", given: Mapping[str, Any] = _NONE) -> Any:
+    def read(self, kind: type, prefix: str = "", changes: Mapping[str, Any] = _NONE) -> Any:
         """Return the NamedTuple `kind` declared under `prefix`, with the present values.
 
-        given: values, by parameter name, in place of the present ones.
+        changes: values, by parameter name, in place of the present ones.
         """
         names = {name: _join(prefix, name) for name in declared(kind)}
-        values = {
-            name: _from_ros(given[full] if full in given else self._node.get_parameter(full).value)
-            for name, full in names.items()
-            if full in self._fields
-        }
+
+        def value(full: str) -> Any:
+            return changes[full] if full in changes else self._node.get_parameter(full).value
+
+        values = {n: _from_ros(value(full)) for n, full in names.items() if full in self._fields}
         return self._defaults[kind, prefix]._replace(**values)
 
     def write(self, prefix: str = "", **values: Any) -> str:
         """Set fields as a client would; return why it was refused, empty when done."""
-        given = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
-        return self._node.set_parameters_atomically(given).reason
+        changes = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
+        return self._node.set_parameters_atomically(changes).reason
 
     def as_text(self) -> dict[str, str]:
         """Return every declared name with its value as text, sorted by name."""
@@ -130,8 +130,8 @@ class Parameters:
                 wrong = self._fixed(parameter.name, field)
             if wrong:
                 return SetParametersResult(successful=False, reason=wrong)
-        given = {p.name: p.value for p in parameters if p.name in self._fields}
-        wrong = self._refusal(given) if given and self._declared else ""
+        changes = {p.name: p.value for p in parameters if p.name in self._fields}
+        wrong = self._refusal(changes) if changes and self._declared else ""
         return SetParametersResult(successful=not wrong, reason=wrong)
 
     def _fixed(self, name: str, field: Field) -> str:
