@@ -32,6 +32,13 @@ ENVIRONMENTS = {
     "wall": ("a wall of 1e5 N/m, half of critical damping", Environment(0.0, 1e5, 740.0)),
     "light_wall": ("1 kg against a wall of 1e5 N/m, 30 Ns/m", Environment(1.0, 1e5, 30.0)),
 }
+CURVES = {
+    "feedback": "force feedback",
+    "observer": "observer",
+    "observer_plain": "observer, carrying no mass",
+}
+"""Laws of the figure. The controller lets the observer carry less the lighter the hand is; the
+linear loop of `observer` carries all of it, the other none."""
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
@@ -83,11 +90,15 @@ def run(lab: Lab, settings: Settings) -> Result:
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
-    data |= _curves(mechanism, sampling, (feedback, _observer(usual)))
+    observer = _observer(usual)
+    laws = (feedback, observer, observer._replace(inertia=0.0))
+    data |= _curves(mechanism, sampling, dict(zip(CURVES, laws, strict=True)))
     notes.append(
         "Factor of each limit: largest gain without this limit over the largest gain with it. The "
         "linear loop has neither friction, which stabilises, nor play, which destabilises. The "
-        "hand formula models the environment as a mass and does not apply to walls."
+        "hand formula models the environment as a mass and does not apply to walls. The figure's "
+        "observer carries all of its mass; the controller carries less for a light hand, so its "
+        "limit lies between that curve and the one without a carried mass."
     )
     used = conditions_of(usual._replace(force_cutoff=settings.cutoff), *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
@@ -242,14 +253,17 @@ def _found(name: str, text: str, low: float, high: float) -> Quantity:
 
 
 def _curves(
-    mechanism: Mechanism, sampling: Sampling, laws: tuple[Feedback, Observer]
+    mechanism: Mechanism, sampling: Sampling, laws: dict[str, Feedback | Observer]
 ) -> dict[str, np.ndarray]:
-    """Return the largest gain over the delay and over the environment's mass, for a figure."""
+    """Return the largest gain over the delay and over the environment's mass, for a figure.
+
+    0 where no gain is stable.
+    """
     delays = np.linspace(0.1e-3, 4e-3, 14)
     masses = np.geomspace(0.3, 50.0, 14)
     hand = Environment()
     found = {"delays": delays, "masses": masses}
-    for name, law in zip(("feedback", "observer"), laws, strict=True):
+    for name, law in laws.items():
         found[f"delay_{name}"] = np.array(
             [largest_gain(mechanism, hand, sampling._replace(delay=d), law) for d in delays]
         )

@@ -12,6 +12,9 @@ from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 from ...control.modes import MODE_NAMES
 from ..force_metric import ErrorOf
 from ..results import Result
+from ..stability import CURVES
+
+_WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal
 
 
 def stability_figures(result: Result) -> dict[str, Figure]:
@@ -20,10 +23,11 @@ def stability_figures(result: Result) -> dict[str, Figure]:
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.2), layout="constrained")
         left, right = figure.subplots(1, 2, sharey=True)
-        for number, name in enumerate(("feedback", "observer")):
-            style = {"color": COLOURS[number], "label": name}
-            left.plot(1e3 * data["delays"], data[f"delay_{name}"], **style)
-            right.plot(data["masses"], data[f"mass_{name}"], **style)
+        for number, (name, label) in enumerate(CURVES.items()):
+            style = {"color": COLOURS[number], "label": label, "marker": "o", "markersize": 2.5,
+                     "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}
+            left.plot(1e3 * data["delays"], _stable(data[f"delay_{name}"]), **style)
+            right.plot(data["masses"], _stable(data[f"mass_{name}"]), **style)
         for number, axes in enumerate((left, right)):
             axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")
             axes.set_yscale("log")
@@ -31,10 +35,20 @@ def stability_figures(result: Result) -> dict[str, Figure]:
                 ("delay from sample to current [ms]", "mass of the arm at the handle [kg]")[number]
             )
         right.set_xscale("log")
+        left.set_ylim(bottom=1.0)
         left.set_ylabel("largest stable force gain")
-        left.set_title("What the linear loop allows (7.1); dashed: the thesis's 5", loc="left")
-        left.legend()
+        left.set_title("A hand of 3 kg", loc="left")
+        right.set_title("The loop's own delay", loc="left")
+        figure.suptitle(
+            "Largest force gain of the linear loop (7.1); dashed: the thesis's 5", x=0.01, ha="left"
+        )
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return {"stability": figure}
+
+
+def _stable(gains: np.ndarray) -> np.ndarray:
+    """Return the gains, NaN where none is stable."""
+    return np.where(gains > 0.0, gains, np.nan)
 
 
 def force_error_figures(result: Result) -> dict[str, Figure]:
@@ -64,6 +78,15 @@ def error_bars(result: Result, labels: dict[str, str]) -> Figure:
             color=COLOURS[number % len(COLOURS)], label=label,
         )  # fmt: skip
     axes.set_yscale("log")
-    axes.set_xticks(np.arange(len(names)), names, rotation=60, ha="right")
-    axes.legend(ncols=2)
+    ticks = [_case_text(name) for name in names]
+    axes.set_xticks(np.arange(len(names)), ticks, rotation=60, ha="right")
+    figure.legend(loc="outside upper right", ncols=len(labels))
     return figure
+
+
+def _case_text(name: str) -> str:
+    """Return a trial's name for a reader: wall_1e4_badly is a wall of 10 kN/m, badly damped."""
+    if not name.startswith("wall_"):
+        return name.replace("_", " ")
+    _, stiffness, damped = name.split("_")
+    return f"wall {float(stiffness) * 1e-3:g} kN/m, {damped}"
