@@ -40,7 +40,7 @@ class ServingNode(LifecycleNode):
         self._active = threading.Event()
         self._phase = "unconfigured"
         self._failure = ""
-        self._requests = self._answers = self._due = self._due_calls = None
+        self._requests = self._answers = self._calls = self._calls_due = None
 
     def _chosen_clock(self) -> Clock:
         if not self.get_parameter("use_sim_time").value:
@@ -59,16 +59,16 @@ class ServingNode(LifecycleNode):
         name = self.get_fully_qualified_name()
         self._requests = self.clock.hop(request_topic(name))
         self._answers = self.clock.source(answer_topic(name))
-        self._due = self.clock.source(_due_topic(name))
-        self._due_calls = self.clock.hop(_due_topic(name))
-        for hop in (self._requests, self._due_calls):
+        self._calls = self.clock.source(_due_topic(name))
+        self._calls_due = self.clock.hop(_due_topic(name))
+        for hop in (self._requests, self._calls_due):
             hop.hold(self.clock.member.slot)
         self.clock.idle()
 
     def hold_for_calls(self) -> None:
         """Hold simulated time until the service thread has made the calls that are due."""
-        if self._due is not None and not self._due_calls.pending():
-            self._due.publishing()
+        if self._calls is not None and not self._calls_due.pending():
+            self._calls.publishing()
 
     @contextmanager
     def working(self):
@@ -79,11 +79,11 @@ class ServingNode(LifecycleNode):
         if self._requests is None:
             yield
             return
-        with self.clock.working(), self._requests.paused(), self._due_calls.paused():
+        with self.clock.working(), self._requests.paused(), self._calls_due.paused():
             try:
                 yield
             finally:
-                self._due_calls.catch_up()
+                self._calls_due.catch_up()
 
     @property
     def active(self) -> bool:
@@ -141,7 +141,7 @@ class ServingNode(LifecycleNode):
         """Stop holding simulated time: nothing is served from now on."""
         if self._requests is not None:
             self._requests.let_go()
-            self._due_calls.let_go()
+            self._calls_due.let_go()
 
 
 def request_topic(node: str) -> str:

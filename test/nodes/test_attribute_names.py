@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No class of a node takes an attribute's name that a class above it, or rclpy, uses already.
+
+`therapy_session` once replaced an attribute of its base class, and ended at its first diagnostics.
+"""
+
+import ast
+import inspect
+import textwrap
+
+import pytest
+import rclpy
+from conftest import node_class
+from rclpy.lifecycle import LifecycleNode
+
+from screw_module_ros.graph import BESIDE, table
+
+NODES = sorted({node for composed in (False, True) for e in table(composed) for node in e.nodes})
+MEANT = {"_phase", "_failure", "drives", "hardware_id", "port"}
+"""Attributes that a base class initializes for those below it."""
+
+
+def assigned(kind: type) -> set[str]:
+    """Return the names that a class assigns to its instances."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kind)))
+    return {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)
+        and isinstance(node.value, ast.Name) and node.value.id == "self"
+    }
+
+
+@pytest.fixture(scope="module")
+def of_rclpy(ros_domain_id):
+    rclpy.init()
+    node = LifecycleNode("plain")
+    names = set(vars(node))
+    node.destroy_node()
+    rclpy.shutdown()
+    return names
+
+
+@pytest.mark.parametrize("name", [*NODES, *(each for each in BESIDE if each != "characterize")])
+def test_names_are_used_once(name, of_rclpy):
+    ours = [kind for kind in node_class(name).__mro__ if "screw_module_ros" in kind.__module__]
+    known = dict.fromkeys(of_rclpy, "rclpy")
+    for kind in reversed(ours):
+        twice = {each: known[each] for each in assigned(kind) & known.keys() - MEANT}
+        assert not twice, f"{kind.__name__} takes names of {twice}"
+        known |= dict.fromkeys(assigned(kind), kind.__name__)
