@@ -5,11 +5,11 @@ PYTHON ?= python3
 VENV_PYTHON := .venv/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help build demo therapy faults fuzz bench soak reproduce test lint shell clean
+.PHONY: help build demo therapy faults fuzz bench soak reproduce test test-all lint shell clean
 
 help:  ## say what there is
 	@echo "screw_module_ros: make COMMAND"
-	@sed -n 's/^\([a-z]*\):.*## /  \1\t/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## /  \1\t/p' $(MAKEFILE_LIST)
 	@echo "Python 3.10 to 3.13 is needed: make build PYTHON=python3.12 names one."
 
 build:  ## virtual environment, messages and package (with ROS 2 Jazzy sourced: uses that)
@@ -38,8 +38,11 @@ soak: build  ## ten minutes of work, recorded: does anything grow or get lost? A
 reproduce: build  ## every experiment of the thesis in process: report.html and report.md
 	@tools/run reproduce $(ARGS)
 
-test: build  ## all tests; pass options with ARGS="-k friction"
+test: build  ## the tests that take minutes in all; pass options with ARGS="-k friction"
 	@$(VENV_PYTHON) tools/run_tests.py $(ARGS)
+
+test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
+	@$(VENV_PYTHON) tools/run_tests.py --all
 
 lint: build  ## style, docstrings, the import rule and the clock rule
 	@$(VENV_PYTHON) -m ruff check .

@@ -7,6 +7,7 @@ each of several workers.
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import threading
@@ -57,6 +58,16 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
             for name, value in isolation.variables(domain).items():
                 patch.setenv(name, value)
             yield domain
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_node_of_earlier_tests(request: pytest.FixtureRequest) -> None:
+    """Remove the nodes that earlier tests of this process have destroyed.
+
+    Others see a destroyed node under its name until it is garbage-collected.
+    """
+    if request.node.get_closest_marker("graph"):
+        gc.collect()
 
 
 @pytest.fixture(scope="module")

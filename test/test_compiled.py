@@ -15,6 +15,8 @@ import pytest
 from screw_module_ros import compiled as module
 from screw_module_ros.compiled import CompileError, compiled, packed
 
+pytestmark = pytest.mark.long
+
 FACTOR = 3.0
 
 

@@ -2,7 +2,8 @@
 """`make test`: pytest in a ROS domain of its own; a run that leaves something behind has failed.
 
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
-is the whole suite, by two workers: simulated time waits for whoever is slow.
+is the suite without the tests marked `long`, with `--all` the whole one, by two workers: simulated
+time waits for whoever is slow.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import leftovers
 
 LEAVE_S = 3.0
 WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile", "--durations", "20"]
+SUITE = [*WHOLE_SUITE, "-m", "not long"]
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -31,9 +33,17 @@ def main() -> int:
         # Plugins by name only: a sourced ROS brings some that do not fit this pytest.
         env["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
         with leftovers.Watch(mark, isolation.dds_ports(domain)) as watch:
-            code = run(sys.argv[1:] or WHOLE_SUITE, env)
+            code = run(chosen(sys.argv[1:]), env)
         clean = clean_up(watch)
     return code if clean else code or 1
+
+
+def chosen(arguments: list[str]) -> list[str]:
+    """Return pytest's arguments for those of `make test`."""
+    if not arguments:
+        print("make test: without the long tests; make test-all runs them too", flush=True)
+        return SUITE
+    return WHOLE_SUITE if arguments == ["--all"] else arguments
 
 
 def run(arguments: list[str], env: dict[str, str]) -> int:

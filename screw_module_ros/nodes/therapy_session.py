@@ -84,10 +84,8 @@ class TherapySessionNode(ModuleNode):
         self._sampled_ns: int | None = None
         self._attendance = Attendance()
         self._recording = SessionRecording(self, self.clock)
-        self._slot = TherapySlot()
-        self._state = TherapyState()
-        for message in (self._slot, self._state):
-            message.header.frame_id = "manus_base"
+        self._slot: TherapySlot
+        self._state: TherapyState
         self.serve(StartTherapy, "~/start", self._start)
         self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
         self.serve(Trigger, "~/resume", self._resume)
@@ -108,7 +106,10 @@ class TherapySessionNode(ModuleNode):
         self._publish_change = self.outlet(*offered(graph.THERAPY_ASSISTANCE))
 
     def begin(self) -> None:
-        """Start without a session."""
+        """Start without a session, and without what the last one has published."""
+        self._slot, self._state = TherapySlot(), TherapyState()
+        for message in (self._slot, self._state):
+            message.header.frame_id = "manus_base"
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
         self._session, self._sent, self._wish = None, None, None

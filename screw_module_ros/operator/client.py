@@ -80,6 +80,8 @@ class Client(Waiting):
             for kind, topic in _STATES.items()
         }
         self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)
+        # Its trigger ends a `spin_once`, in contrast to `Executor.wake`, whose caller sleeps again.
+        self._leaving = self.node.create_guard_condition(lambda: None)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._serve, name=name, daemon=True)
@@ -94,7 +96,7 @@ class Client(Waiting):
     def close(self) -> None:
         """Leave the graph."""
         self._closing.set()
-        self._executor.wake()
+        self._leaving.trigger()
         self._thread.join(timeout=2.0)
         self._executor.shutdown(timeout_sec=2.0)
         self._inbox.close()

@@ -16,6 +16,8 @@ from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
 from screw_module_ros.therapy.screens import protocols_for_screens
 
+pytestmark = pytest.mark.long
+
 TOKENS = Tokens("p" * 32, "t" * 32)
 DEADLINE_MS = 60_000
 PAUSED, RUNNING, FINISHED, REACHED = 2, 1, 3, 5

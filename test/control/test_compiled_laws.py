@@ -12,6 +12,8 @@ from screw_module_ros.compiled import compiled
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 
+pytestmark = pytest.mark.long
+
 MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
 
 

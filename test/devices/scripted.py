@@ -15,6 +15,57 @@ MILLISECOND = 1_000_000
 _SIZES = {0x2F: 1, 0x2B: 2, 0x27: 3, 0x23: 4}  # bytes, of an expedited download
 
 
+class SharedClock(ManualClock):
+    """A manual clock for several threads: a wait advances it when all who use it wait.
+
+    Else a drive's answer, in one thread, would be late whenever another commands zero meanwhile and
+    the machine is busy.
+    """
+
+    _LOOK_S = 0.002  # wall clock; others may set the time without a wait
+    _LOOKS = 500  # then a thread that waits for something else holds time no longer
+
+    def __init__(self, now_ns: int = 0):
+        super().__init__(now_ns)
+        self._turn = threading.Condition()
+        self._users: set[threading.Thread] = set()
+        self._due: dict[threading.Thread, int] = {}
+
+    def now_ns(self) -> int:
+        self._users.add(threading.current_thread())
+        return self.time_ns
+
+    stamp_ns = now_ns
+
+    def sleep_until(self, due_ns: int) -> None:
+        own, looks = threading.current_thread(), 0
+        with self._turn:
+            self._users.add(own)
+            self._due[own] = due_ns
+            while self.time_ns < due_ns:
+                if looks < self._LOOKS and self._somebody_works():
+                    self._turn.wait(self._LOOK_S)
+                    looks += 1
+                else:
+                    self._advance()
+            del self._due[own]
+
+    def _somebody_works(self) -> bool:
+        return any(
+            self._due.get(user, 0) <= self.time_ns for user in tuple(self._users) if user.is_alive()
+        )
+
+    def _advance(self) -> None:
+        now_ns = self.time_ns
+        self.time_ns = min((due for due in self._due.values() if due > now_ns), default=now_ns)
+        self._turn.notify_all()
+
+    def leave(self) -> None:
+        with self._turn:
+            self._users.discard(threading.current_thread())
+            self._turn.notify_all()
+
+
 class TiedBus(VirtualBus):
     """A virtual bus whose far end gets its turn inside each send."""
 
@@ -31,7 +82,7 @@ class Wire:
     """One virtual bus: our port on one end, scripted devices on the other, a clock by hand."""
 
     def __init__(self, channel: str, sync_producer: bool = True):
-        self.clock = ManualClock(1_000_000_000_000)
+        self.clock = SharedClock(1_000_000_000_000)
         self.frames: list[tuple[int, bytes]] = []
         self._devices: list[FarEnd] = []
         self._turn = threading.RLock()

@@ -13,6 +13,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import fuzz
 import runner
 
+pytestmark = pytest.mark.long
+
 CASES = {"bags": 20, "yaml": 150, "can": 60, "rig": 10, "nodes": 200, "state": 300, "therapy": 10}
 
 

@@ -11,6 +11,8 @@ from screw_module_ros.identification.figures import curves as figures
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.trials import NotPossible
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def measured(bench, tmp_path_factory):

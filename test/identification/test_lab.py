@@ -13,6 +13,8 @@ from screw_module_ros.identification.pool import PoolLab, worker_pool
 from screw_module_ros.identification.results import Quantity, Result, load_result
 from screw_module_ros.identification.trials import Cancelled, Samples, StageTrial
 
+pytestmark = pytest.mark.long
+
 SPEEDS = (0.01, 0.02, 0.05)
 
 

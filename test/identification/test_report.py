@@ -25,6 +25,8 @@ from screw_module_ros.identification.report.truth import true_mass, true_weight
 from screw_module_ros.identification.report.words import value_text
 from screw_module_ros.identification.results import Quantity, Result
 
+pytestmark = pytest.mark.long
+
 
 def quantity(value, uncertainty=math.nan, unit="N"):
     return Quantity("gravity", value, uncertainty, unit, "weight (thesis 10.04 N)")

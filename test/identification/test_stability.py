@@ -34,6 +34,8 @@ from screw_module_ros.identification.sampled_loop import (
     sampled,
 )
 
+pytestmark = pytest.mark.long
+
 HAND = Environment()
 
 

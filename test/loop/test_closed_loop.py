@@ -14,6 +14,8 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw
 from screw_module_ros.plant.world import ArmSettings
 
+pytestmark = pytest.mark.long
+
 SPRING, CENTRE = 100.0, 0.18
 SLOWEST = 0.01  # [m/s], below it the handle does not count as in motion
 FORCE_STEP = 5.0  # [N] a tick, the law's rate limit at 1 kHz

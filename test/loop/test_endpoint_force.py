@@ -8,6 +8,8 @@ import pytest
 from screw_module_ros.control import modes
 from screw_module_ros.plant.world import ArmSettings
 
+pytestmark = pytest.mark.long
+
 HELD = 0.18
 NOISE = 0.5  # [N] of the sensor
 RAIL = 0.3  # [N] friction of the handle's guide: between sensor and hand, where no sensor sees it

@@ -7,6 +7,8 @@ import pytest
 
 from screw_module_ros.plant.world import ArmSettings
 
+pytestmark = pytest.mark.long
+
 
 def enabled_plane(bench, arm: ArmSettings):
     bench.world.set_arm(arm)

@@ -7,6 +7,8 @@ import pytest
 
 from screw_module_ros.devices.errors import NotAnswering
 
+pytestmark = pytest.mark.long
+
 
 def restart_unheard(bench, how: str) -> None:
     bench.rig.inject("drive", how, 0.0, 0.0, bench.now_ns)

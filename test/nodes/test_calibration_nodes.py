@@ -23,7 +23,7 @@ from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.resources import resource_path
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 NODES = ("impedance_controller", "amplifier")
 SERIAL = "SIM-0001"  # that of params/sim.yaml

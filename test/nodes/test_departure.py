@@ -57,6 +57,7 @@ def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
     assert left_after(wall, due) == pytest.approx(1.35, abs=0.06)
 
 
+@pytest.mark.long
 @pytest.mark.graph
 @pytest.mark.parametrize("clock", ["rig", "wall"])
 def test_ctrl_c_reaches_all_at_once_and_nobody_complains(capfd, wait_until, clock):

@@ -14,7 +14,7 @@ import pytest
 
 from screw_module_ros.nodes.bringup import executable_path
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 CHOICES = (RANGE, "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS",

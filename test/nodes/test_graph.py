@@ -36,7 +36,7 @@ from screw_module_ros.nodes.support import qos
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 HOME = 0.25

@@ -13,7 +13,7 @@ from screw_module_ros.nodes.support import qos
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 PERIOD_NS = 10_000_000
 LIMIT = 20

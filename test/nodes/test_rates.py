@@ -9,7 +9,7 @@ from screw_module_msgs.msg import ImpedanceState, SafetyState
 from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 CHAIN = ["sim_rig", "supervisor", "encoder", "force_sensor", "impedance_controller", "amplifier"]
 NEEDED = "supervisor:required:=[encoder, force_sensor, impedance_controller, amplifier]"

@@ -9,6 +9,8 @@ import pytest
 
 from screw_module_ros.nodes.bringup import executable_path
 
+pytestmark = pytest.mark.long
+
 FILE = "{folder}/mine.yaml"
 
 

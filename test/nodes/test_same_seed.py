@@ -14,7 +14,7 @@ from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.recording.reader import raw_messages
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 TOPICS = ("screw/encoder", "handle/force", "screw/force_command", "sim/truth")
 BETWEEN_TICKS_NS = 500_000

@@ -26,7 +26,7 @@ from screw_module_ros.trials.graph_run import GraphRun
 from screw_module_ros.trials.simulated_player import HEALTHY, PEOPLE, SimulatedPlayer
 from screw_module_ros.trials.therapy import make_ready
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 PATIENT, NAMES = "P-7K3QX", ("elevator", "reach_3d", "evaluation")
 KINDS = ["reach", "reach", "circle", "hold", "resisted", "strength"]

@@ -30,7 +30,7 @@ from screw_module_ros.therapy.bag import read_sessions, replayed
 from screw_module_ros.therapy.session import FINISHED
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 STILL = (0.0, 0.0, 0.0)
 CENTRE = (0.0, 0.0, 0.18)

@@ -16,7 +16,7 @@ from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.recording.reader import metadata, topics
 from screw_module_ros.recording.verify import verify
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 NAMES = ("left", "right")
 ONE_ROBOT = ["sim_rig", "supervisor", "module", "session_recorder"]

@@ -13,7 +13,7 @@ from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 NAMES = ("left", "right")
 ONE_ROBOT = ["sim_rig", "supervisor", "module", "endpoint_state"]

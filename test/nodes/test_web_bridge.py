@@ -10,7 +10,7 @@ import pytest
 from bridge_stage import MOVEMENTS, PATIENT, PROTOCOL, Page, Stage, stopped
 from screw_module_msgs.msg import TherapyState
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 IDLE, RUNNING, PAUSED = TherapyState.IDLE, TherapyState.RUNNING, TherapyState.PAUSED
 SILENT = "the therapist's page has been silent for 2 s"

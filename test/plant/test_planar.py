@@ -20,6 +20,8 @@ from screw_module_ros.plant.planar import (
     tip,
 )
 
+pytestmark = pytest.mark.long
+
 L1, L2 = 0.4064, 0.51435
 IDLE = ManusInput(0.0, 0.0, True, True, False, False, False, 0.0, 0.0, 0.0, 0.0)
 

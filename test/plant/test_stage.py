@@ -9,6 +9,8 @@ import pytest
 
 from screw_module_ros.plant.world import World
 
+pytestmark = pytest.mark.long
+
 LEAD = 0.01905
 
 

@@ -11,6 +11,7 @@ import itertools
 import math
 from concurrent.futures import Future
 
+import pytest
 from anything import MS, absurd, fixed, near
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
@@ -26,6 +27,8 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotEnabled
 from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.loop.drive import VerticalDrive
+
+pytestmark = pytest.mark.long
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 GATE, LIMITS, FORCES = GateSettings(), TorqueLimits(), CommandLimits()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import Future
 
+import pytest
 from anything import fixed, near
 from bench import Bench
 from hypothesis import strategies as st
@@ -18,6 +19,8 @@ from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
+
+pytestmark = pytest.mark.long
 
 LARGEST = torque_command(default_linearization(), force_to_torque(max(CommandLimits()))) + 0.001
 FORCE_RATE = VerticalSettings().force_rate

@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros.recording.reader import columns, metadata, topics
 from screw_module_ros.recording.verify import verify
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 BEST_EFFORT = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Whoever comes late still gets everything: tests do not depend on who found whom first.

@@ -13,6 +13,8 @@ from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.result import Figures
 from screw_module_ros.therapy.session import Session
 
+pytestmark = pytest.mark.long
+
 DOCS = Path(__file__).parents[2] / "docs" / "therapy.md"
 ROW = re.compile(r"^\| (\w+) \| ([+-][\d.]+) \| ([+-][\d.]+) \|$", re.MULTILINE)
 OF_OTHER_TRIALS = {"independence", "size", "hold_deviation", "largest_force",

@@ -25,6 +25,8 @@ from screw_module_ros.therapy.report.figures import paths_figure, trials_figure
 from screw_module_ros.therapy.report.page import NOT_ADAPTED, STATEMENT, write_page
 from screw_module_ros.therapy.report.pdf import back, front, write_pdf
 
+pytestmark = pytest.mark.long
+
 CLOCK = load_protocol("clock_adaptive")
 ELEVATOR = load_protocol("elevator")
 

@@ -14,6 +14,8 @@ from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.samples import HandSample
 from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
 
+pytestmark = pytest.mark.long
+
 CLOCK = load_protocol("clock_adaptive")
 STEADY = HEALTHY._replace(bow=0.003)
 

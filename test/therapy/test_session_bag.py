@@ -13,6 +13,8 @@ from screw_module_ros.session_command import main
 from screw_module_ros.therapy.bag import read_sessions, replayed
 from screw_module_ros.therapy.protocol_file import sha256
 
+pytestmark = pytest.mark.long
+
 CLOCK = short_text()
 
 

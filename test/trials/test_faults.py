@@ -20,7 +20,7 @@ from screw_module_ros.trials.faults.measures import STEP_S, largest_step, torque
 from screw_module_ros.trials.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF
 from screw_module_ros.trials.faults.rows_bus import DEVICES, KINDS
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 ROWS = all_rows()
 NAMES = [row.name for row in ROWS]

@@ -14,7 +14,7 @@ import pytest
 
 from screw_module_ros.nodes.bringup import executable_path
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 DEADLINE_S = 200.0
 
 

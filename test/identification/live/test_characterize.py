@@ -20,7 +20,7 @@ from screw_module_ros.identification.results import load_result
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 AMPLIFIER = ("linearize", "command_up", "command_down")
 CONTROLLER = ("mode", "stiffness", "gravity", "force_gain")

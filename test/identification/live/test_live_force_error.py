@@ -20,7 +20,7 @@ from screw_module_ros.plant.settings import load_world
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.trials.graph_run import GraphRun
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 CHOSEN = {"modes": [modes.OBSERVER], "cases": ["small"], "side_force": 0.0}
 """Small motion, in which delay, friction, gain and zero of the transducer all count."""
