@@ -8,7 +8,8 @@
         else: conductor.sleep()
 
 The conductor stops waiting for a member that makes no progress for `PATIENCE_S` of wall clock while
-others wait for it, or whose process has ended, until that member follows again.
+others wait for it, or whose process has ended, until that member follows again. If that process
+could run and the machine does not let it, as on a busy host of many machines, it has `STARVED_S`.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ import os
 import time
 from collections.abc import Callable
 
-from .page import BUSY, FOREVER, HOPS, LINES, NOBODY, SLOTS, Page, alive
+from .page import BUSY, FOREVER, HOPS, LINES, NOBODY, SLOTS, Page, alive, works
 from .wires import Line
 
 PATIENCE_S = 1.0
+STARVED_S = 10.0
 _LOOK_S = 0.05  # wall clock between checks for processes that have ended
 _ROLL_S = 1.0  # the same, while time advances
 _MOST_AHEAD_S = 0.005  # largest delay that time catches up after a late tick
@@ -160,9 +162,28 @@ class Conductor:
             self._dismiss_ended()
         if not stands:
             self._progress, self._progress_s = progress, now_s
-        elif now_s - self._progress_s > PATIENCE_S:
+            return
+        stood_s = now_s - self._progress_s
+        if stood_s > STARVED_S or stood_s > PATIENCE_S and not self._starves():
             self._progress_s = now_s
-            self._give_up()
+            self._give_up(stood_s)
+
+    def _starves(self) -> bool:
+        """Return whether a process that holds time could run."""
+        page = self._page
+        holding = [page.slot_pid[i] for i in range(self._top) if page.slot_until[i] <= page.now_ns]
+        holding += [
+            page.line_pid[line.row]
+            for line in self._lines
+            if self._is_awaited(line) and line.pending() > 0
+        ]
+        holding += [
+            page.hop_pid[hop]
+            for hop, topic in self._hops
+            if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]
+            and page.hop_taken[hop] != page.topic_published[topic]
+        ]
+        return any(works(pid) for pid in {*holding} - {0, os.getpid()})
 
     def _busy_now(self) -> tuple:
         """Return the time and the number of waits of each busy thread; constant while it hangs.
@@ -181,7 +202,7 @@ class Conductor:
                 with page.locked():
                     page.dismiss(pid)
 
-    def _give_up(self) -> None:
+    def _give_up(self, stood_s: float) -> None:
         page = self._page
         names = []
         for slot in range(self._top):
@@ -201,7 +222,7 @@ class Conductor:
             self.given_up += len(names)
             self._report(
                 f"simulated time no longer waits for {', '.join(names)}: no progress for "
-                f"{PATIENCE_S:g} s"
+                f"{stood_s:.0f} s"
             )
 
     def _give_up_line(self, line: Line) -> str:

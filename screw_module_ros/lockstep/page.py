@@ -297,6 +297,15 @@ def alive(pid: int) -> bool:
     return state not in "ZX"
 
 
+def works(pid: int) -> bool:
+    """Return whether a thread of the process runs or waits for a core or a disk."""
+    for task in Path(f"/proc/{pid}/task").glob("*/stat"):
+        with suppress(OSError, IndexError):
+            if task.read_text().rpartition(")")[2].split()[0] in "RD":
+                return True
+    return False
+
+
 def _opened_and_locked(path: Path) -> int:
     """Open or create the file and lock it; retry if its last user is just removing it."""
     while True:

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import sys
 import threading
+import time
 
 import pytest
 
@@ -228,6 +230,41 @@ def test_who_hangs_is_given_up_and_waited_for_again(conductor, page, member, tol
     move(conductor, START_NS + 3 * MS)
     thread.join(10.0)
     assert conductor.quiet() is None, "he follows again"
+
+
+def _hold(name: str, work) -> None:
+    Member(Page(name), "busy one", never)
+    while True:
+        work()
+
+
+@pytest.mark.parametrize(
+    ("work", "starved_s"), [(lambda: None, 1.5), (signal.pause, 60.0)]
+)
+def test_who_could_run_has_more_time_than_who_hangs(
+    conductor, page, name, told, wait_until, monkeypatch, work, starved_s
+):
+    """On a host of many virtual machines a process stood still for over a second."""
+    monkeypatch.setattr("screw_module_ros.lockstep.conductor.PATIENCE_S", 0.3)
+    monkeypatch.setattr("screw_module_ros.lockstep.conductor.STARVED_S", starved_s)
+    process = multiprocessing.get_context("fork").Process(target=_hold, args=(name, work))
+    process.start()
+    try:
+        wait_until(lambda: "busy one" in [page.name(slot) for slot in range(4)], 30.0)
+        begun = time.monotonic()
+
+        def given_up() -> bool:
+            conductor.look()
+            conductor.sleep(0.05)
+            return conductor.quiet() is not None
+
+        wait_until(given_up, 30.0)
+        assert "busy one" in told[0]
+        if starved_s < 10.0:
+            assert time.monotonic() - begun > starved_s
+    finally:
+        process.kill()
+        process.join()
 
 
 def test_who_declares_himself_content_does_not_keep_who_hangs(
