@@ -114,8 +114,8 @@ def write_calibration(path: str | Path, calibration: ModuleCalibration) -> Modul
     Values are checked as by the loader; the given checksum is ignored. Raises
     ModuleCalibrationError, also for an error of the disk.
     """
-    values = content_values(calibration)
-    checked = read_content(Section(str(path), "", values, ModuleCalibrationError, _NOT_WRITTEN))
+    content = content_values(calibration)
+    checked = read_content(Section(str(path), "", content, ModuleCalibrationError, _NOT_WRITTEN))
     written = checked._replace(checksum=content_checksum(checked))
     values = {
         "format": FORMAT,

@@ -171,28 +171,35 @@ class Conductor:
     def _starves(self) -> bool:
         """Return whether a process that holds time could run."""
         page = self._page
-        holding = [page.slot_pid[i] for i in range(self._top) if page.slot_until[i] <= page.now_ns]
-        holding += [
-            page.line_pid[line.row]
-            for line in self._lines
-            if self._is_awaited(line) and line.pending() > 0
-        ]
-        holding += [
-            page.hop_pid[hop]
+        holding = {page.slot_pid[slot] for slot in self._busy_slots()}
+        holding |= {page.line_pid[line.row] for line in self._unread_lines()}
+        holding |= {page.hop_pid[hop] for hop in self._untaken_hops()}
+        return any(works(pid) for pid in holding - {0, os.getpid()})
+
+    def _busy_slots(self) -> list[int]:
+        page, now_ns = self._page, self._page.now_ns
+        return [slot for slot in range(self._top) if page.slot_until[slot] <= now_ns]
+
+    def _unread_lines(self) -> list[Line]:
+        return [line for line in self._lines if self._is_awaited(line) and line.pending() > 0]
+
+    def _untaken_hops(self) -> list[int]:
+        page = self._page
+        return [
+            hop
             for hop, topic in self._hops
-            if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]
-            and page.hop_taken[hop] != page.topic_published[topic]
+            if page.hop_taken[hop] != page.topic_published[topic]
+            and page.hop_waiter[hop] >= 0
+            and page.hop_follows[hop]
         ]
-        return any(works(pid) for pid in {*holding} - {0, os.getpid()})
 
     def _busy_now(self) -> tuple:
         """Return the time and the number of waits of each busy thread; constant while it hangs.
 
         Waiting threads repeat their declaration now and then; that is no progress.
         """
-        page, now_ns = self._page, self._page.now_ns
-        busy = [i for i in range(self._top) if page.slot_until[i] <= now_ns]
-        return (now_ns, *((i, page.slot_declared[i]) for i in busy))
+        page = self._page
+        return (page.now_ns, *((slot, page.slot_declared[slot]) for slot in self._busy_slots()))
 
     def _dismiss_ended(self) -> None:
         page = self._page
@@ -205,19 +212,13 @@ class Conductor:
     def _give_up(self, stood_s: float) -> None:
         page = self._page
         names = []
-        for slot in range(self._top):
-            if page.slot_until[slot] <= page.now_ns:
-                page.slot_until[slot] = FOREVER
-                names.append(page.name(slot))
-        for line in self._lines:
-            if self._is_awaited(line) and line.pending() > 0:
-                names.append(self._give_up_line(line))
-        for hop, topic in self._hops:
-            waiter = page.hop_waiter[hop]
-            if waiter >= 0 and page.hop_follows[hop]:
-                if page.hop_taken[hop] != page.topic_published[topic]:
-                    names.append(f"{page.name(waiter)} (a message lost)")
-                    page.hop_follows[hop] = 0
+        for slot in self._busy_slots():
+            page.slot_until[slot] = FOREVER
+            names.append(page.name(slot))
+        names += [self._give_up_line(line) for line in self._unread_lines()]
+        for hop in self._untaken_hops():
+            names.append(f"{page.name(page.hop_waiter[hop])} (a message lost)")
+            page.hop_follows[hop] = 0
         if names:
             self.given_up += len(names)
             self._report(

@@ -166,8 +166,9 @@ def _session(
 
 def replayed(recorded: Recorded) -> Replay:
     """Return the replay of a recorded session."""
-    session = (recorded.samples, recorded.acts, recorded.trials, recorded.changes)
-    return replay(recorded.protocol, *session)
+    return replay(
+        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
+    )
 
 
 def _names(folder: Path) -> dict[str, str]:

@@ -62,19 +62,19 @@ def _carried_out(rows: list[Row], jobs: int, console: Console, json_file: Path |
     begun = time.monotonic()
     named = {row.name: row for row in rows}
     verdicts: list[Verdict] = []
+    failed: dict[str, str] = {}
     try:
         with WorkerPool(rows, 1 if os.environ.get(DOMAIN_VARIABLE) else jobs) as pool:
             for verdict in pool.verdicts():
                 verdicts.append(verdict)
-                console.show(_verdict_line(named[verdict.name], verdict, len(verdicts), len(rows)))
+                line = _verdict_line(named[verdict.name], verdict, len(verdicts), len(rows))
+                console.show(line)
+                if not verdict.passed:
+                    failed[verdict.name] = line
     finally:
         _write(json_file, named, verdicts)
-    failed = [verdict.name for verdict in verdicts if not verdict.passed]
-    if failed:
-        console.show("\nFailed:")
-    for number, verdict in enumerate(verdicts, 1):
-        if not verdict.passed:  # again, so that a log's end says why
-            console.show(_verdict_line(named[verdict.name], verdict, number, len(rows)))
+    if failed:  # again, so that a log's end says why
+        console.show("\n".join(("\nFailed:", *failed.values())))
     console.show(
         f"{len(verdicts) - len(failed)} of {len(rows)} rows passed in "
         f"{time.monotonic() - begun:.0f} s"
