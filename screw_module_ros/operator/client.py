@@ -7,14 +7,14 @@ Every call either succeeds or raises RobotError, which names the node and quotes
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
@@ -269,10 +269,20 @@ class Client(Waiting):
         return self.ask(Trigger, service, deadline_s=deadline_s)
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
-        """Set one parameter."""
-        request = SetParameters.Request(
-            parameters=[Parameter(name, value=value).to_parameter_msg()]
-        )
-        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        """Set one parameter; raises RobotError as `set_parameters`."""
+        self.set_parameters(node, {name: value})
+
+    def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        """Set parameters in one request, all or none: some are allowed only together.
+
+        Raises RobotError with the node's reason.
+        """
+        if not values:
+            return
+        changes = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        request = SetParametersAtomically.Request(parameters=changes)
+        service = f"{node}/set_parameters_atomically"
+        result = self.call(SetParametersAtomically, service, request).result
         if not result.successful:
-            raise RobotError(f"{node} refused {name} = {value!r}: {result.reason}")
+            listed = ", ".join(f"{name} = {value!r}" for name, value in values.items())
+            raise RobotError(f"{node} refused {listed}: {result.reason}")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads and sets lifecycle states and parameters of other nodes for an experiment."""
+"""Reads and sets lifecycle states of other nodes for an experiment, and reads their parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from lifecycle_msgs.msg import State, Transition
@@ -50,12 +50,6 @@ def parameters(client: Client, node: str, names: Iterable[str]) -> dict[str, Any
     values = client.call(GetParameters, f"{node}/get_parameters", request).values
     found = zip(names, map(parameter_value_to_python, values), strict=False)
     return {name: value for name, value in found if value is not None}
-
-
-def set_parameters(client: Client, node: str, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node. Raises RobotError for the first refused one."""
-    for name, value in values.items():
-        client.set_parameter(node, name, value)
 
 
 def topic_of(client: Client, name: str) -> str:

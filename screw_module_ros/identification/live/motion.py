@@ -34,7 +34,7 @@ from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import declared
 
 from .experiment import Experiment, share_of
-from .graph import ACTIVE, UNCONFIGURED, bring, parameters, set_parameters
+from .graph import ACTIVE, UNCONFIGURED, bring, parameters
 from .samples import Track, evenly, samples_of
 from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
@@ -148,11 +148,11 @@ class Motion:
         fixed = {n: v for n, v in wanted.items() if n not in {*_LIVE, "mode"} and v != now[n]}
         if fixed:
             bring(robot, CONTROLLER, UNCONFIGURED)
-            set_parameters(robot, CONTROLLER, fixed)
+            robot.set_parameters(CONTROLLER, fixed)
             bring(robot, CONTROLLER, ACTIVE)
             now = parameters(robot, CONTROLLER, wanted)  # a calibration may have set its gravity
         changed = {name: value for name, value in wanted.items() if value != now[name]}
-        set_parameters(robot, CONTROLLER, changed)
+        robot.set_parameters(CONTROLLER, changed)
 
     def put_back(self) -> list[str]:
         """Restore the controller's settings; return sentences about what could not be restored."""

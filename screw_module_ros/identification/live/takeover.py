@@ -28,7 +28,6 @@ from .graph import (
     disabling,
     lifecycle_state,
     parameters,
-    set_parameters,
     topic_of,
 )
 from .loop import LiveLoop
@@ -79,7 +78,7 @@ class Takeover:
             name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
         }
         freed = {"linearize": False, "command_rate": _FASTEST}
-        set_parameters(self._robot, AMPLIFIER, {**freed, **widened})
+        self._robot.set_parameters(AMPLIFIER, {**freed, **widened})
         bring(self._robot, AMPLIFIER, ACTIVE)
         self._wait_until_ready()
         return self.source
@@ -139,7 +138,7 @@ class Takeover:
         return left
 
     def _restore(self) -> None:
-        set_parameters(self._robot, AMPLIFIER, self._found)
+        self._robot.set_parameters(AMPLIFIER, self._found)
         now = parameters(self._robot, AMPLIFIER, self._found)
         if now != self._found:
             raise RobotError(f"{self._found} was wanted, they are {now}")

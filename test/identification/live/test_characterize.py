@@ -12,12 +12,12 @@ from action_msgs.msg import GoalStatus
 from live_graph import AS_FAST_AS_IT_GOES, characterize, operated
 from rclpy.action import ActionClient
 from screw_module_msgs.action import RunExperiment
-from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
+from screw_module_msgs.msg import AmplifierState, ForceCommand, ImpedanceState, SafetyState
 from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros.identification.live.graph import ACTIVE, lifecycle_state, parameters
 from screw_module_ros.identification.results import load_result
-from screw_module_ros.operator.robot import Robot
+from screw_module_ros.operator.robot import Robot, RobotError
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -230,6 +230,22 @@ def test_cancelled_the_torque_is_off_and_all_is_put_back(bench, tmp_path):
     assert (status, result.success) == (GoalStatus.STATUS_CANCELED, False)
     assert result.message == f"cancelled; what was finished is kept in {tmp_path}"
     bench.check_put_back()
+
+
+def test_settings_that_are_allowed_only_together_are_put_back(bench):
+    """The observer refuses to run without damping, so mode and damping must come back together."""
+    robot, node = bench.robot, "impedance_controller"
+    found = parameters(robot, node, ("damping", "mode"))
+    undamped = {"damping": 0.0, "mode": ForceCommand.IMPEDANCE}
+    try:
+        robot.set_parameters(node, undamped)
+        robot.set_parameters(node, {"damping": 10.0, "mode": ForceCommand.OBSERVER})
+        with pytest.raises(RobotError, match="damping = 0.0: .*damping"):
+            robot.set_parameters(node, {"damping": 0.0})
+        robot.set_parameters(node, undamped)
+        assert parameters(robot, node, undamped) == undamped
+    finally:
+        robot.set_parameters(node, found)
 
 
 def test_friction_at_one_speed(bench, tmp_path):
