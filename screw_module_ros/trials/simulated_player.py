@@ -32,8 +32,10 @@ class Person(NamedTuple):
     mass: float = 3.0
 
 
+# A hand of 3 kg moves some 9 kg with the arm. 500 N/m and 20 Ns/m, damped by 0.15, pass a target
+# 0.14 m away by 30 mm in 0.9 s; a practised hand, damped by 0.5, by a few millimetres in 1.1 s.
 PEOPLE = {
-    HEALTHY: Person("active", 0.9),
+    HEALTHY: Person("active", 1.1, stiffness=800.0, damping=80.0),
     TREMOR: Person("tremor", 1.2),
     WEAK: Person("weak", 1.6),
 }
