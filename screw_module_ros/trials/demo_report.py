@@ -171,7 +171,7 @@ def evaluated(
             figures.force_position(found.traces, spring, title), folder / "force_position.png"
         ),
         figures.save(
-            figures.path_3d(found.paths, np.array(targets), "Path of the handle"),
+            figures.path_views(found.paths, np.array(targets), "Path of the handle"),
             folder / "path.png",
         ),
     ]

@@ -56,18 +56,20 @@ def test_a_handle_at_rest_can_be_drawn():
     figures.force_position([still], SPRING)
 
 
-def test_path_has_three_labelled_axes():
-    points = np.column_stack([np.linspace(0, 1, 50)] * 3)
-    figure = figures.path_3d([Path3D("all", points)], targets=np.array([[0.1, 0.0], [0.0, 0.1]]))
-    axes = figure.axes[0]
-    assert words(axes) == {"all", "planar targets"}
-    assert all(
-        label.endswith("[m]") for label in (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel())
-    )
+def test_paths_are_seen_from_above_and_from_the_front():
+    way = np.linspace(0.0, 0.1, 50)
+    points = np.column_stack([way, 2.0 * way, 3.0 * way])
+    figure = figures.path_views([Path3D("all", points)], targets=np.array([[0.1, 0.0], [0.0, 0.1]]))
+    above, front = figure.axes
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["targets", "all"]
+    for axes, upward in ((above, 2), (front, 3)):
+        assert axes.get_xlabel().endswith("[m]")
+        assert axes.get_ylabel().endswith("[m]")
+        assert axes.lines[0].get_ydata()[-1] == pytest.approx(0.1 * upward)
 
 
 @pytest.mark.parametrize(
-    "draw", [lambda: figures.force_position([], SPRING), lambda: figures.path_3d([])]
+    "draw", [lambda: figures.force_position([], SPRING), lambda: figures.path_views([])]
 )
 def test_nothing_to_draw_is_refused(draw):
     with pytest.raises(ValueError, match="to draw"):

@@ -3,6 +3,6 @@
 
 from screw_module_ros.figure_style import save
 
-from .force_position import force_position, path_3d
+from .force_position import force_position, path_views
 
-__all__ = ["force_position", "path_3d", "save"]
+__all__ = ["force_position", "path_views", "save"]

@@ -60,28 +60,37 @@ def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> 
     return figure
 
 
-def path_3d(paths: Sequence[Path3D], targets: np.ndarray | None = None, title: str = "") -> Figure:
-    """Draw the handle's path in space; `targets`: planar targets x, y [m], shape (n, 2), if any."""
+def path_views(
+    paths: Sequence[Path3D], targets: np.ndarray | None = None, title: str = ""
+) -> Figure:
+    """Draw the handle's paths from above and from the front.
+
+    targets: of the plane, x, y [m], shape (n, 2). Raises ValueError without paths.
+    """
     if not paths:
         raise ValueError("no paths to draw")
     with rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 5.6), layout="constrained")
-        axes = figure.add_subplot(projection="3d")
+        figure = Figure(figsize=(9.0, 4.8), layout="constrained")
+        above, front = figure.subplots(1, 2)
+        if targets is not None:
+            above.scatter(*targets.T, color=DESIRED, s=36, zorder=3, label="targets")
         for number, path in enumerate(paths):
             x, y, z = path.points[:: _step(len(path.points))].T
-            axes.plot(x, y, z, color=COLOURS[number % len(COLOURS)], label=path.name)
-        if targets is not None:
-            floor = axes.get_zlim()[0]
-            axes.scatter(
-                targets[:, 0], targets[:, 1], floor, color=DESIRED, s=26, label="planar targets"
-            )
-        axes.set_xlabel("x, to the patient's right [m]")
-        axes.set_ylabel("y, away from the patient [m]")
-        axes.set_zlabel("z, up [m]")
-        axes.view_init(elev=24, azim=-58)
+            line = {"color": COLOURS[number % len(COLOURS)], "label": path.name, "alpha": 0.9}
+            above.plot(x, y, **line)
+            front.plot(x, z, **line)
+        for axes, name, upward in (
+            (above, "from above", "y, away from the patient [m]"),
+            (front, "from the front", "z, up [m]"),
+        ):
+            axes.set_title(name)
+            axes.set_xlabel("x, to the patient's right [m]")
+            axes.set_ylabel(upward)
+            axes.set_aspect("equal", adjustable="datalim")
         if title:
-            axes.set_title(title, loc="left")
-        axes.legend(loc="upper left")
+            figure.suptitle(title)
+        handles, labels = above.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 
