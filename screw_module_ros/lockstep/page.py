@@ -291,7 +291,7 @@ def page_name(domain: str, namespace: str) -> str:
 def alive(pid: int) -> bool:
     """Return whether the process is there and no zombie."""
     try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        state = _state(Path(f"/proc/{pid}"))
     except (OSError, IndexError):
         return False
     return state not in "ZX"
@@ -299,11 +299,16 @@ def alive(pid: int) -> bool:
 
 def works(pid: int) -> bool:
     """Return whether a thread of the process runs or waits for a core or a disk."""
-    for task in Path(f"/proc/{pid}/task").glob("*/stat"):
+    for task in Path(f"/proc/{pid}/task").glob("*"):
         with suppress(OSError, IndexError):
-            if task.read_text().rpartition(")")[2].split()[0] in "RD":
+            if _state(task) in "RD":
                 return True
     return False
+
+
+def _state(folder: Path) -> str:
+    """Return the kernel's letter for the state of a process or thread, from its folder in /proc."""
+    return (folder / "stat").read_text().rpartition(")")[2].split()[0]
 
 
 def _opened_and_locked(path: Path) -> int:
