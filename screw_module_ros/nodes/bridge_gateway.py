@@ -33,6 +33,7 @@ from screw_module_ros.clock import WallClock
 
 from .support import qos
 from .support.hot_topics import HotGroup
+from .support.served import is_served
 from .support.timers import Timers
 
 _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
@@ -179,7 +180,7 @@ class BridgeGateway:
     def _is_found(self, service: str) -> bool:
         """Return whether a node offers it, and hears that the page attends."""
         heard = self._attendance.get(service)
-        ready = self._clients[service].service_is_ready()
+        ready = is_served(self._node, self._clients[service])
         return ready and (heard is None or heard.get_subscription_count() > 0)
 
     def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:

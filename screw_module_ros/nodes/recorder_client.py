@@ -12,6 +12,8 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import Clock
 
+from .support.served import is_served
+
 RECORDER = "session_recorder"
 _FOUND_NS = 5_000_000_000  # for which a recorder that was just started may stay undiscovered
 _ANSWER_NS = 10_000_000_000  # in which a recorder that was found must answer
@@ -66,7 +68,7 @@ class RecorderClient:
                 self._refuse("not recorded: the session_recorder does not answer")
             return
         due_ns, request = self._unsent
-        if self._parameters.service_is_ready():
+        if is_served(self._node, self._parameters):
             self._unsent, self._due_ns = None, now_ns + _ANSWER_NS
             named = partial(self._named, self._request)
             self._parameters.call_async(request).add_done_callback(named)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -31,6 +32,7 @@ from screw_module_ros.simulated_clock import simulated_clock
 from ..nodes.support import qos
 from ..nodes.support.freshness import Newest
 from ..nodes.support.hot_topics import Inbox
+from ..nodes.support.served import is_served
 from ..nodes.support.serving_node import answer_topic, request_topic
 from ..nodes.support.transport import choose_transport
 from .waiting import POLL_NS, RobotError, Waiting
@@ -137,8 +139,14 @@ class Client(Waiting):
             return not waiting
 
         if not self.met_by_wall(ready, deadline_s):
-            said = "; ".join(f"{name}: {self.said(name)}" for name in waiting)
+            said = "; ".join(f"{name}: {self._missing(name)}" for name in waiting)
             raise RobotError(f"not ready after {deadline_s:g} s: {said}")
+
+    def _missing(self, name: str) -> str:
+        """Return what a node lacks that is not ready."""
+        client = self.client(GetState, f"{name}/get_state")
+        found = is_served(self.node, client)
+        return self.said(name) + ("" if found else f"; nobody offers {client.service_name}")
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
         """Return whether the node has reported the state active.
@@ -152,7 +160,7 @@ class Client(Waiting):
             return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
         now_ns = _WALL.now_ns()
         client = self.client(GetState, f"{name}/get_state")
-        if not client.service_is_ready():
+        if not is_served(self.node, client):
             asked.pop(name, None)
         elif name not in asked:
             asked[name] = (None, now_ns + _FIRST_ASK_NS)
@@ -210,7 +218,8 @@ class Client(Waiting):
     def call(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
-        self.wait_until(client.service_is_ready, deadline_s, f"nobody offers {service}")
+        served = partial(is_served, self.node, client)
+        self.wait_until(served, deadline_s, f"nobody offers {service}")
         with self._under_way(kind, service) as hops:
             future = client.call_async(request or kind.Request())
             end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
