@@ -191,11 +191,6 @@ def subscribed_by(node: str) -> list[Topic]:
     return [topic for topic in _TOPICS if node in topic.subscribers]
 
 
-def published_by(node: str) -> list[Topic]:
-    """Return the topics that this node alone publishes."""
-    return [topic for topic in _TOPICS if topic.publisher == node]
-
-
 def table(composed: bool) -> list[Entry]:
     """Return the whole graph; composed: with `module` instead of its four parts."""
     if not composed:

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..geometry import MANUS, PlanarArm, forward, jacobian
+from ..geometry import MANUS, forward, jacobian
 from .hand_force import within_at_hand
 from .impedance import spring_damper
 from .limits import clamp, limit_speed, slew, soft_stop
@@ -119,7 +119,6 @@ def planar_step(
     state: PlanarState,
     inp: PlanarInput,
     dt: float,
-    arm: PlanarArm = MANUS,
 ) -> tuple[PlanarOutput, PlanarState]:
     """Return torques and next state, dt [s] after the last step.
 
@@ -129,8 +128,8 @@ def planar_step(
         idle = _idle(settings, state.x.position, state.y.position)
         return _nothing(state.x.position, state.y.position, 0.0, 0.0, idle), idle
     dt = min(dt, LONGEST_STEP)
-    x, y = forward(inp.shoulder, inp.elbow, arm)
-    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, arm)
+    x, y = forward(inp.shoulder, inp.elbow, MANUS)
+    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, MANUS)
     vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
     vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
     if not inp.active:
@@ -178,7 +177,7 @@ def planar_step(
     wanted_s, wanted_e = wanted_s + weight * friction_s, wanted_e + weight * friction_e
     allowed = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
     allowed_s, allowed_e = within_at_hand(
-        settings.force_limit, arm, (x_s, x_e, y_s, y_e), allowed
+        settings.force_limit, MANUS, (x_s, x_e, y_s, y_e), allowed
     )
     step = settings.torque_rate * dt
     shoulder = slew(state.shoulder_torque, allowed_s, step)

@@ -50,7 +50,6 @@ class Encoder:
         self,
         port: Port,
         settings: EncoderSettings,
-        label: str = "encoder",
         screw: Screw = SCREW,
     ):
         self.settings = validated(settings)
@@ -58,10 +57,9 @@ class Encoder:
         self.fault = ""
         self.emergency = ""
         self.warnings: list[str] = []
-        self.operating_status = 0
         self._port = port
         self._node = CanopenNode(
-            port, settings.node_id, label, settings.sdo_timeout, self._boot_up, self._emergency,
+            port, settings.node_id, "encoder", settings.sdo_timeout, self._boot_up, self._emergency,
             self._on_foreign_sdo,
         )  # fmt: skip
         self._period_ns = round(1e9 / settings.rate)
@@ -246,15 +244,13 @@ class Encoder:
         return settings.home_position
 
     def poll_slow(self) -> None:
-        """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
+        """Read alarms and warnings (6503, 6505); blocking, not for the loop."""
         try:
-            status = self._optional(0x6500)
             alarms = self._optional(0x6503)
             warnings = self._optional(0x6505)
         except (NotAnswering, BusError):
             self.counters.slow_polls_failed += 1
             return
-        self.operating_status = status
         self.warnings = _bit_names(warnings, setup.WARNINGS)
         if alarms:
             self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")

@@ -78,7 +78,6 @@ class CanopenNode:
         self.state: int | None = None
         self.heartbeat_ns: int | None = None
         self.boot_ups = 0
-        self.malformed = 0
         self.configured = False
         self._foreign_known = self._boot_ups_known = self._configured_ns = 0
         self._on_boot_up = on_boot_up
@@ -160,7 +159,7 @@ class CanopenNode:
 
     def _heartbeat(self, data: bytes, arrival_ns: int) -> None:
         if len(data) != 1:
-            self.malformed += 1
+            self.port.counters.malformed += 1
             return
         state = data[0] & ~_TOGGLE_BIT
         self.heartbeat_ns = arrival_ns
@@ -174,6 +173,6 @@ class CanopenNode:
     def _emergency(self, data: bytes, _arrival_ns: int) -> None:
         emergency = emcy.decode(data)
         if emergency is None:
-            self.malformed += 1
+            self.port.counters.malformed += 1
         else:
             self._on_emergency(emergency)

@@ -31,8 +31,7 @@ class Sdo:
 
     label: name of the device in messages. timeout_s: time limit of one try [s]; there are two.
     on_foreign(): called by the thread that pumps the port, for each request of another client to
-    the node. foreign: number of these requests. unasked: answers without a request of ours; CAN may
-    deliver a frame twice, so a few are harmless.
+    the node. foreign: number of these requests.
     """
 
     def __init__(
@@ -44,9 +43,8 @@ class Sdo:
         on_foreign: Callable[[], None] = lambda: None,
     ):
         self.label = label
-        self.foreign = self.unasked = 0
+        self.foreign = 0
         self._on_foreign = on_foreign
-        self._answered = 0
         self._port = port
         self._node_id = node_id
         self._lock = threading.Lock()
@@ -68,10 +66,6 @@ class Sdo:
         self._on_foreign()
 
     def _on_response(self, data: bytes, _arrival_ns: int) -> None:
-        if self._answered >= self._client.requests:
-            self.unasked += 1
-        else:
-            self._answered += 1
         if len(data) == _FRAME_BYTES:
             self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
 
@@ -91,9 +85,9 @@ class Sdo:
         """Upload an unsigned integer of any size; raises as `read`."""
         return int.from_bytes(self.read(index, subindex), "little")
 
-    def signed(self, index: int, subindex: int = 0) -> int:
+    def signed(self, index: int) -> int:
         """Upload a signed integer of any size; raises as `read`."""
-        return int.from_bytes(self.read(index, subindex), "little", signed=True)
+        return int.from_bytes(self.read(index), "little", signed=True)
 
     def write(self, index: int, subindex: int, value: int, size: int) -> None:
         """Download an integer of `size` bytes, negative ones in two's complement.
@@ -143,10 +137,7 @@ class Sdo:
 
 
 class _Client(SdoClient):
-    """canopen's client with its frames sent and received through the port.
-
-    requests: number of frames sent; the server answers each with one frame.
-    """
+    """canopen's client with its frames sent and received through the port."""
 
     MAX_RETRIES = 1
 
@@ -155,13 +146,6 @@ class _Client(SdoClient):
         self.network = port.network
         self.RESPONSE_TIMEOUT = timeout_s
         self._port = port
-        self.requests = 0
-
-    def send_request(self, request: bytes) -> None:
-        """Send one frame; an abort has no answer (CiA 301, 7.2.4.3.17)."""
-        if request[0] != _ABORT_COMMAND:
-            self.requests += 1
-        super().send_request(request)
 
     def read_response(self) -> bytes:
         if not self._port.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):

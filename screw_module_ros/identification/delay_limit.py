@@ -26,14 +26,14 @@ class Held(NamedTuple):
     rebuilt: np.ndarray
 
 
-def held_wire(delay: float, periods: int = 20, per_period: int = 100, cycles: float = 1.0) -> Held:
+def held_wire(delay: float, periods: int = 20, per_period: int = 100) -> Held:
     """Return fig 4-13 (delay = 0) or 4-14; times and delay are in sample periods.
 
-    cycles: of the sine in all `periods`; per_period: points to draw.
+    periods: of one sine; per_period: points to draw.
     """
     time = np.arange(periods * per_period) / per_period
     first = time[::per_period]
-    frequency = cycles / periods
+    frequency = 1.0 / periods
     samples = _held(first - delay, frequency)
     return Held(
         time,

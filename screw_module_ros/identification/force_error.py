@@ -24,7 +24,7 @@ from ..settings import Setting, validated
 from .force_metric import ErrorOf, judged
 from .lab import Job, Lab, Part
 from .results import Quantity, Result
-from .trials import Arm, MotionTrial, Samples
+from .trials import Arm, MotionTrial, PlanarTrial, Samples
 
 NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
@@ -35,13 +35,11 @@ _WALL_MASS = 0.0  # a wall does not move
 
 
 class Case(NamedTuple):
-    """One trial of the list. name; text: description; trial: without mode and settings; after:
-    samples before this time do not count [s]."""
+    """One trial of the list. name; text: description; trial: without mode and settings."""
 
     name: str
     text: str
     trial: MotionTrial
-    after: float = 0.0
 
 
 def wall(stiffness: float, ratio: float, mass: float = 5.5) -> Arm:
@@ -57,11 +55,11 @@ def _moving(name: str, text: str, amplitude: float, omega: float, duration: floa
     return Case(name, text, trial)
 
 
-def _resting(name: str, text: str, arm: Arm, after: float = 3.0, **more) -> Case:
+def _resting(name: str, text: str, arm: Arm, **more) -> Case:
     trial = MotionTrial(
         modes.OFF, VerticalSettings(), arm=arm, amplitude=0.0, way=0.05, duration=8.0, **more
     )
-    return Case(name, text, trial, after)
+    return Case(name, text, trial)
 
 
 CASES = (
@@ -71,7 +69,7 @@ CASES = (
     _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
     _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
     _resting("holding", "a hand that holds still 0.05 m off", _HAND),
-    _resting("released", "a hand that holds, and lets go", _HAND, 6.0, released_after=3.0),
+    _resting("released", "a hand that holds, and lets go", _HAND, released_after=3.0),
     _resting("heavy_holding", "an arm of 30 kg that holds still", _HEAVY),
     *(
         _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
@@ -180,7 +178,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
 
     Where the true motion of the handle is unknown, the sensors' values at the nut replace it.
     """
-    first = _after(trial)
+    first = counted_from(trial)
     if samples.handle is None:
         samples = samples._replace(
             handle=samples.position,
@@ -200,7 +198,7 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
     return {name: np.array(value) for name, value in found._asdict().items()}
 
 
-def _after(trial: MotionTrial) -> float:
+def counted_from(trial: MotionTrial | PlanarTrial) -> float:
     """Return the time from which samples count [s]: a resting hand must first arrive."""
     if math.isfinite(trial.released_after):
         return trial.released_after + 3.0

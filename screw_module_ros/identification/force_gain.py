@@ -50,7 +50,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     data: dict[str, np.ndarray] = {}
     nuts = (False, True) if settings.preloaded else (False,)
     # The preloaded nut first: a bench that has none refuses it before an hour of other trials.
-    swept = {preloaded: _sweep(lab, settings, preloaded) for preloaded in reversed(nuts)}
+    gains = list(settings.gains)
+    swept = {nut: _tried(lab, settings, nut, gains) for nut in reversed(nuts)}
     for preloaded in nuts:
         label = "without backlash" if preloaded else "with backlash"
         rows = swept[preloaded]
@@ -94,10 +95,6 @@ def reduced(trial: MotionTrial, samples: Samples) -> Part:
         Spring(trial.settings.stiffness, trial.centre),
     )
     return {"offset": np.array(found.mean), "rms": np.array(np.sqrt(np.mean(settled**2)))}
-
-
-def _sweep(lab: Lab, settings: Settings, preloaded: bool) -> dict[float, tuple[float, float]]:
-    return _tried(lab, settings, preloaded, list(settings.gains))
 
 
 def _tried(

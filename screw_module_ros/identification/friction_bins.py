@@ -153,5 +153,4 @@ def binned(trial: StageTrial, samples: Samples) -> Part:
         "force": force,
         "count": np.where(enough, count, 0),
         "error": error,
-        "cutoff": np.array(cutoff_hz(trial.speed)),
     }

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, validated
-from .force_error import wall
+from .force_error import counted_from, wall
 from .force_metric import ErrorOf, judged
 from .lab import Job, Lab, Part
 from .results import Quantity, Result
@@ -30,13 +30,11 @@ _BETWEEN = 0.25 * math.pi
 
 
 class Case(NamedTuple):
-    """One trial of the list. name; text; trial: with the settings to be filled in; after: samples
-    before this time are not judged [s]."""
+    """One trial of the list. name; text; trial: with the settings to be filled in."""
 
     name: str
     text: str
     trial: PlanarTrial
-    after: float = 0.0
 
 
 def _moving(name: str, text: str, amplitude: float, omega: float, seconds: float, **more) -> Case:
@@ -46,9 +44,9 @@ def _moving(name: str, text: str, amplitude: float, omega: float, seconds: float
     return Case(name, text, trial)
 
 
-def _resting(name: str, text: str, arm: Arm, after: float = 3.0, **more) -> Case:
+def _resting(name: str, text: str, arm: Arm, **more) -> Case:
     trial = PlanarTrial(PlanarSettings(), arm=arm, way=0.05, duration=8.0, **more)
-    return Case(name, text, trial, after)
+    return Case(name, text, trial)
 
 
 CASES = (
@@ -62,7 +60,7 @@ CASES = (
     _moving("tremor", "0.05 m at 0.8 rad/s with 8 mm of tremor", 0.05, 0.8, 7.9, tremor=0.008),
     _moving("heavy", "an arm of 30 kg, 0.05 m at 0.8 rad/s", 0.05, 0.8, 7.9, arm=_HEAVY),
     _resting("holding", "a hand that holds still 0.05 m off", _HAND, direction=_BETWEEN),
-    _resting("released", "a hand that holds, and lets go", _HAND, 6.0, released_after=3.0,
+    _resting("released", "a hand that holds, and lets go", _HAND, released_after=3.0,
              direction=_BETWEEN),
     *(
         _resting(f"wall_1e{power}_{word}", f"a wall of 1e{power} N/m, {word} damped",
@@ -168,15 +166,12 @@ _WORSE = ("swing", "travel", "shaking")
 def reduced(trial: PlanarTrial, samples: Samples) -> Part:
     """Return `ErrorOf` of each axis as an array."""
     period = float(samples.time[1] - samples.time[0])
-    first = 3.0 if trial.way else 0.0
-    if math.isfinite(trial.released_after):
-        first = trial.released_after + 3.0
     law = trial.settings
     return {
         axis: np.array(judged(
             period, samples.handle[:, column], samples.handle_velocity[:, column],
             samples.true_force[:, column], samples.share, law.stiffness, law.damping,
-            round(first / period),
+            round(counted_from(trial) / period),
         ))
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip

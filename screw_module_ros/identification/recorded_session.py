@@ -16,7 +16,7 @@ from screw_module_ros import graph
 
 from ..recording.errors import BagReadError
 from ..recording.reader import columns
-from .force_position import MOTION_THRESHOLD, Offsets, Spring, common_ticks, offsets
+from .force_position import Offsets, Spring, common_ticks, offsets
 from .timing import Timing, timing
 
 ENCODER, FORCE = f"/{graph.ENCODER}", f"/{graph.FORCE}"
@@ -71,10 +71,7 @@ def read(bag: Path | str, namespace: str = "") -> dict[str, dict[str, np.ndarray
 
 
 def evaluate(
-    topics: Mapping[str, Columns],
-    parts: Sequence[Part],
-    spring: Spring,
-    threshold: float = MOTION_THRESHOLD,
+    topics: Mapping[str, Columns], parts: Sequence[Part], spring: Spring
 ) -> Evaluation:
     """Evaluate each part of a session.
 
@@ -83,7 +80,7 @@ def evaluate(
     if not parts:
         raise ValueError("no parts to evaluate")
     traces = [trace(topics[ENCODER], topics[FORCE], part) for part in parts]
-    found = [offsets(t.position, t.velocity, t.force, spring, threshold) for t in traces]
+    found = [offsets(t.position, t.velocity, t.force, spring) for t in traces]
     paths = [path(topics[ENDPOINT], part) for part in parts]
     whole = Part("the session", parts[0].begin_ns, parts[-1].end_ns)
     return Evaluation(traces, found, paths, drive_timing(topics[DRIVE], whole))

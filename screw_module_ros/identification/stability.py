@@ -19,7 +19,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from . import gravity, inertia
-from .force_gain import reduced
+from .force_gain import onset, reduced
 from .lab import Job, Lab, MissingResult
 from .results import Quantity, Result
 from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
@@ -237,11 +237,8 @@ def _onset(
         for gain in gains
     ]  # fmt: skip
     parts = lab.run(NAME, jobs)
-    bad = [gain for gain, job in zip(gains, jobs, strict=True)
-           if float(parts[job.name]["rms"]) > _CHATTER]  # fmt: skip
-    high = min(bad, default=math.inf)
-    low = max((gain for gain in gains if gain < high), default=0.0)
-    return low, high
+    rows = {g: (0.0, float(parts[job.name]["rms"])) for g, job in zip(gains, jobs, strict=True)}
+    return onset(rows, _CHATTER)
 
 
 def _found(name: str, text: str, low: float, high: float) -> Quantity:

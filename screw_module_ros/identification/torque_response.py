@@ -170,8 +170,6 @@ def _limit(
             model, sweep.values, _PROFILE, fit.values[:2], _LOW[:2], _HIGH[:2]
         ),
         "limit_wire": wire_profile(sweep.frequencies, rate, total, _PROFILE + amplifier.delay),
-        "limit_period": np.array(1.0 / rate),
-        "limit_known": np.array(amplifier.delay),
     }
 
 

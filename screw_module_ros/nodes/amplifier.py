@@ -173,7 +173,3 @@ class AmplifierNode(DriveNode):
 def main() -> int:
     """Console entry point."""
     return run_node(AmplifierNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -32,7 +32,7 @@ from screw_module_ros.bridge.rights import (
 from screw_module_ros.clock import WallClock
 
 from .support import qos
-from .support.hot_topics import HotGroup
+from .support.hot_topics import HotGroup, never
 from .support.served import is_served
 from .support.timers import Timers
 
@@ -63,7 +63,7 @@ class PolledTopic:
         self.kept: deque[Any] = deque(maxlen=_MOST_KEPT if kept else 0)
         self.kind = found_type(kind)
         self.subscription = node.create_subscription(
-            self.kind, name, _never, profile, callback_group=group
+            self.kind, name, never, profile, callback_group=group
         )
         self._newest: tuple[int, Any] | None = None
         self._arrived_ns = 0
@@ -228,7 +228,3 @@ class BridgeGateway:
         for future, give_up in late:
             if self._taken(future):
                 give_up()
-
-
-def _never(message) -> None:
-    raise AssertionError("a polled subscription is never served by the executor")

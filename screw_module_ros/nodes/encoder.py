@@ -125,7 +125,3 @@ class EncoderNode(DriverNode):
 def main() -> int:
     """Console entry point."""
     return run_node(EncoderNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

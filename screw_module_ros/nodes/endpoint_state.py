@@ -189,7 +189,3 @@ def _fill_force(message: EndpointState, force: ForceReading | None) -> None:
 def main() -> int:
     """Console entry point."""
     return run_node(EndpointStateNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -126,6 +126,7 @@ class ForceSensorNode(DriverNode):
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),
             "bias": _bias_text(device.bias),
+            "voltages by index [ADC counts]": device.diagnostics or "not read yet",
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }
@@ -145,7 +146,3 @@ def _bias_text(bias: tuple) -> str:
 def main() -> int:
     """Console entry point."""
     return run_node(ForceSensorNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -258,7 +258,3 @@ class ImpedanceControllerNode(ModuleNode):
 def main() -> int:
     """Console entry point."""
     return run_node(ImpedanceControllerNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

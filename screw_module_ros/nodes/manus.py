@@ -185,7 +185,3 @@ class ManusNode(DriveNode):
 def main() -> int:
     """Console entry point."""
     return run_node(ManusNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

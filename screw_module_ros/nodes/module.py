@@ -103,7 +103,3 @@ def _keep_rate(parameters) -> SetParametersResult:
 def main() -> int:
     """Console entry point."""
     return run_together("module", make_nodes, lambda nodes: ModuleLoop(nodes).run())
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

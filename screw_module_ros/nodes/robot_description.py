@@ -23,14 +23,12 @@ JOINT_SPEED = 6.0
 
 def robot_description(
     arm: PlanarArm = MANUS,
-    plane: PlanarSettings | None = None,
-    vertical: VerticalSettings | None = None,
 ) -> str:
-    """Return the URDF of the robot with these dimensions and limits, by default the nodes' own.
+    """Return the URDF of the robot with these dimensions and the default limits of the nodes.
 
     Frames and joints: see the file. Raises ResourceError where it is not installed.
     """
-    plane, vertical = plane or PlanarSettings(), vertical or VerticalSettings()
+    plane, vertical = PlanarSettings(), VerticalSettings()
     lengths = {
         **arm._asdict(),
         "shoulder_low": plane.shoulder_low,

@@ -32,7 +32,7 @@ from screw_module_ros.recording import (
 
 from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.hot_topics import HotGroup, await_message
+from .support.hot_topics import HotGroup, await_message, never
 
 _AT_ONCE = 4000  # messages of one topic at most, before the other topics follow
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
@@ -162,7 +162,7 @@ class Intake:
     def _subscribe(self, tap: _Tap, request: QoSProfile) -> None:
         tap.request = request
         tap.subscription = self._node.create_subscription(
-            tap.kind, tap.name, _never, request, callback_group=self._group, raw=True
+            tap.kind, tap.name, never, request, callback_group=self._group, raw=True
         )
         if self._clock.simulated and tap.hop is None:
             tap.hop = self._clock.hop(tap.name)
@@ -237,7 +237,3 @@ class Intake:
             if tap.hop is not None:
                 tap.hop.close()
         self._taps, self._taking = {}, []
-
-
-def _never(message: bytes) -> None:
-    raise AssertionError("a raw subscription is never served by the executor")

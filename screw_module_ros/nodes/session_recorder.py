@@ -14,7 +14,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
@@ -37,7 +36,7 @@ from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
 from .support.below import one_name, root_folder
-from .support.health import ERROR, OK, WARN, Health
+from .support.health import ERROR, OK, WARN, Health, status_message
 from .support.module_node import ModuleNode
 from .support.runtime import main as run_node
 from .support.serving_node import Done
@@ -243,15 +242,8 @@ class SessionRecorder(ModuleNode):
                 self._note(session, intake)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
-        health = self.health()
-        self._status.publish(
-            DiagnosticStatus(
-                level=health.level,
-                name=self.get_fully_qualified_name().lstrip("/"),
-                message=health.message,
-                values=[KeyValue(key=key, value=str(v)) for key, v in health.values.items()],
-            )
-        )
+        name = self.get_fully_qualified_name()
+        self._status.publish(status_message(self.health(), name, self.hardware_id))
 
     def _hindrance(self) -> str:
         """Return why `~/start` would fail to create a bag, empty if no reason is known."""

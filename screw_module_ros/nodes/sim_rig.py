@@ -227,7 +227,3 @@ def _xyz(vector) -> tuple[float, float, float]:
 def main() -> int:
     """Console entry point."""
     return run_node(SimRigNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -216,7 +216,3 @@ class SupervisorNode(ModuleNode):
 def main() -> int:
     """Console entry point."""
     return run_node(SupervisorNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -315,7 +315,3 @@ class TherapySessionNode(ModuleNode):
 def main() -> int:
     """Console entry point."""
     return run_node(TherapySessionNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

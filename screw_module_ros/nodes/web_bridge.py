@@ -177,7 +177,3 @@ class WebBridgeNode(ModuleNode):
 def main() -> int:
     """Console entry point."""
     return run_node(WebBridgeNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -57,7 +57,6 @@ class SimulatedForceSensor:
         self.link = link
         self.faults = FaultBook(self.name, link)
         self.now_ns = 0
-        self.unknown_requests = 0
         self.status = 0
         self._injected = 0
         self.only_first_frame = False
@@ -127,7 +126,6 @@ class SimulatedForceSensor:
         if len(data) != 1 or now_ns < self._silent_until_ns:
             return
         if data[0] >= _GAUGES:
-            self.unknown_requests += 1
             return
         row = self._calibration.matrix[data[0]]
         for part in range(3):
@@ -164,7 +162,6 @@ class SimulatedForceSensor:
         if len(data) != 1 or now_ns < self._silent_until_ns:
             return
         if data[0] not in _DIAGNOSTICS:
-            self.unknown_requests += 1
             return
         value = _DIAGNOSTICS[data[0]]
         self.link.send(self._base | READ_DIAGNOSTICS, value.to_bytes(2, "big"))

@@ -21,13 +21,7 @@ SPARC_PADDING = 4
 """Powers of two by which the profile is padded with zeros (2015)."""
 
 
-def sparc(
-    speed: ArrayLike,
-    rate: float,
-    cutoff: float = SPARC_CUTOFF,
-    threshold: float = SPARC_THRESHOLD,
-    padding: int = SPARC_PADDING,
-) -> float:
+def sparc(speed: ArrayLike, rate: float) -> float:
     """Return the spectral arc length of a speed profile [1].
 
     speed: samples of one movement [m/s]; rate: their number per second [Hz]. NaN for a profile
@@ -36,12 +30,12 @@ def sparc(
     profile = _profile(speed, rate)
     if profile.size < 2 or not np.any(profile):
         return math.nan
-    size = 2 ** (math.ceil(math.log2(profile.size)) + padding)
+    size = 2 ** (math.ceil(math.log2(profile.size)) + SPARC_PADDING)
     spectrum = np.abs(np.fft.fft(profile, size))
     frequencies = np.arange(size) * (rate / size)
-    magnitude = (spectrum / spectrum.max())[frequencies <= cutoff]
-    frequencies = frequencies[frequencies <= cutoff]
-    counted = np.flatnonzero(magnitude >= threshold)
+    magnitude = (spectrum / spectrum.max())[frequencies <= SPARC_CUTOFF]
+    frequencies = frequencies[frequencies <= SPARC_CUTOFF]
+    counted = np.flatnonzero(magnitude >= SPARC_THRESHOLD)
     kept = slice(counted[0], counted[-1] + 1)
     frequencies, magnitude = frequencies[kept], magnitude[kept]
     if frequencies.size < 2:

@@ -48,7 +48,6 @@ class Trial:
         self._protocol = protocol
         self._rules = protocol.rules
         self._block: Block = protocol.blocks[plan.block - 1]
-        self._assistance = assistance
         self.line = Line(plan.start, plan.target, protocol.space)
         self.origin: Point = plan.target if self._block.kind == CIRCLE else plan.start
         self._slot = _slot_of(protocol, self._block, assistance)

@@ -12,12 +12,11 @@ _SHARED = "/dev/shm/"
 class Usage(NamedTuple):
     """Resources that one process uses now.
 
-    memory: pages of its own in memory (RssAnon) [MiB]; resident: all pages in memory (VmRSS) [MiB];
-    handles: open files; threads; shared: distinct files of /dev/shm that it has mapped.
+    memory: pages of its own in memory (RssAnon) [MiB]; handles: open files; threads;
+    shared: distinct files of /dev/shm that it has mapped.
     """
 
     memory: float
-    resident: float
     handles: int
     threads: int
     shared: int
@@ -38,7 +37,6 @@ def usage(pid: int) -> Usage:
     }
     return Usage(
         _mebibytes(status["RssAnon"]),
-        _mebibytes(status["VmRSS"]),
         sum(1 for _ in (folder / "fd").iterdir()),
         int(status["Threads"]),
         len(shared),

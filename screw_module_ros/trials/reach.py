@@ -23,10 +23,10 @@ class Way(NamedTuple):
     end: tuple[float, float]
 
 
-def targets(count: int = TARGETS, radius: float = RADIUS) -> list[tuple[float, float]]:
-    """Return `count` targets x, y [m] evenly on the circle, beginning away from the patient."""
-    angles = [math.pi / 2 - 2 * math.pi * number / count for number in range(count)]
-    return [(radius * math.cos(angle), radius * math.sin(angle)) for angle in angles]
+def targets() -> list[tuple[float, float]]:
+    """Return the targets x, y [m], evenly on the circle, beginning away from the patient."""
+    angles = [math.pi / 2 - 2 * math.pi * number / TARGETS for number in range(TARGETS)]
+    return [(RADIUS * math.cos(angle), RADIUS * math.sin(angle)) for angle in angles]
 
 
 def centre_out(duration: float, points: list[tuple[float, float]], rest: float = 0.1) -> list[Way]:

@@ -126,7 +126,7 @@ def test_usage_of_this_process():
         more = usage(os.getpid())
     less = usage(os.getpid())
     assert more.handles == less.handles + 1
-    assert 1.0 < less.memory <= less.resident
+    assert less.memory > 1.0
     assert less.threads >= 1
 
 

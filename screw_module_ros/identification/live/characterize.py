@@ -271,7 +271,3 @@ def _left(error: Exception) -> list[str]:
 def main() -> int:
     """Console entry point."""
     return run_node(CharacterizeNode)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

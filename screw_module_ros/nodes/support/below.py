@@ -9,15 +9,15 @@ from __future__ import annotations
 from pathlib import Path
 
 
-def root_folder(text: str, parameter: str = "folder") -> Path:
-    """Return the folder that a parameter names, ~ and links followed.
+def root_folder(text: str) -> Path:
+    """Return the folder that the parameter `folder` names, ~ and links followed.
 
-    Raises ValueError naming the parameter for a home folder of no user, or an impossible one.
+    Raises ValueError for a home folder of no user, or an impossible one.
     """
     try:
         return Path(text).expanduser().resolve()
     except (RuntimeError, OSError, ValueError) as error:
-        raise ValueError(f"cannot use {parameter} {text[:80]!r}: {error}") from None
+        raise ValueError(f"cannot use folder {text[:80]!r}: {error}") from None
 
 
 def below(root: Path, name: str, what: str) -> Path:

@@ -106,6 +106,7 @@ class DriverNode(ModuleNode):
         values = {f"bus {name}": count for name, count in counters.items() if count}
         return {
             "bus": self.bus_name,
+            **({"bus state": "bus-off"} if self.port and self.port.bus_off else {}),
             "bus load [%]": f"{100 * self.bus_load:.0f}",
             "skipped ticks": skipped,
             **values,

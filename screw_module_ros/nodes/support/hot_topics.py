@@ -82,7 +82,7 @@ class Inbox:
     ) -> Callable[[], Any]:
         message_type = kind.kind if isinstance(kind, Flat) else kind
         subscription = self._node.create_subscription(
-            message_type, topic, _never, qos, callback_group=self._group
+            message_type, topic, never, qos, callback_group=self._group
         )
         self._subscriptions.append(subscription)
         handle = subscription.handle
@@ -272,8 +272,9 @@ def _nothing() -> None:
     return None
 
 
-def _never(message) -> None:
-    raise AssertionError("a hot subscription is never served by the executor")
+def never(message: Any) -> None:
+    """Callback of a subscription that its owner polls."""
+    raise AssertionError("a polled subscription is never served by the executor")
 
 
 def fill_stamp(message: Any, stamp_ns: int) -> None:

@@ -158,7 +158,3 @@ def measure_loop(runs: int, console: Console) -> list[Speed]:
 def main() -> None:
     """Console entry point."""
     command()
-
-
-if __name__ == "__main__":
-    main()

@@ -123,7 +123,3 @@ def _write(file: Path | None, rows: dict[str, Row], verdicts: list[Verdict]) -> 
 def main() -> None:
     """Console entry point."""
     command()
-
-
-if __name__ == "__main__":
-    main()
