@@ -32,8 +32,8 @@ SERIAL_BYTES = 8
 
 AXES = 6
 SATURATED = 32767
-#: Indices of the voltages that READ_DIAGNOSTIC returns.
-DIAGNOSTICS = (0, 2, 3, 4, 5)
+#: Voltages that READ_DIAGNOSTIC returns [ADC counts], by their indices.
+DIAGNOSTICS = {0: "mid supply", 2: "thermistor", 3: "power", 4: "DAC", 5: "ground"}
 
 #: Bases whose sixteen identifiers do not collide with CANopen's (PDO 1 to 4, SDO, NMT and so on).
 FREE_BASES = frozenset(

@@ -39,7 +39,7 @@ class ForceSensor:
     with their status word, so that their users see the problem. It withholds saturated samples, all
     samples after a restart that lost the selected calibration, and all samples while the gauges
     have been constant for `freeze_time`: the status word does not show these, and the force
-    feedback must not use them.
+    feedback must not use them. voltages: of the board by name [ADC counts], of the last slow poll.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -47,7 +47,7 @@ class ForceSensor:
         self.counters = ForceSensorCounters()
         self.fault = ""
         self.sensor = SensorIdentity()
-        self.diagnostics: dict[int, int] = {}
+        self.voltages: dict[str, int] = {}
         self.bias: Wrench = _NO_WRENCH
         self._port = port
         self._label = label
@@ -266,9 +266,10 @@ class ForceSensor:
         return self.bias
 
     def poll_slow(self) -> None:
-        """Read the diagnostic voltages into `diagnostics` [ADC counts]; not for the loop."""
+        """Read the diagnostic voltages into `voltages`; not for the loop."""
         try:
-            self.diagnostics = {i: self._dialogue.diagnostic(i) for i in ati.DIAGNOSTICS}
+            named = ati.DIAGNOSTICS.items()
+            self.voltages = {name: self._dialogue.diagnostic(i) for i, name in named}
         except (NotAnswering, BusError):
             self.counters.slow_polls_failed += 1
 

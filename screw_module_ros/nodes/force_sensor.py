@@ -126,7 +126,7 @@ class ForceSensorNode(DriverNode):
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),
             "bias": _bias_text(device.bias),
-            "voltages by index [ADC counts]": device.diagnostics or "not read yet",
+            **{f"{name} [ADC counts]": count for name, count in device.voltages.items()},
             **device_values(counters),
             **self.port_values(self.part.skipped),
         }

@@ -76,9 +76,11 @@ def test_calibration_whose_reply_equals_the_request(wire, sensor_end):
     assert wire.sent(0x126) == [b"\x03"]
 
 
-def test_diagnostics(wire, sensor):
+def test_diagnostic_voltages(wire, sensor):
     sensor.poll_slow()
-    assert sensor.diagnostics == {0: 0x0010, 2: 0x0210, 3: 0x0310, 4: 0x0410, 5: 0x0510}
+    names = ("mid supply", "thermistor", "power", "DAC", "ground")
+    counts = (0x0010, 0x0210, 0x0310, 0x0410, 0x0510)
+    assert sensor.voltages == dict(zip(names, counts, strict=True))
 
 
 def test_reset_is_followed_by_a_new_configuration(wire, sensor):
