@@ -16,11 +16,10 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[1] / "devices"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
-
 from runner import Target, run
+
+for _folder in ("devices", "recording"):  # for `make fuzz`; pytest has them from pyproject.toml
+    sys.path.insert(0, str(Path(__file__).parents[1] / _folder))
 
 
 def _bags(folder: Path) -> Target:

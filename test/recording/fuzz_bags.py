@@ -26,12 +26,9 @@ from collections import Counter
 from pathlib import Path
 from unittest.mock import patch
 
-from mcap.reader import make_reader
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bag_counts import by_library, by_scan
 from bag_damage import CRAFTED, NOTES, PLAIN, ROUGH
+from mcap.reader import make_reader
 
 from screw_module_ros.recording import BagWriter, Definition, Message, StorageSettings, Topic
 from screw_module_ros.session_command import main as session

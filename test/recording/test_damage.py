@@ -3,16 +3,11 @@
 
 import errno
 import os
-import sys
-from pathlib import Path
 
 import pytest
+from bag_damage import CHUNK, FILE, alter, old, place_of
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from bag_damage import CHUNK, FILE, alter, old, place_of
 
 from screw_module_ros.recording import BagBusyError, BagError, BagReadError, BagWriter
 from screw_module_ros.recording.reader import metadata, raw_messages, read_bag

@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Some damaged bags on every run; `fuzz_bags.py` by itself runs as many as wanted."""
 
-import sys
-from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bag_counts import by_library, by_scan
 from fuzz_bags import Fuzzer, make_bag
 
