@@ -25,7 +25,7 @@ for _folder in ("devices", "recording"):  # for `make fuzz`; pytest has them fro
 def _bags(folder: Path) -> Target:
     from bag_files import BagFiles
 
-    return BagFiles(folder, seed=0)
+    return BagFiles(folder)
 
 
 def _yaml(folder: Path) -> Target:
