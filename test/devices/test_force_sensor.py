@@ -11,6 +11,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from running_drivers import tick
 from scripted import TiedBus, Wire
 from scripted_devices import ScriptedSensor
 
@@ -36,13 +37,6 @@ def started(wire, settings=SETTINGS):
 @pytest.fixture
 def sensor(wire, sensor_end):
     return started(wire)
-
-
-def tick(wire, sensor, sequence=1):
-    now_ns = wire.advance()
-    sensor.request(sequence, now_ns, now_ns + 5)
-    wire.port.pump()
-    return sensor.reading()
 
 
 # -- frames by hand ------------------------------------------------------------------------------

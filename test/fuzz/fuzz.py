@@ -18,7 +18,8 @@ from pathlib import Path
 
 from runner import Target, run
 
-for _folder in ("devices", "recording"):  # for `make fuzz`; pytest has them from pyproject.toml
+# As a program; pytest knows these folders from pyproject.toml.
+for _folder in ("devices", "nodes", "recording"):
     sys.path.insert(0, str(Path(__file__).parents[1] / _folder))
 
 

@@ -11,7 +11,8 @@ from screw_module_ros.nodes.support.module_node import ModuleNode
 
 def node_class(name: str) -> type[ModuleNode]:
     """Return the node class of the executable `name`."""
-    module = importlib.import_module(f"screw_module_ros.nodes.{name}")
+    room = "identification.live" if name == "characterize" else "nodes"
+    module = importlib.import_module(f"screw_module_ros.{room}.{name}")
     (found,) = [
         kind
         for _, kind in inspect.getmembers(module, inspect.isclass)
