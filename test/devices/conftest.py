@@ -3,8 +3,4 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
 from scripted_fixtures import drive_end, encoder_end, sensor_end, wire  # noqa: F401

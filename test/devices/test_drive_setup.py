@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pytest
-from running_drives import tick_both, two_drives
+from running_drivers import tick_both, two_drives
 from scripted import Wire, unsigned
 
 from screw_module_ros.devices import drive_exit

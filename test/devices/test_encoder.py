@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from running_drivers import tick
 
 from screw_module_ros.devices.encoder import Encoder, EncoderSettings
 from screw_module_ros.devices.errors import (
@@ -27,14 +28,6 @@ def encoder(wire, encoder_end):
     driver.configure()
     driver.start()
     return driver
-
-
-def tick(wire, encoder, sequence=1):
-    """One period: request, then whatever came in; returns the sample."""
-    now_ns = wire.advance()
-    encoder.request(sequence, now_ns, now_ns + 7)
-    wire.port.pump()
-    return encoder.reading()
 
 
 # -- frames by hand ------------------------------------------------------------------------------

@@ -11,7 +11,9 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scripted import TiedBus
+from running_drivers import tick
+from scripted import TiedBus, Wire
+from scripted_devices import ScriptedSensor
 
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
@@ -35,13 +37,6 @@ def started(wire, settings=SETTINGS):
 @pytest.fixture
 def sensor(wire, sensor_end):
     return started(wire)
-
-
-def tick(wire, sensor, sequence=1):
-    now_ns = wire.advance()
-    sensor.request(sequence, now_ns, now_ns + 5)
-    wire.port.pump()
-    return sensor.reading()
 
 
 # -- frames by hand ------------------------------------------------------------------------------
@@ -357,9 +352,6 @@ def test_zero_switches_the_look_at_frozen_gauges_off(wire, sensor_end):
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(1, 30)), max_size=12))
 def test_frozen_means_so_many_equal_samples_in_a_row(runs):
     """Against the obvious count; runs: what gauge 0 shows, and for how many samples."""
-    from scripted import Wire
-    from scripted_devices import ScriptedSensor
-
     wire = Wire("runs of equal samples")
     try:
         end = wire.attach(ScriptedSensor(wire))
@@ -553,8 +545,6 @@ def test_other_identifiers_are_left_alone(wire, sensor, sensor_end):
 
 @given(st.lists(st.tuples(st.sampled_from([0x120, 0x121]), st.binary(max_size=8)), max_size=30))
 def test_no_frames_whatever_crash_the_driver(frames):
-    from scripted import Wire
-
     wire = Wire("any frames")
     try:
         sensor = ForceSensor(wire.port, SETTINGS)

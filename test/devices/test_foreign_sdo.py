@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pytest
-from running_drives import watched_drive, watched_tick
+from running_drivers import watched_drive, watched_tick
 from scripted import ScriptedNode, unsigned
 
 from screw_module_ros.devices.drive_settings import DriveSettings

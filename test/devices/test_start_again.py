@@ -7,7 +7,7 @@ In each case the device may have lost what it was told: guards, limits, scale an
 from __future__ import annotations
 
 import pytest
-from running_drives import tick_both, two_drives, watched_drive, watched_tick
+from running_drivers import tick_both, two_drives, watched_drive, watched_tick
 
 from screw_module_ros.devices import drive_exit, drive_start
 from screw_module_ros.devices.drive import Drive

@@ -16,17 +16,17 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-sys.path.insert(0, str(Path(__file__).parents[1] / "devices"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
-
 from runner import Target, run
+
+# As a program; pytest knows these folders from pyproject.toml.
+for _folder in ("devices", "nodes", "recording"):
+    sys.path.insert(0, str(Path(__file__).parents[1] / _folder))
 
 
 def _bags(folder: Path) -> Target:
     from bag_files import BagFiles
 
-    return BagFiles(folder, seed=0)
+    return BagFiles(folder)
 
 
 def _yaml(folder: Path) -> Target:

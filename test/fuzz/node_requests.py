@@ -7,8 +7,6 @@ sentence; a callback that raised would have ended the node.
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import os
 import random
 import sys
@@ -18,6 +16,7 @@ from typing import Any
 from unittest.mock import patch
 
 import rclpy
+from node_classes import node_class
 from odd_messages import filled
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -117,15 +116,8 @@ class NodeRequests:
 
 
 def _made(name: str, folder: Path, ports: list[str]) -> ModuleNode:
-    room = "identification.live" if name == "characterize" else "nodes"
-    module = importlib.import_module(f"screw_module_ros.{room}.{name}")
-    (kind,) = [
-        found
-        for _, found in inspect.getmembers(module, inspect.isclass)
-        if issubclass(found, ModuleNode) and found.__module__ == module.__name__
-    ]
     words = [name, "--ros-args", "-p", "autostart:=false", *ports]
     if name in ("session_recorder", "characterize", "therapy_session"):
         words += ["-p", f"folder:={folder}"]
     with patch.object(sys, "argv", words):
-        return kind()
+        return node_class(name)()

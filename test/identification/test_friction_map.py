@@ -3,19 +3,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_map
 from screw_module_ros.identification.figures.friction_maps import friction_map_figures
 from screw_module_ros.identification.friction_map import Settings, stribeck_velocity
 from screw_module_ros.identification.lab import Lab
-
-sys.path.insert(0, str(Path(__file__).parent))
-from friction_bench import FakeBench, Module
 
 SPEEDS = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
 FEW = Settings(speeds=SPEEDS, inverted_speeds=(0.005, 0.050))

@@ -3,19 +3,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_spectrum
 from screw_module_ros.identification.figures.friction_spectrum import spectrum_figures
 from screw_module_ros.identification.friction_spectrum import Settings, modes, nearest
 from screw_module_ros.identification.lab import Lab
-
-sys.path.insert(0, str(Path(__file__).parent))
-from friction_bench import FakeBench, Module
 
 
 @pytest.fixture(scope="module")

@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_map, gravity
 from screw_module_ros.identification.figures.friction_model import gravity_figures
@@ -18,9 +18,6 @@ from screw_module_ros.identification.play_crossing import Crossing, weighed
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import NotPossible
 from screw_module_ros.plant.settings import load_world
-
-sys.path.insert(0, str(Path(__file__).parent))
-from friction_bench import FakeBench, Module
 
 
 def keep_maps(folder: Path, module: Module, inverted: bool = True) -> None:

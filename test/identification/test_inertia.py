@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from friction_bench import FakeBench, Module
 
 from screw_module_ros.calibration.friction_file import load_friction_model
 from screw_module_ros.identification import friction_fit, inertia
@@ -18,9 +18,6 @@ from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.mass_estimates import motion, ratio, regression, usable
 from screw_module_ros.identification.results import Result
 from screw_module_ros.resources import resource_path
-
-sys.path.insert(0, str(Path(__file__).parent))
-from friction_bench import FakeBench, Module
 
 THESIS = load_friction_model(resource_path("params/friction_thesis.yaml"))
 SHORT = Settings(duration=4.0)

@@ -3,18 +3,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
+from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import repeatability
 from screw_module_ros.identification.figures.friction_spectrum import repeatability_figures
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.repeatability import Settings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from friction_bench import FakeBench, Module
 
 
 class Worn(FakeBench):

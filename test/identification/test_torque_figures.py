@@ -3,19 +3,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import pytest
+from sampled_bench import SampledBench, keep_linearization
 
 from screw_module_ros.figure_style import save
 from screw_module_ros.identification import current_response, torque_response
 from screw_module_ros.identification.figures import torque
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sampled_bench import SampledBench, keep_linearization
 
 
 @pytest.fixture(scope="module")

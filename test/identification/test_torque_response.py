@@ -3,19 +3,14 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from sampled_bench import SampledBench, keep_linearization
 
 from screw_module_ros.identification import torque_response
 from screw_module_ros.identification.delay_limit import held_wire, wire_profile
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.torque_response import Settings
-
-sys.path.insert(0, str(Path(__file__).parent))
-from sampled_bench import SampledBench, keep_linearization
 
 FEW = Settings(count=12, low=5.0)
 

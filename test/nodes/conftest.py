@@ -4,29 +4,14 @@
 from __future__ import annotations
 
 import gc
-import importlib
-import inspect
 import sys
-from pathlib import Path
 
 import pytest
 import rclpy
+from node_classes import node_class
 from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.nodes.support.module_node import ModuleNode
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-
-def node_class(name: str) -> type[ModuleNode]:
-    """Return the node class of the executable `name`."""
-    module = importlib.import_module(f"screw_module_ros.nodes.{name}")
-    (found,) = [
-        kind
-        for _, kind in inspect.getmembers(module, inspect.isclass)
-        if issubclass(kind, ModuleNode) and kind.__module__ == module.__name__
-    ]
-    return found
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import textwrap
 
 import pytest
 import rclpy
-from conftest import node_class
+from node_classes import node_class
 from rclpy.lifecycle import LifecycleNode
 
 from screw_module_ros.graph import BESIDE, table

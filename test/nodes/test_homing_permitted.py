@@ -3,21 +3,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import pytest
+from amplifier_told import PatientClock, inbox_with
 from screw_module_msgs.msg import AmplifierState
 
-from screw_module_ros.clock import ManualClock
 from screw_module_ros.devices.errors import NotHomed
 from screw_module_ros.nodes.support.torque_off import NotPermitted, TorqueOff
-
-
-class Clock(ManualClock):
-    """Time goes on while somebody waits."""
-
-    def wait_for(self, ready, timeout_s: float) -> bool:
-        return any(ready() for _ in range(10))
 
 
 class Device:
@@ -45,9 +36,7 @@ def home(make_node):
     node.device = Device()
 
     def ask(*states: AmplifierState) -> str:
-        told = iter((None, *states))
-        inbox = SimpleNamespace(subscribe=lambda *_: lambda: next(told, None))
-        node._torque_off = TorqueOff(inbox, Clock(1))
+        node._torque_off = TorqueOff(inbox_with(None, *states), PatientClock(1))
         return node._carried_out(node._home, None, "~/home", always=True)
 
     return ask
@@ -72,6 +61,6 @@ def test_while_disabled_or_silent_only_the_encoder_is_asked(home, states):
 
 
 def test_the_check_raises_what_a_service_answers_with():
-    inbox = SimpleNamespace(subscribe=lambda *_: lambda: AmplifierState(enabled=True))
+    torque_off = TorqueOff(inbox_with(None, AmplifierState(enabled=True)), PatientClock(1))
     with pytest.raises(NotPermitted, match="enabled and would jump"):
-        TorqueOff(inbox, Clock(1)).check("would jump")
+        torque_off.check("would jump")

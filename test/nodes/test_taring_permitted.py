@@ -9,17 +9,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from amplifier_told import PatientClock, inbox_with
 from screw_module_msgs.msg import AmplifierState
 
-from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.taring import Taring
-
-
-class Clock(ManualClock):
-    """Time goes on while somebody waits."""
-
-    def wait_for(self, ready, timeout_s: float) -> bool:
-        return any(ready() for _ in range(10))
 
 
 class Device:
@@ -42,8 +35,8 @@ class Device:
 def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, before, after, tared):
     node = make_node("force_sensor")
     node.device = Device()
-    told = iter((None, AmplifierState(enabled=before), None, AmplifierState(enabled=after)))
-    node._taring = Taring(SimpleNamespace(subscribe=lambda *_: lambda: next(told, None)), Clock(1))
+    states = (None, AmplifierState(enabled=before), None, AmplifierState(enabled=after))
+    node._taring = Taring(inbox_with(*states), PatientClock(1))
     said = node._carried_out(node._tare, None, "~/tare", always=True)
     assert node.device.tared == tared
     assert ("the vertical drive is enabled" in said) is not bool(tared)

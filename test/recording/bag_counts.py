@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts by other readers in a damaged MCAP file: the mcap library, a plain scan for whole chunks.
+"""What other readers find in a bag: the mcap library, rosbags, a plain scan for whole chunks.
 
 Nothing of the recorder's own code is used here.
 """
@@ -10,10 +10,12 @@ import contextlib
 import io
 import struct
 import zlib
+from pathlib import Path
 
 import zstandard
 from mcap.records import Message as Record
 from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
 
 
 def by_library(content: bytes) -> int:
@@ -23,6 +25,12 @@ def by_library(content: bytes) -> int:
         for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
             total += isinstance(record, Record)
     return total
+
+
+def sequences(folder: Path) -> list[int]:
+    """Return the sequence of each message that rosbags reads; it follows a stamp."""
+    with AnyReader([folder]) as reader:
+        return [int.from_bytes(data[12:16], "little") for _, _, data in reader.messages()]
 
 
 def by_scan(content: bytes) -> list[tuple[int, bytes]]:

@@ -1,43 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fuzzer for bags: `tools/run python test/recording/fuzz_bags.py --seed 1 --count 1000`.
+"""Damaged bags for `make fuzz ARGS="--what bags"` and for test_fuzz_bags.py.
 
 Damages a bag at random, runs `session verify|info|recover` on it, and checks that each ends with a
 sentence, that what `recover` keeps is never less than what the mcap library or a plain scan for
-chunks finds, that nothing is invented, and that what was cut out lies beside. A seed and a number
-give the same case again: `--only`. Exit code 1 when a case failed.
+chunks finds, that nothing is invented, and that what was cut out lies beside.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import itertools
 import os
 import random
 import shutil
-import signal
 import struct
-import sys
-import tempfile
-import time
-import traceback
 from collections import Counter
 from pathlib import Path
 from unittest.mock import patch
 
-from mcap.reader import make_reader
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bag_counts import by_library, by_scan
 from bag_damage import CRAFTED, NOTES, PLAIN, ROUGH
+from mcap.reader import make_reader
 
 from screw_module_ros.recording import BagWriter, Definition, Message, StorageSettings, Topic
 from screw_module_ros.session_command import main as session
 
 START = 1_700_000_000_000_000_000
-LIMIT_S = 20  # a case that takes longer hangs
 TEXT = (
     "builtin_interfaces/Time stamp\nuint32 sequence\nint64 monotonic_ns\n"
     + "\n" + "=" * 80 + "\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
@@ -84,12 +73,11 @@ def _write(writer: BagWriter, rng: random.Random, tick: int) -> None:
 
 
 class Fuzzer:
-    """Runs cases in a folder of its own; `counts` tells what came out."""
+    """Damages copies of three bags that it keeps in `folder`; `counts` tells what came out."""
 
-    def __init__(self, folder: Path, seed: int):
-        self.folder, self.seed = folder, seed
+    def __init__(self, folder: Path):
+        self.folder = folder
         self.counts: Counter[str] = Counter()
-        self.failures: list[str] = []
         self._bags = [
             make_bag(folder / "zstd", "zstd"),
             make_bag(folder / "none", "none"),
@@ -100,28 +88,8 @@ class Fuzzer:
             for bag in self._bags
         }
 
-    def run(self, numbers: range, plain: bool = False) -> bool:
-        """Run cases by their numbers; return whether all went well. plain: truncate, tear, flip."""
-        for number in numbers:
-            rng = random.Random(f"{self.seed} {number}")
-            case = self.folder / "case"
-            shutil.rmtree(case, ignore_errors=True)
-            signal.signal(signal.SIGALRM, _hangs)
-            signal.alarm(LIMIT_S)
-            try:
-                self.damaged(rng, case, plain)
-            except Exception:
-                self.counts["FAILED"] += 1
-                self.failures.append(
-                    f"case {number} of seed {self.seed}:\n{traceback.format_exc()}"
-                )
-            finally:
-                signal.alarm(0)
-            self.counts["cases"] += 1
-        return not self.failures
-
     def damaged(self, rng: random.Random, case: Path, plain: bool) -> None:
-        """Carry out one case in the folder `case`, which is not there yet."""
+        """Carry out one case in the folder `case`, not there yet. plain: truncate, tear, flip."""
         with patch.multiple(os, fsync=_not_now, fdatasync=_not_now):
             self._case(rng, case, plain)
 
@@ -199,36 +167,3 @@ def said(command: str, bag: Path) -> int:
 
 def _not_now(descriptor: int) -> None:
     """Stand in for waiting for the disk: what these bags hold need not outlive the run."""
-
-
-def _hangs(number: int, frame: object) -> None:
-    raise TimeoutError(f"longer than {LIMIT_S} s")
-
-
-def main() -> int:
-    """Run as a program."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=int(time.time()))
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--only", type=int, help="number of the one case to run")
-    parser.add_argument(
-        "--plain", action="store_true", help="one cut, one torn write or one flipped bit only"
-    )
-    options = parser.parse_args()
-    numbers = range(options.count)
-    if options.only is not None:
-        numbers = range(options.only, options.only + 1)
-    with tempfile.TemporaryDirectory() as folder:
-        fuzzer = Fuzzer(Path(folder), options.seed)
-        fuzzer.run(numbers, options.plain)
-    for failure in fuzzer.failures[:5]:
-        print(failure, file=sys.stderr)
-    print(f"seed {options.seed}")
-    for name, number in sorted(fuzzer.counts.items()):
-        print(f"  {name}: {number}")
-    return 1 if fuzzer.failures else 0
-
-
-if __name__ == "__main__":
-    os.umask(0o077)
-    sys.exit(main())

@@ -3,16 +3,11 @@
 
 import errno
 import os
-import sys
-from pathlib import Path
 
 import pytest
-from mcap.writer import Writer
-from rosbags.highlevel import AnyReader
-
-sys.path.insert(0, str(Path(__file__).parent))
-
+from bag_counts import sequences
 from bag_damage import CHUNK, FILE, alter, old, place_of
+from mcap.writer import Writer
 
 from screw_module_ros.recording import BagBusyError, BagError, BagReadError, BagWriter
 from screw_module_ros.recording.reader import metadata, raw_messages, read_bag
@@ -20,11 +15,6 @@ from screw_module_ros.recording.recovery import recover, recover_all
 from screw_module_ros.recording.verify import verify
 
 INDEX = 7
-
-
-def sequences(folder):
-    with AnyReader([folder]) as reader:
-        return [int.from_bytes(data[12:16], "little") for _, _, data in reader.messages()]
 
 
 def content(folder):

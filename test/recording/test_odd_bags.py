@@ -6,14 +6,9 @@ import errno
 import json
 import os
 import shutil
-import sys
-from pathlib import Path
 
 import pytest
 import yaml
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from bag_damage import CHUNK, FILE, alter, old, place_of
 
 from screw_module_ros.recording import BagError, BagWriter

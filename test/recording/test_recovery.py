@@ -4,11 +4,12 @@
 import os
 
 import pytest
+from bag_counts import sequences
+from bag_damage import old
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
-from rosbags.highlevel import AnyReader
 
 from screw_module_ros.recording import BagBusyError, BagReadError, BagWriter
 from screw_module_ros.recording.files import Source
@@ -16,11 +17,6 @@ from screw_module_ros.recording.reader import metadata
 from screw_module_ros.recording.recovery import is_torn, recover, recover_all
 from screw_module_ros.recording.survey import chunks, survey
 from screw_module_ros.recording.verify import verify
-
-
-def sequences(folder):
-    with AnyReader([folder]) as reader:
-        return [int.from_bytes(data[12:16], "little") for _, _, data in reader.messages()]
 
 
 def whole_chunks(path):
@@ -129,9 +125,7 @@ def test_all_torn_bags_of_a_folder(bag):
     cut(bag, 30_000)
     (bag.parent / "something else").mkdir()
     (bag.parent / "file").write_text("")
-    old = os.stat(bag).st_mtime - 3600
-    for path in (bag, bag / "bag_0.mcap"):
-        os.utime(path, (old, old))
+    old(bag)
     assert set(recover_all(bag.parent)) == {bag}
     assert recover_all(bag.parent) == {}
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drives in their cycle against scripted ends: one whose heartbeat comes, and two on one bus."""
+"""Drivers in their cycle against scripted ends.
+
+A sensor, a drive whose heartbeat comes, and two drives on one bus.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,14 @@ from scripted_devices import ScriptedDrive
 
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.heartbeat import Heartbeat
+
+
+def tick(wire, sensor, sequence=1):
+    """One period: request, then whatever came in; returns the sample, stamped 5 ns later."""
+    now_ns = wire.advance()
+    sensor.request(sequence, now_ns, now_ns + 5)
+    wire.port.pump()
+    return sensor.reading()
 
 
 def watched_drive(wire, settings):
