@@ -25,9 +25,9 @@ from screw_module_ros.settings import Setting
 from .support import qos
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
-from .support.due import Due
 from .support.flat import COMMAND, Command
 from .support.health import Health
+from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values

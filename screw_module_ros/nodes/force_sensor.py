@@ -10,19 +10,17 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.devices.force_sensor import ForceSensor, ForceSensorSettings
-from screw_module_ros.loop.sensor import PolledSensor
-from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
-from .support.driver import DriverNode, RateSettings, device_values
+from .support.driver import RateSettings
 from .support.flat import pack_force
-from .support.health import ERROR, OK, Health
-from .support.rates import RateMeter
+from .support.health import Health
 from .support.runtime import main as run_node
+from .support.sensor_node import SensorNode
 from .support.serving_node import Done
 from .support.states import fill_wrench
-from .support.timing_report import latency_values
 from .support.topics import offered
 from .taring import Taring
 
@@ -35,7 +33,7 @@ class WrenchSettings(NamedTuple):
     ] = graph.TOPICS[graph.WRENCH].rate
 
 
-class ForceSensorNode(DriverNode):
+class ForceSensorNode(SensorNode):
     """One wrench per tick, of the patient on the robot."""
 
     def __init__(self):
@@ -44,8 +42,6 @@ class ForceSensorNode(DriverNode):
         self.parameters.declare(WrenchSettings)
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
-        self._rate = RateMeter()
-        self.device: ForceSensor | None = None
         self.serve(Trigger, "~/tare", self._tare)
         self.serve(Trigger, "~/untare", self._untare)
 
@@ -54,15 +50,9 @@ class ForceSensorNode(DriverNode):
         rate = self.parameters.read(RateSettings).rate
         settings = self.parameters.read(ForceSensorSettings)._replace(rate=rate)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
-        self.device = ForceSensor(port, settings)
-        self.device.configure()
-        self.hardware_id = self.device.identity
-        self.check_bus_load(self.device.traffic)
+        self.add_device(ForceSensor(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
-        self._publish = self.outlet(*offered(graph.FORCE), raw=True)
-        self._publish_slow = self.outlet(*offered(graph.FORCE_DECIMATED), raw=True)
-        self._slow_every = max(1, round(rate / graph.DECIMATED_RATE))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
         self._taring = Taring(self.new_inbox(), self.clock)
 
@@ -70,32 +60,16 @@ class ForceSensorNode(DriverNode):
         """Start the samples; an activation also clears a latched fault."""
         if self.device.fault:
             self.device.clear_fault()
-        self.device.start()
-        self.part = PolledSensor(self.device, self.port, self.clock)
-        self._loop = VerticalLoop(self.clock, self.period_ns, Wires(publish_force=self.publish))
-        device = self.device  # the loop may still ask while `disconnect` takes it away
-        self.start_polls(lambda: device.fault)
+        self.start_samples("force_sensor", Wires(publish_force=self.publish))
 
     def end(self) -> None:
         """Stop polling."""
         self.stop_polls()
         self.device.stop()
 
-    def disconnect(self) -> None:
-        """Close the bus."""
-        self.device = None
-        self.close_port()
-
-    def step(self) -> None:
-        """One tick: send the request, wait for both halves, publish."""
-        self._loop.step(Parts(force_sensor=self.part))
-
     def publish(self, reading: ForceReading) -> None:
         """Publish a reading, and collect it while taring."""
-        data = pack_force(reading)
-        self._publish(data)
-        if reading.sequence % self._slow_every == 0:
-            self._publish_slow(data)
+        self.publish_packed(pack_force(reading), reading.sequence)
         if reading.sequence % self._wrench_every == 0:
             fill_wrench(self._wrench, reading)
             self._send_wrench(self._wrench)
@@ -113,28 +87,10 @@ class ForceSensorNode(DriverNode):
         self._taring.permitted()
         return Done(f"back to removing {_bias_text(self.device.untare())}")
 
-    def poll_slow(self) -> None:
-        """Read the supply and temperature voltages."""
-        self.device.poll_slow()
-
     def health(self) -> Health:
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
-        device = self.device
-        counters = device.snapshot()
-        rate = self._rate.rate(counters.received, self.clock.now_ns())
-        values = {
-            "rate [1/s]": f"{rate:.1f}",
-            **latency_values("answer", self.part.answers),
-            "bias": _bias_text(device.bias),
-            **{f"{name} [ADC counts]": count for name, count in device.voltages.items()},
-            **device_values(counters),
-            **self.port_values(self.part.skipped),
-        }
-        if device.fault:
-            return Health(ERROR, device.fault, values)
-        if rate < 0.5e9 / self.period_ns:
-            return Health(ERROR, f"only {rate:.0f} samples/s", values)
-        return Health(OK, "sampling", values)
+        voltages = {f"{name} [ADC counts]": n for name, n in self.device.voltages.items()}
+        return self.sensor_health({"bias": _bias_text(self.device.bias), **voltages})
 
 
 def _bias_text(bias: tuple) -> str:

@@ -35,10 +35,10 @@ from screw_module_ros.settings import Setting
 
 from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
-from .support.due import Due
 from .support.flat import pack_command
 from .support.health import ERROR, OK, WARN, Health
 from .support.module_node import ModuleNode
+from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.senders import Senders
 from .support.states import fill_controller

@@ -23,9 +23,9 @@ from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
-from .support.due import Due
 from .support.health import OK, WARN, Health
 from .support.module_node import ModuleNode
+from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.single import Lock, lock_simulation

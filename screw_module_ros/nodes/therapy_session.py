@@ -43,8 +43,8 @@ from screw_module_ros.therapy.wishes import WishLimits
 from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from .support import qos
 from .support.below import below, root_folder
-from .support.due import Due
 from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message

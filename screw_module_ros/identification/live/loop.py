@@ -20,9 +20,9 @@ from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
-from screw_module_ros.nodes.support.due import Due
 from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
 from screw_module_ros.nodes.support.module_node import ModuleNode
+from screw_module_ros.nodes.support.rates import Due
 from screw_module_ros.nodes.support.topics import offered
 
 from .samples import Recording
