@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ..control.friction import FrictionBranch, FrictionModel, friction_force
+from ..resources import resource_path
 from .strict_mapping import CalibrationError, Section
 from .yaml_file import read_calibration
 
 FORMAT = "screw_module_ros/friction"
+THESIS_FILE = "params/friction_thesis.yaml"
 _LARGEST_PLAUSIBLE = 60.0  # [N], about four times what the thesis measured
 
 
@@ -24,6 +26,11 @@ def load_friction_model(path: str | Path) -> FrictionModel:
     Raises FrictionFileError naming the file, the key, what is wrong and the way out.
     """
     return read_friction_model(read_calibration(path, FORMAT, FrictionFileError))
+
+
+def thesis_friction() -> FrictionModel:
+    """Return the model of the thesis's module (section 5.2.5)."""
+    return load_friction_model(resource_path(THESIS_FILE))
 
 
 def read_friction_model(section: Section) -> FrictionModel:

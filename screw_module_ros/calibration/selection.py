@@ -10,12 +10,10 @@ from ..control.linearization import Linearization, default_linearization
 from ..control.vertical_settings import VerticalSettings
 from ..resources import resource_path
 from ..settings import Setting
-from .friction_file import load_friction_model
+from .friction_file import THESIS_FILE, load_friction_model
 from .linearization_file import load_linearization
 from .module_file import CalibrationSettings, chosen_calibration
 from .yaml_file import calibration_identity
-
-FRICTION_FILE = "params/friction_thesis.yaml"
 
 
 class ChosenFriction(NamedTuple):
@@ -50,7 +48,7 @@ def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
     """
     module = chosen_calibration(settings, "friction_file", path)
     if module is None:
-        path = path or resource_path(FRICTION_FILE)
+        path = path or resource_path(THESIS_FILE)
         return ChosenFriction(load_friction_model(path), calibration_identity(path))
     identity = module.identity(settings.calibration_file)
     return ChosenFriction(module.friction, identity, module.gravity, module.mass)

@@ -18,7 +18,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting
 from .force_position import Spring, offsets
-from .lab import Job, Lab, Part
+from .lab import Job, Lab, Part, by_name
 from .results import Quantity, Result
 from .trials import Arm, MotionTrial, Samples
 
@@ -75,7 +75,7 @@ class Settings(NamedTuple):
 
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure the curves. Raises ValueError for an unknown curve, Cancelled, NotPossible."""
-    chosen = [_curve(name) for name in settings.curves]
+    chosen = [by_name("curves", CURVES, name) for name in settings.curves]
     jobs = [
         Job(curve.name, trial_of(curve, settings), partial(reduced, stiffness=curve.stiffness))
         for curve in chosen
@@ -154,13 +154,6 @@ def _quantities(curve: Curve, part: Part) -> list[Quantity]:
             f"mean offset from the spring in motion ({label})",
         )
     ]
-
-
-def _curve(name: str) -> Curve:
-    for curve in CURVES:
-        if curve.name == name:
-            return curve
-    raise ValueError(f"curves: no curve {name!r}; there are {', '.join(c.name for c in CURVES)}")
 
 
 def _notes(chosen: list[Curve]) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from .force_metric import ErrorOf, judged
-from .lab import Job, Lab, Part
+from .lab import Job, Lab, Part, by_name
 from .results import Quantity, Result
 from .trials import Arm, MotionTrial, PlanarTrial, Samples
 
@@ -153,11 +153,7 @@ def with_damping(law: VerticalSettings, mode: int) -> VerticalSettings:
 
 def case_of(name: str) -> Case:
     """Return a case by name. Raises ValueError that lists the known names."""
-    for case in CASES:
-        if case.name == name:
-            return case
-    known = ", ".join(case.name for case in CASES)
-    raise ValueError(f"cases: {name!r} is unknown; known are {known}")
+    return by_name("cases", CASES, name)
 
 
 def pressed(case: Case, side_force: float) -> Case:

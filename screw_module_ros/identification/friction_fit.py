@@ -11,10 +11,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction_file import load_friction_model
+from ..calibration.friction_file import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
 from ..geometry import SCREW
-from ..resources import resource_path
 from ..settings import Setting, validated
 from . import friction_map, gravity
 from .friction_form import branch_of, friction_along, held_force, speed_factor
@@ -23,7 +22,6 @@ from .lab import Lab
 from .results import Quantity, Result
 
 NAME = "friction_model"
-THESIS = "params/friction_thesis.yaml"
 WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
 _WAYS = (("up", 1.0), ("down", -1.0))
 
@@ -57,7 +55,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     for way, _ in _WAYS:
         data[f"force_{way}"] = maps[way]
         data[f"residual_{way}"] = beyond(model, data, way)
-    thesis = load_friction_model(resource_path(THESIS))
+    thesis = thesis_friction()
     quantities = _quantities(fitted, model, data, weighed.quantity("gravity"), thesis)
     return Result(NAME, quantities, settings._asdict(), _notes(model, data), data)
 

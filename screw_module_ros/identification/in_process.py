@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction_file import load_friction_model
+from ..calibration.friction_file import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
 from ..control.limits import CommandLimits, TorqueLimits
@@ -29,7 +29,6 @@ from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
 from ..plant.noise import seeded
 from ..plant.sensor import measured_wrench, sensor_params
 from ..plant.settings import WorldSettings, changed_later
-from ..resources import resource_path
 from ..settings import Setting, validated
 from .in_process_trials import (
     ZERO_S,
@@ -63,7 +62,6 @@ from .trials import (
     Trial,
 )
 
-THESIS_FRICTION = "params/friction_thesis.yaml"
 _CHUNK = 100_000  # ticks between two reports of progress
 _HUNG_AT = 0.25  # height at which friction holds the free handle [m]
 _SETTLE_S = 3.0  # for the spring to fade in
@@ -100,7 +98,7 @@ class InProcessBench:
         self.rate = self.loop.rate
         self.name = f"in process, seed {seed}, {hash_of(world, self.loop)}"
         self.seed = seed
-        self._thesis = load_friction_model(resource_path(THESIS_FRICTION))
+        self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:

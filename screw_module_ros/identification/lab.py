@@ -12,13 +12,21 @@ import hashlib
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from .results import Result, load_result
 from .trials import Bench, Samples, Trial, duration_of
 
+
+class HasName(Protocol):
+    """An entry of a table of cases or curves."""
+
+    name: str
+
+
+Named = TypeVar("Named", bound=HasName)
 Part = dict[str, np.ndarray]
 """The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
 
@@ -138,3 +146,12 @@ class Lab:
         made_of = repr((self._fingerprint, self.bench.name, self.rate, job.identity))
         digest = hashlib.sha256(made_of.encode()).hexdigest()[:12]
         return self.folder / "parts" / experiment / f"{job.name}-{digest}.npz"
+
+
+def by_name(what: str, known: Sequence[Named], name: str) -> Named:
+    """Return the one with this name. Raises ValueError with `what` and the known names."""
+    for one in known:
+        if one.name == name:
+            return one
+    names = ", ".join(one.name for one in known)
+    raise ValueError(f"{what}: {name!r} is unknown; known are {names}")

@@ -17,7 +17,7 @@ from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, validated
 from .force_error import counted_from, wall
 from .force_metric import ErrorOf, judged
-from .lab import Job, Lab, Part
+from .lab import Job, Lab, Part, by_name
 from .results import Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
@@ -137,12 +137,8 @@ def law_of(settings: Settings, kind: str) -> PlanarSettings:
 
 
 def case_of(name: str) -> Case:
-    """Return a case by name. Raises ValueError that names those there are."""
-    for case in CASES:
-        if case.name == name:
-            return case
-    known = ", ".join(case.name for case in CASES)
-    raise ValueError(f"cases: {name!r} is unknown; known are {known}")
+    """Return a case by name. Raises ValueError that lists the known names."""
+    return by_name("cases", CASES, name)
 
 
 def job(case: Case, kind: str, settings: Settings) -> Job:

@@ -5,7 +5,6 @@ import copy
 import errno
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.calibration.module_file import (
     CalibrationSettings,
     ModuleCalibration,
@@ -25,7 +24,7 @@ from screw_module_ros.calibration.module_file import (
 from screw_module_ros.control.linearization import default_linearization
 
 SERIAL = "SIM-0001"
-FRICTION = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+FRICTION = thesis_friction()
 GOOD = ModuleCalibration(
     serial=SERIAL,
     date="2001-05-11T09:30:00Z",

@@ -2,11 +2,10 @@
 """The chatter guard: shaking takes the gain away, tremor, jolts and slow forces do not."""
 
 import math
-from pathlib import Path
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.chatter import FALL, LASTING, QUIET_GUARD, WINDOW, guard_step
 from screw_module_ros.control.vertical import vertical_step
@@ -14,7 +13,7 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 
 DT, LIMIT = 0.001, 1.2
-MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+MODEL = thesis_friction()
 SETTINGS = VerticalSettings()
 REST = VerticalInput(modes.IMPEDANCE, 0.10, 0.0, 0.0, 0.18, 0.0, True)
 

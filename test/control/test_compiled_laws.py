@@ -3,18 +3,17 @@
 
 import math
 import random
-from pathlib import Path
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.compiled import compiled
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 
 pytestmark = pytest.mark.long
 
-MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+MODEL = thesis_friction()
 
 
 def test_vertical_law():

@@ -10,7 +10,7 @@ import math
 import pytest
 
 from screw_module_ros import filters, geometry
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
@@ -18,7 +18,6 @@ from screw_module_ros.control.torque_chain import COLD, commanded, on_the_wire, 
 from screw_module_ros.control.vertical import VerticalSettings, vertical_step
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.plant.world import ArmSettings, World, load_world
-from screw_module_ros.resources import resource_path
 
 DT, DELAY = 0.001, 0.0007  # [s] sample to drive write
 SETTINGS = VerticalSettings()
@@ -31,7 +30,7 @@ STAY = math.nan
 
 @pytest.fixture(scope="module")
 def model():
-    return load_friction_model(resource_path("params/friction_thesis.yaml"))
+    return thesis_friction()
 
 
 def offsets(mode, model, seconds=9.0):

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 
-FRICTION = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+FRICTION = thesis_friction()
 
 
 def test_vertical():

@@ -2,20 +2,19 @@
 """The vertical law: its equations when settled, its bounds under anything at all."""
 
 import math
-from pathlib import Path
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
 from screw_module_ros.control.vertical import LONGEST_STEP, VerticalSettings, vertical_step
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.settings import declared
 
-MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+MODEL = thesis_friction()
 SETTINGS = VerticalSettings().validated()
 DT = 0.001
 REST = VerticalInput(modes.IMPEDANCE, 0.10, 0.0, 0.0, 0.18, 0.0, True)

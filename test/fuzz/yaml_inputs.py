@@ -14,7 +14,7 @@ from typing import Any
 from bag_damage import NOTES
 from runner import sentence
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model, thesis_friction
 from screw_module_ros.calibration.linearization_file import load_linearization
 from screw_module_ros.calibration.module_fields import ModuleCalibration
 from screw_module_ros.calibration.module_file import load_module_calibration, write_calibration
@@ -56,7 +56,7 @@ class YamlInputs:
 
     def _make_readers(self, folder: Path) -> list[tuple[str, Callable[[str], Any], list[str]]]:
         calibration = folder / "module.yaml"
-        friction = load_friction_model(resource_path("params/friction_thesis.yaml"))
+        friction = thesis_friction()
         write_calibration(calibration, ModuleCalibration(
             serial="SIM-1", date="2001-05-11T09:30:00Z", software="0.1.0", friction=friction,
             linearization=default_linearization(), gravity=9.8, mass=5.5,

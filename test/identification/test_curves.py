@@ -57,7 +57,7 @@ def test_figures_of_all_curves(measured):
 
 
 def test_unknown_curve_is_refused(bench, tmp_path):
-    with pytest.raises(ValueError, match="no curve 'pd'; there are pd_100"):
+    with pytest.raises(ValueError, match="'pd' is unknown; known are pd_100"):
         curves.run(Lab(bench, tmp_path), curves.Settings(curves=("pd",)))
 
 

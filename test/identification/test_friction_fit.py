@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from screw_module_ros.calibration.friction_file import FORMAT, load_friction_model
+from screw_module_ros.calibration.friction_file import FORMAT, load_friction_model, thesis_friction
 from screw_module_ros.control.friction import friction_force
 from screw_module_ros.identification import friction_fit, friction_map, gravity
 from screw_module_ros.identification.figures.friction_model import friction_model_figures
@@ -18,9 +18,8 @@ from screw_module_ros.identification.friction_form import friction_along, held_f
 from screw_module_ros.identification.friction_map import SPEEDS
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Quantity, Result
-from screw_module_ros.resources import resource_path
 
-THESIS = load_friction_model(resource_path("params/friction_thesis.yaml"))
+THESIS = thesis_friction()
 Z = 2.5 * (np.arange(142) + 0.5)
 WEIGHT = 9.3
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from friction_bench import FakeBench, Module
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.identification import friction_fit, inertia
 from screw_module_ros.identification.figures.inertia import inertia_figures
 from screw_module_ros.identification.friction_form import friction_along
@@ -17,9 +17,8 @@ from screw_module_ros.identification.inertia import Settings
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.mass_estimates import motion, ratio, regression, usable
 from screw_module_ros.identification.results import Result
-from screw_module_ros.resources import resource_path
 
-THESIS = load_friction_model(resource_path("params/friction_thesis.yaml"))
+THESIS = thesis_friction()
 SHORT = Settings(duration=4.0)
 
 

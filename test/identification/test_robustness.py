@@ -3,7 +3,7 @@
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification import (
@@ -21,7 +21,6 @@ from screw_module_ros.identification.report.tables import robustness_head, robus
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.trials import MotionTrial
 from screw_module_ros.plant.settings import load_world
-from screw_module_ros.resources import resource_path
 
 OBSERVER_FAST = robustness.Settings(modes=(modes.OBSERVER,), cases=("fast",))
 
@@ -39,7 +38,7 @@ def lab(bench, tmp_path):
     cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.cubic)}
     found = (
         result(friction_fit.NAME,
-               _as_data(load_friction_model(resource_path("params/friction_thesis.yaml")))),
+               _as_data(thesis_friction())),
         result(static_torque.NAME, lower_joint=line.lower_joint, upper_joint=line.upper_joint,
                lower_slope=line.lower_slope, lower_offset=line.lower_offset,
                upper_slope=line.upper_slope, upper_offset=line.upper_offset, **cubic),

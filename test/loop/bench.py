@@ -14,7 +14,7 @@ from typing import NamedTuple
 import can
 from lean_bus import LeanVirtualBus
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
@@ -40,7 +40,6 @@ from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, load_world
-from screw_module_ros.resources import resource_path
 from screw_module_ros.rig.rig import Rig, RigSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
@@ -137,7 +136,7 @@ class Bench:
         )
         self.controller = VerticalController(
             VerticalSettings(),
-            load_friction_model(resource_path("params/friction_thesis.yaml")),
+            thesis_friction(),
             WatchSettings(),
             AgreementSettings(),
             PERIOD_NS,

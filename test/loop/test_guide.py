@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.modes import IMPEDANCE
 from screw_module_ros.control.planar_settings import PlanarSettings
@@ -16,10 +16,9 @@ from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.guide import RENEWED_NS, Guide
-from screw_module_ros.resources import resource_path
 
 LIMITS = SlotLimits()
-MODEL = load_friction_model(resource_path("params/friction_thesis.yaml"))
+MODEL = thesis_friction()
 LINE = Slot(target_y=0.14)
 MS = 1_000_000
 DT = 0.002

@@ -9,16 +9,15 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import VerticalController
-from screw_module_ros.resources import resource_path
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-MODEL = load_friction_model(resource_path("params/friction_thesis.yaml"))
+MODEL = thesis_friction()
 MS = 1_000_000
 
 

@@ -13,14 +13,13 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control.carried_mass import KNOWN_SHARE
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.nodes.support.serving_node import Done
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
-from screw_module_ros.resources import resource_path
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -34,7 +33,7 @@ GRAVITY = 9.25
 def calibration(tmp_path_factory):
     """Return the path of a calibration and its identity."""
     path = tmp_path_factory.mktemp("calibration") / "sim_module.yaml"
-    friction = load_friction_model(resource_path("params/friction_thesis.yaml"))
+    friction = thesis_friction()
     written = write_calibration(
         path,
         ModuleCalibration(

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from anything import MS, START_NS, fixed, live_changes, near
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -18,7 +17,7 @@ from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+MODEL = thesis_friction()
 ROUNDING = 1e-9
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
 steps = st.sampled_from((1, 1, 1, 2, 0, -1))

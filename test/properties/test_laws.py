@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 from anything import absurd, fixed, live_changes, near
@@ -12,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control import vertical as vertical_law
@@ -24,7 +23,7 @@ from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.settings import declared, validated
 
-MODEL = load_friction_model(Path(__file__).parents[2] / "params" / "friction_thesis.yaml")
+MODEL = thesis_friction()
 ROUNDING = 1e-9
 periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.1))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from screw_module_msgs.msg import ImpedanceState
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.friction_file import load_friction_model, thesis_friction
 from screw_module_ros.calibration.linearization_file import load_linearization
 from screw_module_ros.calibration.module_file import load_module_calibration
 from screw_module_ros.control.friction import FrictionModel
@@ -30,7 +30,6 @@ from screw_module_ros.geometry import Screw
 from screw_module_ros.identification.trials import MotionTrial, NotPossible, OnProgress, Samples
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.resources import resource_path
 from screw_module_ros.settings import declared
 
 from .experiment import Experiment, share_of
@@ -38,7 +37,6 @@ from .graph import ACTIVE, UNCONFIGURED, bring, parameters
 from .samples import Track, evenly, samples_of
 from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
-_THESIS_FRICTION = "params/friction_thesis.yaml"
 _LIVE = {name for name, field in declared(VerticalSettings).items() if field.setting.live}
 _SAG = 0.05  # largest sag of the handle in a hand [m]
 _CALM = 1e-3  # [m/s]
@@ -265,4 +263,4 @@ def friction_of(robot: Robot) -> tuple[FrictionModel, str]:
         return load_module_calibration(file, values["module_serial"]).friction, file
     if file := values["friction_file"]:
         return load_friction_model(file), file
-    return load_friction_model(resource_path(_THESIS_FRICTION)), "of the thesis"
+    return thesis_friction(), "of the thesis"

@@ -10,10 +10,11 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
+from ...calibration.friction_file import THESIS_FILE
 from ...plant.settings import WorldSettings, load_world
 from ...resources import resource_path
 from ..catalogue import EXPERIMENTS
-from ..in_process import THESIS_FRICTION, InProcessBench, LoopSettings
+from ..in_process import InProcessBench, LoopSettings
 from ..lab import Lab, MissingResult
 from ..pool import PoolLab
 from ..results import Result
@@ -123,5 +124,5 @@ def fingerprint_of_sources() -> str:
         for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
             if not set(file.relative_to(_SOURCES).parts) & set(_ONLY_SHOWN):
                 digest.update(file.read_bytes())
-    digest.update(Path(resource_path(THESIS_FRICTION)).read_bytes())
+    digest.update(Path(resource_path(THESIS_FILE)).read_bytes())
     return digest.hexdigest()[:16]
