@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens one CAN bus through python-can on any interface (design: `can.*` parameters).
+"""Opens one CAN bus through python-can on any interface (parameters `can.*`).
 
 `udp_multicast` connects processes of one machine: the hop limit is 0, so no frame leaves it. The
 receive buffer is enlarged, because bursts overflow the default one, and the socket receives its own

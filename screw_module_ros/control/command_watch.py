@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plausibility of force commands at the amplifier (design section 6).
+"""Plausibility of force commands at the amplifier.
 
 The amplifier does not trust the controller. It accepts a command only when the command is new,
 finite and within the range of this robot's controllers. `gate` checks the age of the command.

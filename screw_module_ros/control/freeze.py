@@ -9,11 +9,11 @@ the sum. The sum does not grow when the net torque is small: a handle at rest, a
 against a set point out of reach, a wall at the handle.
 
 Limits of the check. Without a known hand force it does not judge. It cannot distinguish rest from
-motion that needs less net torque than `freeze_torque` (slow, even motion with a constant force). It
-does not find a sensor that sticks for less than `freeze_time`, drifts or has a wrong scale. A link
-that something blocks elsewhere than at the handle also looks frozen; that errs on the safe side.
-Near the joints' stops the check does not judge. It takes the sensor's axes as those of
-`manus_base`, as everywhere in the plane.
+motion that needs less net torque than `FreezeSettings.torque` (slow, even motion with a constant
+force). It does not find a sensor that sticks for less than `FreezeSettings.time`, drifts or has a
+wrong scale. A link that something blocks elsewhere than at the handle also looks frozen; that errs
+on the safe side. Near the joints' stops the check does not judge. It takes the sensor's axes as
+those of `manus_base`, as everywhere in the plane.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class FreezeSettings(NamedTuple):
     """When the position of a joint that does not move counts as frozen.
 
     3 Nm are 6 to 7 N at the handle; the joints' friction is 0.3 Nm (thesis, appendix D), an error
-    of 4 N of the force sensor makes 2 Nm. They move a joint with the module's 1.3 kg m2 by a count
-    of 0.1 mrad in 9 ms.
+    of 4 N of the force sensor makes 2 Nm. A net torque of 3 Nm moves a joint with the module's
+    1.3 kg m2 by a count of 0.1 mrad in 9 ms.
     """
 
     torque: Annotated[

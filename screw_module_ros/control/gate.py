@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The gate before the drive: the conditions under which torque may pass (design section 6).
+"""The gate before the drive: the conditions under which torque may pass.
 
 Torque passes only after an explicit `enable`, while commands are fresh (at most `command_periods`
 old), while a fresh safety_state permits it, and while the drive is in operation enabled. Anything

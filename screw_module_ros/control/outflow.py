@@ -19,11 +19,11 @@ from ..filters import LowpassState, lowpass_coefficients, lowpass_step
 CORNER = 2.0  # [Hz] twice first order, of force and velocity alike: equal phases
 WINDOW = 0.1  # [s] of the means, twice exponential: passes 7 % of the power's ripple at 3 Hz
 LOST_SHARE = 0.06  # -mean(F v) / (rms F rms v) from which the robot counts as the source
-TURNED = 2.5  # times that the force has turned, of late, from which it oscillates
-FORGET = 1.0  # [s] of these times
-NOTABLE = 0.25  # of the least force, by which it has turned
-LASTING = 0.2  # [s]
-STEADY = 0.9  # of its mean, above which the force does not die away
+TURNED = 2.5  # recent reversals of the force that make an oscillation
+FORGET = 1.0  # [s] time constant with which reversals are forgotten
+NOTABLE = 0.25  # of the least force: a smaller one of the other sign is no reversal
+LASTING = 0.2  # [s] for which the robot must have fed an oscillation
+STEADY = 0.9  # least ratio of the force's mean square to its slower mean: below, it dies away
 
 
 class Highpass(NamedTuple):
@@ -42,8 +42,10 @@ class Mean(NamedTuple):
 
 class OutflowState(NamedTuple):
     """force, speed: high passes; force_square [N^2], speed_square [m^2/s^2], power: from patient to
-    robot [W]; side: of the rapid force, 1 or -1; turns: times that it has changed, of late;
-    lasting: time for which the robot has been the source, weighted by the excess [s]."""
+    robot [W]; side: of the rapid force, 1 or -1; turns: recent changes of the side, older
+    ones count less; lasting: time for which the robot has been the source, weighted by the excess
+    [s].
+    """
 
     force: Highpass
     speed: Highpass
@@ -87,7 +89,7 @@ def outflow_step(
     lasting = state.lasting
     if rms <= least or power.twice >= 0.0 or turns < TURNED:
         lasting = 0.0
-    elif source and lives:  # between, ripple: what has lasted stays
+    elif source and lives:  # else it keeps its value: the power ripples
         lasting += dt * rms / least
     return OutflowState(
         force_pass, speed_pass, force_square, speed_square, power, side, turns, lasting
@@ -102,7 +104,7 @@ def _averaged(mean: Mean, value: float, dt: float) -> Mean:
 
 
 def _rapid(state: Highpass, value: float, dt: float) -> tuple[float, Highpass]:
-    """Return what is faster than `CORNER` of a value, and the filter's next state."""
+    """Return the part of a value that is faster than `CORNER`, and the filter's next state."""
     coefficients = lowpass_coefficients(CORNER, dt)
     slow, first = lowpass_step(coefficients, state.first, value)
     slower, second = lowpass_step(coefficients, state.second, value - slow)

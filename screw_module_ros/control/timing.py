@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counters of the timing contract (design section 5): one call per tick, all times passed in.
+"""Counters of the timing contract: one call per tick, all times passed in.
 
 The deadline of a command is one period after the acquisition of its sample. A command after its
 deadline is late; a tick number without a command is lost. Both count as missed.

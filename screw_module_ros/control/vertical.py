@@ -238,8 +238,8 @@ def _pull(
 
     OBSERVER uses the velocity estimated by its observer [m/s], which lags less than the filtered
     one. Its damping never falls below the least damping that it needs, whatever the settings are
-    now. guarded: weight of the chatter guard's damper; free: how
-    far nobody holds the handle, 0 to 1.
+    now. guarded: weight of the chatter guard's damper, 0 to 1; free: 1 when nobody holds the
+    handle, 0 when somebody holds it firmly.
     """
     weight = blend.observer
     velocity = inp.velocity + weight * (estimated - inp.velocity)

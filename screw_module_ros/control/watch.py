@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plausibility of the vertical axis's samples (design section 6): in doubt the force is zero.
+"""Plausibility of the vertical axis's samples: in doubt the force is zero.
 
 Until the first sample the watch waits. A stream that stops, or a sample that cannot be real, is a
 fault: it stays latched until `reset`, whatever comes after. Samples may be the drivers' readings or

@@ -196,6 +196,7 @@ def code_name(code: int) -> str:
             return _CODES[code & mask]
     if code & 0xFF00 in _GROUPS:
         return _GROUPS[code & 0xFF00]
+    # 0x0100 to 0x0FFF are of no group: 0x0000, error reset, does not name them.
     return _GROUPS.get(code & 0xF000 or code, "unknown error")
 
 

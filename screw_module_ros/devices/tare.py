@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks whether force samples may become the new zero (design, section 6: taring)."""
+"""Checks whether force samples may become the new zero."""
 
 from __future__ import annotations
 

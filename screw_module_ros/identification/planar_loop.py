@@ -38,7 +38,7 @@ from ..plant.settings import WorldSettings
 from .trials import WAY_S, OnProgress, PlanarTrial, Samples
 
 RATE = 500.0  # of the node `manus` [1/s]
-DELAY = 0.0007  # from a sample to its torque, as in design section 4 [s]
+DELAY = 0.0007  # from a sample to its torque [s]
 RADIAN = 9.587e-5  # of a count of the joints' encoders
 CUTOFF = 30.0  # of the velocity filter [Hz]
 COLUMNS = 7  # x, y, vx, vy of the handle; force of the patient x, y; share of the carried mass

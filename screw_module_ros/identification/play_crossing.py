@@ -5,7 +5,7 @@ At rest the handle touches the nut on one side of the play. While the stage cree
 side, handle and nut have no contact: the transducer measures the weight of the moving parts and the
 drag of the grease film, which is proportional to the speed, but no friction of the screw. The
 encoder measures the nut, which stands still during the crossing, so stage travel minus nut travel
-shows its begin, its end and its width.
+shows its beginning, its end and its width.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ class Crossing(NamedTuple):
 
 
 class Weight(NamedTuple):
-    """weight [N] with its standard error; film: drag [N s/m]; zero: of the transducer [N], NaN
-    if the runs do not determine it; spread: of the forces about the fit, relative to their standard
-    errors.
+    """weight [N]; film: drag [N s/m]; error, film_error: their standard errors; zero: of the
+    transducer [N]. film and zero are NaN if the runs do not determine them. spread: of the forces
+    about the fit, relative to their standard errors.
     """
 
     weight: float

@@ -53,7 +53,7 @@ class Path3D(NamedTuple):
 class Evaluation(NamedTuple):
     """Result of a session; traces, offsets and paths are in the order of its parts.
 
-    timing: from the begin of the first part to the end of the last one.
+    timing: from the beginning of the first part to the end of the last one.
     """
 
     traces: list[Trace]

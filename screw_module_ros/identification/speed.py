@@ -41,7 +41,7 @@ class Speed(NamedTuple):
 
 
 def speeds(runs: int, pool: ProcessPoolExecutor, cores: int) -> list[Speed]:
-    """Measure every trial on one core and on `cores` in parallel; runs: number of each."""
+    """Measure every trial on one core and on `cores` in parallel, `runs` times each."""
     found = []
     for name in TRIALS:
         alone = [pool.submit(one_run, name).result() for _ in range(runs)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Timing of a run, from the counters that the drive's node publishes (design section 5)."""
+"""Timing of a run, from the counters that the drive's node publishes."""
 
 from __future__ import annotations
 

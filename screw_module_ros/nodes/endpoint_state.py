@@ -4,7 +4,7 @@
 The robot's motion does not depend on this node. In `endpoint_state` an axis that is stale or not
 homed is marked invalid and has NaN as values. `joint_states` omits it, because its subscribers take
 every value for a measurement. Its joints are those of the URDF. The parameter `rate` sets the rate
-of `endpoint_state`.
+of `endpoint_state`; `joint_states` has half of it.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ _NOWHERE: Point = (math.nan,) * 3
 
 
 class WishRelay:
-    """Subscribes wishes and publishes set points for the hot loop of a node."""
+    """Subscribes to wishes and publishes set points for the hot loop of a node."""
 
     def __init__(self, node: ModuleNode, inbox: Inbox, limits: WishLimits):
         self._node = node
@@ -34,14 +34,14 @@ class WishRelay:
         self._gate.limits = limits
 
     def begin(self, limits: WishLimits) -> None:
-        """Drop all wishes, so that the last set point of a game does not pull any more."""
+        """Drop all wishes, so that the last set point of a game no longer pulls; use new limits."""
         self._gate = WishGate(limits)
         self._ask_for(_NOWHERE)
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
         """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
 
-        hand: its position [m], None if unknown.
+        allowed: whether a game may pull now. hand: its position [m], None if unknown. now_ns [ns].
         """
         message = self._take()
         place = _NOWHERE if hand is None else hand

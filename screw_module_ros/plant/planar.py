@@ -18,7 +18,7 @@ from .friction import bristle_terms, settled_bristle
 
 
 class Planar(NamedTuple):
-    """The planar arm. Inertias are those of design section 7, without the module."""
+    """The planar arm. The inertias are those without the module."""
 
     upper_arm: Annotated[float, Setting("length", "m", 0.05, 2.0)]
     forearm: Annotated[float, Setting("length", "m", 0.05, 2.0)]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Counts the missing messages of a topic, from tick numbers and from the middleware's numbers.
 
-There are two counts. `lost`: tick numbers (`sequence`, design section 5) that never arrived,
+There are two counts. `lost`: tick numbers (`sequence`, see `samples.py`) that never arrived,
 because the sensor or the publisher skipped them or the transport lost them. `missed`: messages that
 were published but did not reach the recorder, from the middleware's number of each message of a
 publisher. Lost messages without missed ones are losses on the robot; missed ones are losses of the

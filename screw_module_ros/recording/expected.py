@@ -2,8 +2,8 @@
 """Expected content of a bag, from the table of the graph and the parameters stored in the bag.
 
 A stride estimated from the data hides a regular loss: without every second sample a topic looks
-like one of half the rate. So the topics that follow a node's ticks (design section 5) are compared
-with their known stride and rate.
+like one of half the rate. So the topics that follow a node's ticks (`clock` in `graph.Topic`) are
+compared with their known stride and rate.
 """
 
 from __future__ import annotations

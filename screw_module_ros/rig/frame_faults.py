@@ -25,9 +25,9 @@ _DEAF = {"cable_out", "deaf", OFF_BUS}
 _FLOOD_ID = 0x001
 """Highest priority below NMT; no device uses it."""
 _FLOOD_FRAME = b"\xff" * _LONGEST
-_LARGEST_BURST = 200
+_LARGEST_BURST = 200  # frames of a flood per `poll`
 _MS = 1_000_000
-_HOLD_NS = 5 * _MS
+_HOLD_NS = 5 * _MS  # longest wait of a frame for the one with which it changes places
 
 
 class FrameFault(NamedTuple):
@@ -71,7 +71,7 @@ class FrameFaults:
         self._flooded_ns = 0
 
     def start(self, name: str, value: float) -> None:
-        """Start the fault `name`."""
+        """Start the fault `name`; value: its size, in the unit of `FRAME_FAULTS`."""
         self._values[name] = value
         self._flooded_ns = self._link.port.now_ns
         self._link.mangle(self)

@@ -58,7 +58,7 @@ class Recorded(NamedTuple):
 
     @property
     def begun(self) -> float | None:
-        """Return the begin [s since the epoch]: by stamp, of a simulated session by folder name.
+        """Return its beginning [s since the epoch]: by stamp, or by folder name if simulated.
 
         The session's node names the folder by date and time; None if somebody has renamed it.
         """

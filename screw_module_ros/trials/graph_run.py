@@ -107,21 +107,21 @@ class GraphRun:
         return self._place
 
     def signal(self, name: str, number: signal.Signals, ends: bool = True) -> None:
-        """Send a signal to one node; `ends`: from now on `watch` accepts that it has ended."""
+        """Send a signal to one executable; `ends`: from now on `watch` accepts that it ended."""
         if ends:
             self._may_end.add(name)
         os.kill(self._process(name).pid, number)
 
     def exit_code(self, name: str) -> int | None:
-        """Return the exit code of one node, None while it runs."""
+        """Return the exit code of one executable, None while it runs."""
         return self._process(name).exit_code()
 
     def pid(self, name: str) -> int:
-        """Return the process id of one node."""
+        """Return the process id of one executable."""
         return self._process(name).pid
 
     def restart(self, name: str) -> None:
-        """Start one node again with the same arguments, once it has ended."""
+        """Start one executable again with the same arguments, once it has ended."""
         old = self._process(name)
         if old.exit_code() is None:
             raise RobotError(f"{name} still runs")
@@ -129,7 +129,7 @@ class GraphRun:
         self._may_end.discard(name)
 
     def arguments(self, name: str) -> list[str]:
-        """Return the --ros-args of one node, without that word."""
+        """Return the --ros-args of one executable, without that word."""
         return self._process(name).arguments[1:]
 
     def _process(self, name: str) -> bringup.Process:

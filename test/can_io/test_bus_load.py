@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bits on the wire; the figures are those of the design's section 4."""
+"""Bits on the wire, with worst-case stuffing, and the load of a bus."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.long]
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 HOME = 0.25
 
-# Topic -> type, publisher, reliability: design.md section 3.
+# Topic -> type, publisher, reliability, written out again.
 TOPICS = {
     "/screw/encoder": ("screw_module_msgs/msg/EncoderSample", "encoder", BEST_EFFORT),
     "/handle/force": ("screw_module_msgs/msg/ForceSample", "force_sensor", BEST_EFFORT),

@@ -44,7 +44,7 @@ def slippery(settings):
 
 
 def inertia(shoulder, elbow, mass):
-    """M(q) of design section 7 with a mass at the tip, written out again."""
+    """M(q) of params/plant.yaml with a mass at the tip, written out again."""
     c = math.cos(elbow - shoulder)
     return (
         0.173 + mass * L1 * L1,

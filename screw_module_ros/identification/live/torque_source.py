@@ -41,7 +41,7 @@ class Sine(NamedTuple):
         return max(map(abs, ends))
 
     def torque(self, tick: int) -> float:
-        """Return the torque command [Nm] at a tick since the begin."""
+        """Return the torque command [Nm] at a tick, counted from the start."""
         wanted = self.amplitude * math.sin(2.0 * math.pi * self.frequency * tick / self.rate)
         return torque_command(self.linearization, wanted) if self.linearization else wanted
 

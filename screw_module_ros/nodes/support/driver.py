@@ -57,7 +57,7 @@ class DriverNode(ModuleNode):
         return self.port
 
     def check_bus_load(self, traffic: list) -> None:
-        """Warn above 80 % of the bus, raise BusOverload above 100 % (design section 4)."""
+        """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/bus_load.py`)."""
         bus = self.parameters.read(BusSettings, "can")
         self.bus_load, warning = check_load(traffic, bus.bitrate, self.bus_name)
         if warning:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quality of service of the graph's topics (design: samples best effort, commands reliable)."""
+"""Quality of service of the graph's topics: samples best effort, commands reliable."""
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 

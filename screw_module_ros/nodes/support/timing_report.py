@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The timing contract (design section 5) in a node's diagnostics.
+"""The timing contract (`control/timing.py`) in a node's diagnostics.
 
 Rates and latencies come from the newest state message: the hot loop owns the meter, and another
 thread creates the diagnostics.

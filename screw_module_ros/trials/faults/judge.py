@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Carries out one row and checks the safety contract.
 
-The contract (design section 6): torque zero within the row's time, no drive re-enables by itself,
+The contract (docs/faults.md): torque zero within the row's time, no drive re-enables by itself,
 the reason is reported, recovery needs no restart of the graph, and the patient feels no step. All
 times are simulated.
 """
