@@ -19,9 +19,10 @@ from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.nodes import bringup
+from screw_module_ros.trials.faults.catalogue import chosen
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -131,8 +132,29 @@ def test_the_damping_that_the_page_names_is_enough_for_mode_observer():
 
 def test_make_targets():
     text = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z]+):", text, re.MULTILINE))
+    targets = set(re.findall(r"^([a-z-]+):", text, re.MULTILINE))
     assert {words[0] for words in beginning("make")} <= targets
+
+
+def _arguments(target: str) -> list[list[str]]:
+    """Return the words in ARGS="..." of each `make TARGET`."""
+    options = [option for words in beginning("make", target) for option in words]
+    return [shlex.split(o.removeprefix("ARGS=")) for o in options if o.startswith("ARGS=")]
+
+
+def test_the_fault_rows_of_the_examples_exist():
+    examples = [words for words in _arguments("faults") if words[0] == "--row"]
+    assert examples
+    for option, name in examples:
+        assert option == "--row"
+        assert chosen(names=[name])
+
+
+def test_the_tests_of_the_examples_exist():
+    examples = _arguments("test")
+    assert examples
+    for file, _, word in examples:
+        assert re.search(rf"^def test_\w*{word}", (ROOT / file).read_text("utf-8"), re.MULTILINE)
 
 
 def test_links_lead_somewhere():

@@ -12,7 +12,7 @@ from .cia402 import Goal, State
 from .drive_logic import DriveLogic, describe
 from .drive_settings import SLOW_STATUS, STATUS, DriveSettings
 from .emcy import Emergency
-from .unwrap import FULL_RANGE, Unwrapper
+from .motion import FULL_RANGE, Unwrapper
 
 
 @dataclass

@@ -28,10 +28,9 @@ from .errors import (
     Refused,
 )
 from .homing import Rehoming
-from .motion import Motion
+from .motion import Motion, Unwrapper
 from .node import CanopenNode
 from .polled import Polled
-from .unwrap import Unwrapper
 
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
@@ -43,7 +42,7 @@ class Encoder:
 
     screw: the screw whose turns it counts.
     fault: why it delivers no samples, empty while healthy; latched until `clear_fault`.
-    warnings: reports of the device that do not stop it.
+    warnings: reports of the device that do not stop it. operating_status: its object 6500.
     """
 
     def __init__(
@@ -57,6 +56,7 @@ class Encoder:
         self.fault = ""
         self.emergency = ""
         self.warnings: list[str] = []
+        self.operating_status = 0
         self._port = port
         self._node = CanopenNode(
             port, settings.node_id, "encoder", settings.sdo_timeout, self._boot_up, self._emergency,
@@ -244,13 +244,15 @@ class Encoder:
         return settings.home_position
 
     def poll_slow(self) -> None:
-        """Read alarms and warnings (6503, 6505); blocking, not for the loop."""
+        """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
         try:
+            status = self._optional(0x6500)
             alarms = self._optional(0x6503)
             warnings = self._optional(0x6505)
         except (NotAnswering, BusError):
             self.counters.slow_polls_failed += 1
             return
+        self.operating_status = status
         self.warnings = _bit_names(warnings, setup.WARNINGS)
         if alarms:
             self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")

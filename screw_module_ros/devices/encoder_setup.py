@@ -11,9 +11,9 @@ from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from . import pdo
 from .errors import NotConfigured, Refused
+from .motion import FULL_RANGE
 from .node import CanopenNode
 from .polled import PollCounters
-from .unwrap import FULL_RANGE
 
 PROFILE = 406
 POSITION = pdo.Entry(0x6004, 0, 32)

@@ -74,7 +74,9 @@ class EncoderNode(SensorNode):
     def health(self) -> Health:
         """Rate, faults, counters."""
         device = self.device
-        health = self.sensor_health({"homed": device.homed})
+        health = self.sensor_health(
+            {"homed": device.homed, "operating status": f"0x{device.operating_status:04x}"}
+        )
         if health.level != OK:
             return health
         if device.warnings:

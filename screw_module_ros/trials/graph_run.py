@@ -133,7 +133,11 @@ class GraphRun:
         return self._process(name).arguments[1:]
 
     def _process(self, name: str) -> bringup.Process:
-        return next(process for process in self._processes if process.name == name)
+        for process in self._processes:
+            if process.name == name:
+                return process
+        running = ", ".join(process.name for process in self._processes)
+        raise RobotError(f"no executable {name} runs; there are {running or 'none'}")
 
     def wait_until_ready(
         self, robot: Robot, on_waiting: Callable[[list[str]], None] = lambda waiting: None

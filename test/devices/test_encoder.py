@@ -414,7 +414,7 @@ def test_encoder_without_alarm_objects_is_asked_once(wire, encoder, encoder_end)
     encoder.poll_slow()
     asked = len(wire.sent(0x602))
     encoder.poll_slow()
-    assert len(wire.sent(0x602)) == asked + 1
+    assert len(wire.sent(0x602)) == asked + 2
     assert encoder.fault == ""
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.devices.request_tracker import FRESH, LATE, UNEXPECTED, RequestTracker
+from screw_module_ros.devices.polled import FRESH, LATE, UNEXPECTED, RequestTracker
 
 
 def test_each_answer_in_its_tick_is_fresh():

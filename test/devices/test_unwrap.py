@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.devices.unwrap import FULL_RANGE, Unwrapper
+from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
 
 
 @given(st.integers(2, FULL_RANGE), st.lists(st.floats(-0.499, 0.499), max_size=50), st.data())
