@@ -16,16 +16,16 @@ from .stream import Stream
 
 # Status bits of the ATI NETCANOEM (manual 9610-05-1030) that make a sample unusable.
 FORCE_FAULT_BITS = {
-    2: "DAC or ADC out of range",
-    3: "analog ground out of range",
+    2: "DAC/ADC check too low",
+    3: "artificial analog ground out of range",
     4: "supply too high",
     5: "supply too low",
     6: "bad active calibration",
     7: "EEPROM failure",
     8: "invalid configuration",
-    11: "temperature too high",
-    12: "temperature too low",
-    14: "CAN error",
+    11: "sensor temperature too high",
+    12: "sensor temperature too low",
+    14: "CAN bus error",
 }
 FORCE_FAULT_MASK = sum(1 << bit for bit in FORCE_FAULT_BITS)
 

@@ -11,6 +11,7 @@ from screw_module_ros.control.watch import (
     VerticalWatch,
     WatchSettings,
 )
+from screw_module_ros.devices import ati
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 PERIOD_NS = 1_000_000
@@ -220,3 +221,8 @@ def test_two_senders_are_noticed(bench):
         bench.step()
         bench.watch.encoder(encoder(bench.tick, 0.3), bench.now_ns)
     assert "second node" in bench.watch.fault
+
+
+def test_watch_and_driver_call_the_status_bits_alike():
+    assert ati.FAULT_MASK == FORCE_FAULT_MASK
+    assert {bit: ati.STATUS_BITS[bit] for bit in FORCE_FAULT_BITS} == FORCE_FAULT_BITS
