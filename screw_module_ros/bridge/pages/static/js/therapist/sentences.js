@@ -3,7 +3,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  SAFETY_STOPPED, WAIT,
+  SAFETY_STOPPED, WAIT, isBeginning,
 } from "../states.js";
 
 const PHASES = {
@@ -23,6 +23,7 @@ export function sessionSentence(state, protocols) {
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
     case PAUSED:
+      if (isBeginning(state)) return `${state.patient}: ${title}. Starting: ${state.reason}.`;
       return `Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `Finished: ${title}, ${state.trials} movements.`;

@@ -3,6 +3,7 @@
 // that a reload or another device in mid-session shows them all; here nothing is stored.
 
 import { el, say } from "../elements.js";
+import { PAUSED, RUNNING } from "../states.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
@@ -71,6 +72,15 @@ export class TrialsCard {
     this.isShown = false;
   }
 
+  // Forgets the movements of the session before, as soon as another one is on.
+  follow({ state, patient, protocol, trial }) {
+    const session = `${patient} ${protocol}`;
+    const last = this.trials.at(-1);
+    if (!last || (state !== RUNNING && state !== PAUSED)) return;
+    if (session === this.session && trial >= last.trial) return;
+    [this.session, this.trials, this.changes, this.isShown] = [session, [], [], false];
+  }
+
   takeChange(change) {
     if (this.isAwaiting) this.liveChanges.push(change);
     this.addChange(change);
@@ -119,6 +129,6 @@ export class TrialsCard {
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
     this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
       el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
-        + `${change.side_stiffness.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+        + `${change.side_stiffness.toFixed(0)} N/m; ${change.reason}`)) : [el("li", {}, "No change yet.")]));
   }
 }
