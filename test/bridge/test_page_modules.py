@@ -105,6 +105,11 @@ def test_only_reaches_have_targets(result_of):
         card.show();
         const result = card.summary.textContent;
     """) == "P-22222: 1 of 3 targets reached"
+    assert result_of(ROWS + """
+        card.take({ ...trial(3, 4), assisted: true, reached: true });
+        card.show();
+        const result = card.summary.textContent;
+    """) == "P-22222: 1 of 3 targets reached, without assistance 0 of 2"
     script = """
         import { veil } from "./js/patient/words.js";
         told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);

@@ -19,7 +19,9 @@ export function sessionSentence(state, protocols) {
   const count = `movement ${state.trial} of ${state.trials}`;
   switch (state.state) {
     case RUNNING: {
-      const phase = PHASES[state.phase] ? `: ${PHASES[state.phase]}` : "";
+      const isAlone = state.phase === OVER_TIME && !state.assisted; // there is no wall
+      const words = isAlone ? "over time" : PHASES[state.phase];
+      const phase = words ? `: ${words}` : "";
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
     case PAUSED:

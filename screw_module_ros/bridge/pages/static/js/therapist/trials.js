@@ -16,7 +16,7 @@ const COLUMNS = [
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
 ];
-const KEEP = ["patient", "protocol", "header", "kind", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const KEEP = ["patient", "protocol", "header", "kind", "assisted", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
 
 function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
@@ -29,6 +29,10 @@ function identity({ patient, protocol, trial, header }) {
 // Circles, holding and pushing have no target to reach.
 function isReach({ kind }) {
   return (kind ?? "reach") === "reach";
+}
+
+function counted(reaches) {
+  return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
 }
 
 function isSame(one, other) {
@@ -121,9 +125,11 @@ export class TrialsCard {
     if (this.isShown) return;
     this.isShown = true;
     const reaches = this.trials.filter(isReach);
-    const reached = reaches.filter((trial) => trial.reached).length;
+    const alone = reaches.filter((trial) => !trial.assisted);
+    const apart = alone.length && alone.length < reaches.length
+      ? `, without assistance ${counted(alone)}` : "";
     say(this.summary, this.trials.length
-      ? `${this.session.split(" ")[0]}: ${reached} of ${reaches.length} targets reached`
+      ? `${this.session.split(" ")[0]}: ${counted(reaches)} targets reached${apart}`
       : "No movement yet.");
     this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
