@@ -105,6 +105,11 @@ def test_only_reaches_have_targets(result_of):
         card.show();
         const result = card.summary.textContent;
     """) == "P-22222: 1 of 3 targets reached"
+    assert result_of(ROWS + """
+        card.take({ ...trial(3, 4), assisted: true, reached: true });
+        card.show();
+        const result = card.summary.textContent;
+    """) == "P-22222: 1 of 3 targets reached, without assistance 0 of 2"
     script = """
         import { veil } from "./js/patient/words.js";
         told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
@@ -130,6 +135,22 @@ def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told)
         const result = veil({{ isOpen: true, isHeard: true, isTold: false, safety: 0,
                                state: {{ state: {state} }} }});
     """) == told
+
+
+@pytest.mark.parametrize(("safety", "reason", "told"), [
+    (0, "the therapist paused it", "Pause"),
+    (0, "waiting for the recording", "One moment …"),
+    (2, "the supervisor permits no motion", "The robot has stopped"),
+])  # fmt: skip
+def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, told):
+    """Nobody `goes on in a moment` after a stop, and a session that begins was not interrupted."""
+    title, _ = result_of(f"""
+        import {{ veil }} from "./js/patient/words.js";
+        import {{ PAUSED }} from "./js/states.js";
+        const result = veil({{ isOpen: true, isHeard: true, isTold: true, safety: {safety},
+                               state: {{ state: PAUSED, reason: "{reason}" }} }});
+    """)
+    assert title == told
 
 
 FORM = PLAYED_DOCUMENT + """
@@ -276,6 +297,16 @@ ROWS = PLAYED_DOCUMENT + """
     const shown = () => [card.trials.map((each) => each.trial),
       card.changes.map((each) => each.circuit)];
 """
+
+
+@pytest.mark.parametrize(("state", "expected"), [
+    ("{ state: 1, patient: 'P-22222', protocol: 'a', trial: 2 }", [[1, 2], [1]]),  # goes on
+    ("{ state: 1, patient: 'P-22222', protocol: 'a', trial: 1 }", [[], []]),  # begins anew
+    ("{ state: 1, patient: 'P-33333', protocol: 'a', trial: 9 }", [[], []]),
+    ("{ state: 3, patient: 'P-22222', protocol: 'a', trial: 2 }", [[1, 2], [1]]),
+])  # fmt: skip
+def test_another_session_does_not_show_the_movements_of_the_last(result_of, state, expected):
+    assert result_of(ROWS + f"card.follow({state}); const result = shown();") == expected
 
 
 @pytest.mark.parametrize(("kept", "expected"), [

@@ -224,7 +224,7 @@ def test_a_therapist_and_a_patient_in_their_browsers(stage, browser):
     page.get_by_text("Paused, movement").wait_for()
     page.get_by_text("The robot has stopped: the software stop was asked for").wait_for()
     assert page.get_by_role("button", name="Resume").is_disabled()  # only an operator resets
-    screen.get_by_role("heading", name="Pause").wait_for()
+    screen.get_by_role("heading", name="The robot has stopped").wait_for()
     stage.switch_on()
     page.get_by_role("button", name="Resume").click()
     page.get_by_text("Running, movement").wait_for()

@@ -15,7 +15,7 @@ import numpy as np
 from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..effect import effect_size
-from ..line import AXES
+from ..line import AXES, VERTICAL
 from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
 from ..session import ABORTED, FINISHED, PAUSED
 
@@ -30,7 +30,6 @@ OTHERS = {
     STRENGTH: ("largest_force", "largest_vertical_force"),
 }
 """Figures of the other kinds of trials."""
-_NS = 1e-9
 
 
 class Path(NamedTuple):
@@ -152,7 +151,7 @@ def summary(recorded: Recorded) -> Summary:
         recorded.protocol.title,
         f"{len(recorded.trials)} of {sum(1 for _ in plan(recorded.protocol))}",
         _course(recorded),
-        _share(rows, "reached"),
+        _reached(rows),
         _share(rows, "initiated"),
         _assistance(recorded, assisted),
         f"{share:.0f} %" if math.isfinite(share) else "–",
@@ -171,13 +170,14 @@ def other_tests(recorded: Recorded) -> list[tuple[str, str, float]]:
 
 
 def date_of(recorded: Recorded) -> str:
-    """Return the date of the first trial (UTC); in simulated time, how long the rig had run."""
+    """Return when the session began (UTC), in simulated time by the folder's name."""
     if not recorded.trials:
         return "no trial"
-    begun = recorded.trials[0]["started_ns"] * _NS
-    if recorded.is_simulated:
-        return f"simulated, after {begun / 60.0:.0f} min"
-    return datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
+    begun = recorded.begun
+    if begun is None:
+        return "simulated"
+    date = datetime.fromtimestamp(begun, timezone.utc).strftime("%Y-%m-%d %H:%M")
+    return f"{date}, simulated" if recorded.is_simulated else date
 
 
 def _course(recorded: Recorded) -> str:
@@ -196,6 +196,15 @@ def _share(rows: Sequence[dict[str, Any]], name: str) -> str:
     return f"{sum(bool(row[name]) for row in rows)} of {len(rows)}" if rows else "–"
 
 
+def _reached(rows: Sequence[dict[str, Any]]) -> str:
+    """Return how many targets were reached, separately without and with the robot's help."""
+    free = [row for row in rows if not row["assisted"]]
+    helped = [row for row in rows if row["assisted"]]
+    if not (free and helped):
+        return _share(rows, "reached")
+    return f"{_share(free, 'reached')} without, {_share(helped, 'reached')} with assistance"
+
+
 def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
     if not assisted:
         return "none"
@@ -203,10 +212,10 @@ def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
     last = recorded.changes[-1] if recorded.changes else None
     duration = last["duration"] if last else assisted[-1]["slot_duration"]
     stiffness = last["side_stiffness"] if last else assisted[-1]["side_stiffness"]
-    return (
-        f"time {first['slot_duration']:.2f} → {duration:.2f} s, "
-        f"side walls {first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
-    )
+    time = f"time {first['slot_duration']:.2f} → {duration:.2f} s"
+    if recorded.protocol.space == VERTICAL:
+        return time  # there are no side walls
+    return f"{time}, side walls {first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
 
 
 def rate_of(sessions: Sequence[Recorded]) -> str:

@@ -28,6 +28,7 @@ _BEST = {
 """What a good value is, of figures that have one."""
 _FROM_ZERO = frozenset(SHOWN) - {"sparc"}  # a small spread must not look like a large one
 _LEAST_TOP = 0.1  # of the others, in their units
+_ROOM = 1.08  # above the highest mark, which would be cut
 _LEAST_SPAN = 0.5  # of SPARC, for the same reason
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
 
@@ -36,7 +37,7 @@ def paths_figure(recorded: Recorded) -> Figure:
     """Draw the outward paths of a session, separately without and with assistance."""
     paths = outward_paths(recorded)
     with rc_context({**STYLE, **_SMALL}):
-        figure = Figure(figsize=(7.4, 3.1), layout="constrained")
+        figure = Figure(figsize=(7.4, 2.7), layout="constrained")
         parts = [a for a in (False, True) if any(path.assisted is a for path in paths)] or [False]
         panels = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
         for axes, assisted in zip(panels, parts, strict=True):
@@ -126,7 +127,7 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
 def _scale(axes: Axes, name: str) -> None:
     low, high = axes.get_ylim()
     if name in _FROM_ZERO:
-        axes.set_ylim(0.0, max(high, _LEAST_TOP))
+        axes.set_ylim(0.0, max(_ROOM * high, _LEAST_TOP))
     elif high - low < _LEAST_SPAN:
         middle = (low + high) / 2.0
         axes.set_ylim(middle - _LEAST_SPAN / 2.0, middle + _LEAST_SPAN / 2.0)
@@ -164,5 +165,6 @@ def _steps(axes: Axes, sessions: Sequence[Recorded], name: str, title: str) -> N
             if number + 1 < len(sessions):
                 axes.axvline(offset - 0.5, color=DESIRED, lw=0.8, ls=":")
     axes.margins(y=0.2)
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_title(title, loc="left")
     axes.set_xlabel("change")

@@ -34,12 +34,12 @@ from .figures import assistance_figure, paths_figure, trials_figure
 
 HEADS = (
     "session (UTC)", "protocol", "trials", "course", "targets reached", "started by the patient",
-    "assistance, first → last", "robot's share of the work", "samples lost",
+    "assistance, first → last", "robot's share of the work, assisted", "samples lost",
 )  # fmt: skip
 _LINKS = {
     "targets reached": "reached",
     "started by the patient": "initiated",
-    "robot's share of the work": "robot_share",
+    "robot's share of the work, assisted": "robot_share",
     "samples lost": "missing",
 }
 NOT_ADAPTED = "The assistance was not adapted in the latest session."
@@ -57,6 +57,7 @@ th { border-bottom: 2px solid #888; }
 img { max-width: 100%; display: block; }
 a { color: inherit; text-decoration: underline dotted; }
 .note { color: #555; font-size: 12.5px; margin: 0.2rem 0; }
+.bad { color: #8a3b00; font-weight: 600; }
 dt { font-weight: 600; } dd { margin: 0 0 0.4rem 1.5rem; }
 :target { background: #fff3c4; }
 @media print { .definitions { break-before: page; } }
@@ -90,8 +91,11 @@ def write_page(file: Path, sessions: Sequence[Recorded], replays: Sequence[Repla
     ]
     title = escape(f"Sessions of {patient}")
     page = (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{_STYLE}</style></head><body>\n" + "\n".join(parts) + "\n</body></html>\n"
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title}</title><style>{_STYLE}</style></head><body>\n"
+        + "\n".join(parts)
+        + "\n</body></html>\n"
     )
     write_private(file, page.encode())
     return file
@@ -211,7 +215,7 @@ def _details(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def _replay(recorded: Recorded, replay: Replay) -> str:
     text = f"{summary(recorded).date}: computed again from the recording: {replay.verdict}"
-    return f'<p class="note">{escape(text)}</p>'
+    return f'<p class="note{" bad" if replay.problems else ""}">{escape(text)}</p>'
 
 
 def _definitions() -> str:

@@ -18,7 +18,7 @@ from ..bag import Recorded
 from ..definitions import DEFINITIONS, EFFECT
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import compared, other_tests, rate_of, summary
+from .content import SHOWN, compared, middle, other_tests, rate_of, reaches, summary
 from .figures import assistance_figure, paths_figure, trials_figure
 from .page import NOT_ADAPTED, STATEMENT, effect_text, labelled, number_text, patient_of
 
@@ -26,7 +26,7 @@ _A4 = (8.27, 11.69)  # [inch]
 _DPI = 200
 _LEFT, _WIDTH = 0.06, 0.88  # of the page
 _LINE = 125  # characters
-_MOST_LINES = 8  # of the latest sessions, for which the page has room; all are in the HTML
+_MOST_LINES = 6  # of the latest sessions, for which the page has room; all are in the HTML
 _MOST_VERDICTS = 4
 
 
@@ -77,9 +77,9 @@ def _latest(sessions: Sequence[Recorded]) -> list[str]:
 def _session_lines(recorded: Recorded) -> list[str]:
     row = summary(recorded)
     text = (
-        f"{row.date}  {row.protocol}: {row.trials} trials, {row.course}; {row.reached} targets "
-        f"reached, {row.initiated} started by the patient; assistance {row.assistance}; robot's "
-        f"share {row.share}; samples lost {row.lost}"
+        f"{row.date}  {row.protocol}: {row.trials} trials, {row.course}; targets reached: "
+        f"{row.reached}; started by the patient: {row.initiated}; assistance {row.assistance}; "
+        f"robot's share, assisted {row.share}; samples lost {row.lost}"
     )
     return textwrap.wrap(text, _LINE, subsequent_indent="    ")
 
@@ -102,13 +102,13 @@ def _placed(page: Figure, figure: Figure, title: str, top: float) -> float:
 def _closing(
     page: Figure, sessions: Sequence[Recorded], replays: Sequence[Replay], top: float
 ) -> None:
-    """Write the last change's reason and the replays' verdicts."""
-    lines = []
+    """Write medians, the comparison, the last change's reason and the replays' verdicts."""
+    lines = _medians(sessions[-1])
     if others := other_tests(sessions[-1]):
         medians = [
             f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others
         ]
-        lines.append(f"Medians of the latest session. {'; '.join(medians)}.")
+        lines.append(f"Medians of its other tests: {'; '.join(medians)}.")
     if found := compared(sessions):
         lines.append(f"{effect_text(found)} ({EFFECT.label}).")
     if sessions[-1].changes:
@@ -126,6 +126,25 @@ def _closing(
     ]
     wrapped = [part for line in lines for part in textwrap.wrap(line, _LINE)]
     page.text(_LEFT, top, "\n".join(wrapped), size=7.5, va="top", linespacing=1.4)
+
+
+def _medians(recorded: Recorded) -> list[str]:
+    """Return the medians of a session's reaches, without and with assistance, as one sentence."""
+    rows = reaches(recorded)
+    groups = {
+        words: kept
+        for assisted, words in ((False, "without"), (True, "with"))
+        if (kept := [row for row in rows if row["assisted"] is assisted])
+    }
+    if not groups:
+        return []
+    found = []
+    for name in SHOWN:
+        numbers = " / ".join(number_text(middle(kept, name)) for kept in groups.values())
+        found.append(f"{DEFINITIONS[name].label} {numbers} {DEFINITIONS[name].unit}".rstrip())
+    return [
+        f"Medians of the latest session, {' / '.join(groups)} assistance: {', '.join(found)}."
+    ]
 
 
 def back() -> Figure:

@@ -59,8 +59,8 @@ export function drawFloor(ctx, view, colour, edge) {
 export function drawStem(ctx, view, point, radius, colour) {
   const [top, foot] = [seen(view, point), seen(view, onFloor(point))];
   ctx.strokeStyle = colour;
-  ctx.lineWidth = 2;
-  ctx.setLineDash([6, 6]);
+  ctx.lineWidth = Math.max(2, 0.0016 * view.focus); // a large screen is seen from farther away
+  ctx.setLineDash([3 * ctx.lineWidth, 3 * ctx.lineWidth]);
   ctx.beginPath();
   ctx.moveTo(top.x, top.y);
   ctx.lineTo(foot.x, foot.y);

@@ -165,9 +165,11 @@ export class FruitGame {
     ctx.fill();
     text(ctx, `${this.picked % FULL}/${FULL}`, x, y + 0.25 * size, 0.8 * size, "#ffffff");
     const row = this.streak >= 5 ? ` · ${this.streak} in a row, +1 each` : "";
-    const words = `${this.score} points · ${season}, basket ${this.basket + 1}${row}`;
+    const words = this.picked ? `${this.score} points · ${season}, basket ${this.basket + 1}${row}`
+      : "Move the blue disc to the fruit";
     ctx.fillStyle = "rgb(255 255 255 / 85%)";
     ctx.fillRect(0, 0, width, 2 * size);
-    text(ctx, words, 0.5 * width, size, 1.05 * size, INK);
+    const fitting = (0.94 * width) / (0.62 * words.length); // a letter is 0.62 of its size wide
+    text(ctx, words, 0.5 * width, size, Math.min(1.05 * size, fitting), INK);
   }
 }

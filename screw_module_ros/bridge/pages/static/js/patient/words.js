@@ -3,7 +3,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  WAIT,
+  SAFETY_STOPPED, WAIT, isBeginning,
 } from "../states.js";
 
 const DO = {
@@ -31,8 +31,10 @@ export function veil({
   if (!isHeard) return ["One moment …", "The robot does not tell anything yet"];
   const isOn = state?.state === PAUSED || state?.state === RUNNING;
   if (isOn && !isTold) return ["One moment …", "The exercise has stopped"];
-  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
+  if (safety === SAFETY_STOPPED) return ["The robot has stopped", "Your therapist knows what to do"];
   if (safety !== SAFETY_OK) return ["The robot rests", "Your therapist knows what to do"];
+  if (state && isBeginning(state)) return ["One moment …", "The exercise is about to begin"];
+  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
   if (state?.state === FINISHED) {
     const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
     return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];

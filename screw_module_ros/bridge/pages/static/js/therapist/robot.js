@@ -41,7 +41,10 @@ export class RobotPanel {
       this.views.take(message);
       this.traces.take(message);
     });
-    this.hear("therapy/state", (message) => this.start.show(message, this.isStopped()));
+    this.hear("therapy/state", (message) => {
+      this.start.show(message, this.isStopped());
+      this.trials.follow(message);
+    });
     this.hear("safety_state");
     this.hear("therapy/trial", (message) => this.trials.take(message));
     this.hear("therapy/assistance", (message) => this.trials.takeChange(message));

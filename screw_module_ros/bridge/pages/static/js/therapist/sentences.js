@@ -3,7 +3,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  SAFETY_STOPPED, WAIT,
+  SAFETY_STOPPED, WAIT, isBeginning,
 } from "../states.js";
 
 const PHASES = {
@@ -19,10 +19,13 @@ export function sessionSentence(state, protocols) {
   const count = `movement ${state.trial} of ${state.trials}`;
   switch (state.state) {
     case RUNNING: {
-      const phase = PHASES[state.phase] ? `: ${PHASES[state.phase]}` : "";
+      const isAlone = state.phase === OVER_TIME && !state.assisted; // there is no wall
+      const words = isAlone ? "over time" : PHASES[state.phase];
+      const phase = words ? `: ${words}` : "";
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
     case PAUSED:
+      if (isBeginning(state)) return `${state.patient}: ${title}. Starting: ${state.reason}.`;
       return `Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `Finished: ${title}, ${state.trials} movements.`;

@@ -14,8 +14,8 @@ export class Traces {
   constructor() {
     this.times = [];
     this.plots = [
-      this.plot("Position [cm]", ["x right", "y away", "z up"], [-20, 40]),
-      this.plot("Force of the patient on the robot [N]", ["x", "y", "z"], [-20, 20]),
+      this.plot("Position [cm] over time [s]", ["x right", "y away", "z up"], [-20, 40]),
+      this.plot("Force of the patient on the robot [N] over time [s]", ["x right", "y away", "z up"], [-20, 20]),
     ];
     this.element = el("section", { className: "card" }, el("h2", {}, "Traces"),
       ...this.plots.map(({ box }) => box));

@@ -3,6 +3,7 @@
 // that a reload or another device in mid-session shows them all; here nothing is stored.
 
 import { el, say } from "../elements.js";
+import { PAUSED, RUNNING } from "../states.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
@@ -15,7 +16,7 @@ const COLUMNS = [
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
 ];
-const KEEP = ["patient", "protocol", "header", "kind", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const KEEP = ["patient", "protocol", "header", "kind", "assisted", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
 
 function fixed(value, digits) {
   return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
@@ -28,6 +29,10 @@ function identity({ patient, protocol, trial, header }) {
 // Circles, holding and pushing have no target to reach.
 function isReach({ kind }) {
   return (kind ?? "reach") === "reach";
+}
+
+function counted(reaches) {
+  return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
 }
 
 function isSame(one, other) {
@@ -71,6 +76,15 @@ export class TrialsCard {
     this.isShown = false;
   }
 
+  // Forgets the movements of the session before, as soon as another one is on.
+  follow({ state, patient, protocol, trial }) {
+    const session = `${patient} ${protocol}`;
+    const last = this.trials.at(-1);
+    if (!last || (state !== RUNNING && state !== PAUSED)) return;
+    if (session === this.session && trial >= last.trial) return;
+    [this.session, this.trials, this.changes, this.isShown] = [session, [], [], false];
+  }
+
   takeChange(change) {
     if (this.isAwaiting) this.liveChanges.push(change);
     this.addChange(change);
@@ -111,14 +125,16 @@ export class TrialsCard {
     if (this.isShown) return;
     this.isShown = true;
     const reaches = this.trials.filter(isReach);
-    const reached = reaches.filter((trial) => trial.reached).length;
+    const alone = reaches.filter((trial) => !trial.assisted);
+    const apart = alone.length && alone.length < reaches.length
+      ? `, without assistance ${counted(alone)}` : "";
     say(this.summary, this.trials.length
-      ? `${this.session.split(" ")[0]}: ${reached} of ${reaches.length} targets reached`
+      ? `${this.session.split(" ")[0]}: ${counted(reaches)} targets reached${apart}`
       : "No movement yet.");
     this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
       el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
     this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
       el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
-        + `${change.side_stiffness.toFixed(0)} N/m. ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+        + `${change.side_stiffness.toFixed(0)} N/m; ${change.reason}`)) : [el("li", {}, "No change yet.")]));
   }
 }
