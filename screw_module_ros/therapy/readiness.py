@@ -20,7 +20,7 @@ def stop_reason(
     """
     wants_plane, wants_vertical = space in (PLANE, SPACE), space in (VERTICAL, SPACE)
     if safety != SAFETY_OK:
-        return "the supervisor permits no motion"
+        return "the robot's safety monitor permits no motion"
     if wants_plane and not (valid[0] and valid[1]):
         return "the plane's position is not known: home it"
     if wants_vertical and not valid[2]:

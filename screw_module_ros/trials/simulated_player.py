@@ -23,13 +23,17 @@ _STEPS, _STEP_SHARE = 12, 0.5  # of a turn; of a reach's time for each
 
 
 class Person(NamedTuple):
-    """kind: of the rig's arm (SetArm.srv); duration: of a reach [s]; stiffness [N/m]."""
+    """kind: of the rig's arm (SetArm.srv); duration: of a reach [s]; stiffness [N/m].
+
+    reach: share of the way to a session's target that the hand moves by itself.
+    """
 
     kind: str
     duration: float
     stiffness: float = 500.0
     damping: float = 20.0
     mass: float = 3.0
+    reach: float = 1.0
 
 
 # A hand of 3 kg moves some 9 kg with the arm. 500 N/m and 20 Ns/m, damped by 0.15, pass a target
@@ -37,7 +41,7 @@ class Person(NamedTuple):
 PEOPLE = {
     HEALTHY: Person("active", 1.1, stiffness=800.0, damping=80.0),
     TREMOR: Person("tremor", 1.2),
-    WEAK: Person("weak", 1.6),
+    WEAK: Person("weak", 2.6, reach=0.8),
 }
 
 
@@ -97,8 +101,10 @@ class SimulatedPlayer:
             step = 0 if prepares else 1 + int((state.since if state.since > 0.0 else 0.0)
                                               / (_STEP_SHARE * self._person.duration))  # fmt: skip
             return (state.trial, prepares, step), _on_circle(state, step)
-        point = state.start if prepares else state.target
-        return (state.trial, prepares), (point.x, point.y, point.z)
+        share = 0.0 if prepares else self._person.reach
+        begin, end = state.start, state.target
+        ways = ((begin.x, end.x), (begin.y, end.y), (begin.z, end.z))
+        return (state.trial, prepares), tuple(a + share * (b - a) for a, b in ways)
 
     def _hear_state(self, message: TherapyState) -> None:
         self._state = message

@@ -108,9 +108,8 @@ def serve(robot: Robot, graph: GraphRun, person: Person, port: int, console: Con
         safety = robot.state(SafetyState)
         if safety is not None and safety.level == SafetyState.STOPPED:
             if not stopped:
-                console.show(
-                    f"Stopped: {', '.join(safety.reasons)}. Enter resets and enables the drives."
-                )
+                way_out = " Enter resets and enables the drives." if sys.stdin.isatty() else ""
+                console.show(f"Stopped: {', '.join(safety.reasons)}.{way_out}")
             stopped = True
             if _enter():
                 with console.step("torque on again"):

@@ -10,6 +10,7 @@ import subprocess
 import pytest
 
 from screw_module_ros.bridge.pages import FOLDER
+from screw_module_ros.nodes import therapy_session
 from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
 
 PLAYED_DOCUMENT = """
@@ -139,8 +140,8 @@ def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told)
 
 @pytest.mark.parametrize(("safety", "reason", "told"), [
     (0, "the therapist paused it", "Pause"),
-    (0, "waiting for the recording", "One moment …"),
-    (2, "the supervisor permits no motion", "The robot has stopped"),
+    (0, therapy_session._WAITS, "One moment …"),
+    (2, "the robot's safety monitor permits no motion", "The robot has stopped"),
 ])  # fmt: skip
 def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, told):
     """Nobody `goes on in a moment` after a stop, and a session that begins was not interrupted."""

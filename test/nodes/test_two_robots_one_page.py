@@ -133,7 +133,7 @@ def test_each_robot_is_treated_and_stopped_by_itself(started, browser):
 
     left.get_by_role("button", name="Software stop (not the emergency stop)").click()
     left.get_by_text("The robot has stopped: the software stop was asked for").wait_for()
-    operators["left"].until_paused("the supervisor permits no motion")
+    operators["left"].until_paused("the robot's safety monitor permits no motion")
     robot = operators["left"].robot  # its states come 100 times a second
     robot.wait_until(lambda: not robot.newest(AmplifierState).enabled, 5.0, "the torque stays on")
     assert operators["right"].robot.newest(AmplifierState).enabled

@@ -124,7 +124,7 @@ def test_the_figures_show_only_what_there_is_and_from_zero(sessions):
     free = [row for row in sessions[0].trials if not row["assisted"]]
     session = sessions[0]._replace(trials=free)
     (panel,) = paths_figure(session).axes
-    assert panel.get_title(loc="left") == "Without assistance: 2 reaches"
+    assert panel.get_title(loc="left") == "Without assistance: 2 outward reaches"
     figure = trials_figure([session])
     assert [text.get_text() for text in figure.legends[0].texts] == ["without assistance"]
     for axes in figure.axes:

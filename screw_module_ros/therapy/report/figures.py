@@ -42,7 +42,8 @@ def paths_figure(recorded: Recorded) -> Figure:
         panels = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
         for axes, assisted in zip(panels, parts, strict=True):
             kept = [path for path in paths if path.assisted is assisted]
-            axes.set_title(f"{_NAMES[assisted].capitalize()}: {len(kept)} reaches", loc="left")
+            title = f"{_NAMES[assisted].capitalize()}: {len(kept)} outward reaches"
+            axes.set_title(title, loc="left")
             if recorded.protocol.space == VERTICAL:
                 _heights(axes, kept)
             else:
