@@ -85,7 +85,9 @@ DEFINITIONS: dict[str, Definition] = {
         "fifth of the way.",
     ),
     "reach_error": Definition(
-        "reach error", "mm", 1e3, "Distance from the target at the end of the movement."
+        "reach error", "mm", 1e3,
+        f"Distance from the target at the end of the movement ({_MOVEMENT}). It is not 0 for a "
+        "target that was reached slowly, for instance by the push of the robot's wall afterwards."
     ),
     "robot_share": Definition(
         "robot's share of the work", "%", 100.0,

@@ -22,7 +22,7 @@ from screw_module_ros.therapy.report.content import (
     reaches,
     summary,
 )
-from screw_module_ros.therapy.report.figures import paths_figure, trials_figure
+from screw_module_ros.therapy.report.figures import assistance_figure, paths_figure, trials_figure
 from screw_module_ros.therapy.report.page import NOT_ADAPTED, STATEMENT, write_page
 from screw_module_ros.therapy.report.pdf import back, front, write_pdf
 
@@ -191,6 +191,21 @@ def test_vertical_sessions_and_fixed_assistance(tmp_path):
     assert NOT_ADAPTED in content
     assert content.count("data:image/png") == 2, "no empty axes"
     assert len(outward_paths(lifted)) == 4
+
+
+def test_a_vertical_report_shows_nothing_of_the_sides(tmp_path):
+    """A path up and down has no error, and there are no side walls; it read 0.00 and 100 N/m."""
+    lifted = recorded(HEALTHY, short(ELEVATOR), 1)
+    titles = [axes.get_title(loc="left") for axes in trials_figure([lifted]).axes]
+    assert len(titles) == 5
+    assert not any("path error" in title for title in titles)
+    assert lifted.changes
+    (axes,) = assistance_figure([lifted]).axes
+    assert "time allowed" in axes.get_title(loc="left")
+    content = write_page(tmp_path / "page.html", [lifted], [replayed(lifted)]).read_text("utf-8")
+    shown, _, _definitions = content.partition('<dl')
+    assert "side walls" not in shown
+    assert "path error" not in shown
 
 
 def test_a_session_in_which_nothing_was_reached(tmp_path):

@@ -119,6 +119,18 @@ class Compared(NamedTuple):
         return effect_size(*(values(rows, name)[1].tolist() for rows in (self.first, self.last)))
 
 
+def shown(sessions: Sequence[Recorded]) -> tuple[str, ...]:
+    """Return the names of `SHOWN` that say something: a path up and down has no error."""
+    if has_sides(sessions):
+        return SHOWN
+    return tuple(name for name in SHOWN if name != "path_error")
+
+
+def has_sides(sessions: Sequence[Recorded]) -> bool:
+    """Return whether any movement had room, and walls, beside its line."""
+    return any(session.protocol.space != VERTICAL for session in sessions)
+
+
 def compared(sessions: Sequence[Recorded]) -> Compared | None:
     """Return the blocks to compare, from the latest session and the first one with its protocol.
 
@@ -213,8 +225,8 @@ def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
     duration = last["duration"] if last else assisted[-1]["slot_duration"]
     stiffness = last["side_stiffness"] if last else assisted[-1]["side_stiffness"]
     time = f"time {first['slot_duration']:.2f} → {duration:.2f} s"
-    if recorded.protocol.space == VERTICAL:
-        return time  # there are no side walls
+    if not has_sides([recorded]):
+        return time
     return f"{time}, side walls {first['side_stiffness']:.0f} → {stiffness:.0f} N/m"
 
 

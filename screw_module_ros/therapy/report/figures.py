@@ -16,15 +16,17 @@ from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 from ..bag import Recorded
 from ..definitions import DEFINITIONS
 from ..line import VERTICAL
-from .content import SHOWN, Path, outward_paths, reaches, values
+from .content import SHOWN, Path, has_sides, outward_paths, reaches, shown, values
 
 _FREE, _ASSISTED, _ROBOT = COLOURS[2], COLOURS[0], COLOURS[3]
 _NAMES = {False: "without assistance", True: "with assistance"}
 _HUE = {False: _FREE, True: _ASSISTED}
 _MARK = {False: "s", True: "o"}  # distinguishable also without colours
 _BEST = {
-    "path_error": "0 is straight", "sparc": "nearer to 0 is smoother", "reach_error": "0 is reached"
-}  # fmt: skip
+    "path_error": "0 is straight",
+    "sparc": "nearer to 0 is smoother",
+    "reach_error": "0 is on target",
+}
 """What a good value is, of figures that have one."""
 _FROM_ZERO = frozenset(SHOWN) - {"sparc"}  # a small spread must not look like a large one
 _LEAST_TOP = 0.1  # of the others, in their units
@@ -91,16 +93,19 @@ def _once(axes: Axes, label: str) -> str | None:
 
 
 def trials_figure(sessions: Sequence[Recorded]) -> Figure:
-    """Draw the figures of SHOWN over all trials, session after session."""
+    """Draw the figures of `shown` over all trials, session after session."""
+    names = shown(sessions)
     with rc_context({**STYLE, **_SMALL}):
         figure = Figure(figsize=(7.4, 3.5), layout="constrained")
         panels = figure.subplots(2, 3).ravel()
-        for axes, name in zip(panels, SHOWN, strict=True):
+        for axes in panels[len(names) :]:
+            axes.remove()
+        for axes, name in zip(panels, names, strict=False):
             _figure_over_trials(axes, sessions, name)
-        lines = {line.get_label(): line for axes in panels for line in axes.get_lines()}
-        shown = {name: lines[name] for name in _NAMES.values() if name in lines}
-        if shown:
-            figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=3)
+        lines = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
+        drawn = {name: lines[name] for name in _NAMES.values() if name in lines}
+        if drawn:
+            figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -123,6 +128,7 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
     best = f": {_BEST[name]}" if name in _BEST else ""
     axes.set_title(f"{definition.label}{unit}{best}", loc="left")
     axes.set_xlabel("trial")
+    axes.xaxis.get_major_locator().set_params(integer=True)
 
 
 def _scale(axes: Axes, name: str) -> None:
@@ -145,12 +151,15 @@ def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted:
 
 
 def assistance_figure(sessions: Sequence[Recorded]) -> Figure:
-    """Draw duration and stiffness after each change of the assistance."""
+    """Draw duration and stiffness of the side walls after each change of the assistance."""
+    found = {"duration": "time allowed for a reach [s]"}
+    if has_sides(sessions):
+        found["side_stiffness"] = "stiffness of the side walls [N/m]"
     with rc_context({**STYLE, **_SMALL}):
         figure = Figure(figsize=(7.4, 1.5), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        _steps(left, sessions, "duration", "time allowed for a reach [s]")
-        _steps(right, sessions, "side_stiffness", "stiffness of the side walls [N/m]")
+        panels = figure.subplots(1, len(found), squeeze=False)[0]
+        for axes, (name, title) in zip(panels, found.items(), strict=True):
+            _steps(axes, sessions, name, title)
     return figure
 
 

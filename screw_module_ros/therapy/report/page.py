@@ -21,13 +21,14 @@ from ..pseudonym import write_private
 from ..replay import Replay
 from .content import (
     COMPARED,
-    SHOWN,
     Compared,
     compared,
+    has_sides,
     middle,
     other_tests,
     rate_of,
     reaches,
+    shown,
     summary,
 )
 from .figures import assistance_figure, paths_figure, trials_figure
@@ -42,6 +43,7 @@ _LINKS = {
     "robot's share of the work, assisted": "robot_share",
     "samples lost": "missing",
 }
+_DECIMALS = {"mm": 1, "mm/s": 0, "%": 0, "N": 1}  # of others 2
 NOT_ADAPTED = "The assistance was not adapted in the latest session."
 STATEMENT = (
     "This page describes recorded movements. It is no diagnosis and claims no benefit of a therapy."
@@ -123,15 +125,16 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]], links: dict[str,
 
 def _medians(sessions: Sequence[Recorded]) -> str:
     """Return the medians per session, without and with assistance."""
-    heads = ["median"] + [labelled(name) for name in SHOWN]
+    names = shown(sessions)
+    heads = ["median"] + [labelled(name) for name in names]
     rows = []
     for session in sessions:
         for assisted, words in ((False, "without assistance"), (True, "with assistance")):
             kept = [row for row in reaches(session) if row["assisted"] is assisted]
             if kept:
-                cells = [number_text(middle(kept, name)) for name in SHOWN]
+                cells = [number_text(name, middle(kept, name)) for name in names]
                 rows.append([f"{summary(session).date}, {words}", *cells])
-    return _table(heads, rows, {labelled(name): name for name in SHOWN}) + _effects(sessions)
+    return _table(heads, rows, {labelled(name): name for name in names}) + _effects(sessions)
 
 
 def _effects(sessions: Sequence[Recorded]) -> str:
@@ -167,7 +170,7 @@ def _others(sessions: Sequence[Recorded]) -> str:
     for session in sessions:
         for title, name, value in other_tests(session):
             label = f'<a href="#{name}">{escape(labelled(name))}</a>'
-            cells = (escape(summary(session).date), escape(title), label, number_text(value))
+            cells = (escape(summary(session).date), escape(title), label, number_text(name, value))
             lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
     if not lines:
         return ""
@@ -181,9 +184,13 @@ def labelled(name: str) -> str:
     return f"{definition.label} [{definition.unit}]" if definition.unit else definition.label
 
 
-def number_text(value: float) -> str:
-    """Return a number with three figures, a dash for none."""
-    return f"{value:#.3g}".rstrip(".") if math.isfinite(value) else "–"
+def number_text(name: str, value: float) -> str:
+    """Return a figure's value with three digits, none below what its unit deserves; – for none."""
+    if not math.isfinite(value):
+        return "–"
+    finest = _DECIMALS.get(DEFINITIONS[name].unit, 2)
+    decimals = 2 - math.floor(math.log10(abs(value))) if value else finest
+    return f"{value:.{max(0, min(finest, decimals))}f}"
 
 
 def _adapted(sessions: Sequence[Recorded]) -> str:
@@ -205,6 +212,8 @@ def _reasons(recorded: Recorded) -> str:
         for change in recorded.changes
     ]
     heads = ("block/circuit", "time", "side walls", "why")
+    if not has_sides([recorded]):
+        heads, rows = heads[:2] + heads[3:], [row[:2] + row[3:] for row in rows]
     return _details(heads, rows)
 
 

@@ -18,7 +18,7 @@ from ..bag import Recorded
 from ..definitions import DEFINITIONS, EFFECT
 from ..pseudonym import write_private
 from ..replay import Replay
-from .content import SHOWN, compared, middle, other_tests, rate_of, reaches, summary
+from .content import compared, middle, other_tests, rate_of, reaches, shown, summary
 from .figures import assistance_figure, paths_figure, trials_figure
 from .page import NOT_ADAPTED, STATEMENT, effect_text, labelled, number_text, patient_of
 
@@ -106,7 +106,7 @@ def _closing(
     lines = _medians(sessions[-1])
     if others := other_tests(sessions[-1]):
         medians = [
-            f"{title}: {labelled(name)} {number_text(value)}" for title, name, value in others
+            f"{title}: {labelled(name)} {number_text(name, value)}" for title, name, value in others
         ]
         lines.append(f"Medians of its other tests: {'; '.join(medians)}.")
     if found := compared(sessions):
@@ -139,8 +139,8 @@ def _medians(recorded: Recorded) -> list[str]:
     if not groups:
         return []
     found = []
-    for name in SHOWN:
-        numbers = " / ".join(number_text(middle(kept, name)) for kept in groups.values())
+    for name in shown([recorded]):
+        numbers = " / ".join(number_text(name, middle(kept, name)) for kept in groups.values())
         found.append(f"{DEFINITIONS[name].label} {numbers} {DEFINITIONS[name].unit}".rstrip())
     return [
         f"Medians of the latest session, {' / '.join(groups)} assistance: {', '.join(found)}."
