@@ -26,11 +26,11 @@ export function sessionSentence(state, protocols) {
     }
     case PAUSED:
       if (isBeginning(state)) return `${state.patient}: ${title}. Starting: ${state.reason}.`;
-      return `Paused, ${count}: ${state.reason}. ${kept}`;
+      return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
-      return `Finished: ${title}, ${state.trials} movements.`;
+      return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
     case ABORTED:
-      return `Ended before its time: ${state.reason}.`;
+      return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
     default:
       return "No session.";
   }
