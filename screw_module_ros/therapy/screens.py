@@ -9,6 +9,7 @@ from typing import Any
 
 from .protocol import Protocol, plan, points
 from .protocol_file import SHIPPED, ProtocolError, load_protocol
+from .samples import Point
 
 _MOST = 50  # largest number of offered files
 
@@ -17,7 +18,7 @@ def protocols_for_screens(
     folder: Path | None = None, on_problem: Callable[[str], None] = lambda sentence: None
 ) -> list[dict[str, Any]]:
     """Return for each protocol the name to start it by (`name`), its own name (`protocol`), title,
-    space, number of trials, centre and targets [m].
+    space, number of trials, centre, targets [m], and those of each block by its title (`blocks`).
 
     folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
     error of an invalid file, which is omitted.
@@ -33,7 +34,11 @@ def protocols_for_screens(
 
 
 def _described(name: str, protocol: Protocol) -> dict[str, Any]:
-    targets = {point for block in protocol.blocks for point in points(protocol, block)}
+    blocks: dict[str, set[Point]] = {}
+    for block in protocol.blocks:
+        targets = blocks.setdefault(block.title, set())
+        targets.update(points(protocol, block))
+        targets.discard(protocol.centre)
     return {
         "name": name,
         "protocol": protocol.name,
@@ -41,5 +46,6 @@ def _described(name: str, protocol: Protocol) -> dict[str, Any]:
         "space": protocol.space,
         "trials": sum(1 for _ in plan(protocol)),
         "centre": protocol.centre,
-        "targets": sorted(targets - {protocol.centre}),
+        "targets": sorted(set().union(*blocks.values())),
+        "blocks": {title: sorted(targets) for title, targets in blocks.items()},
     }

@@ -138,6 +138,18 @@ def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told)
     """) == told
 
 
+@pytest.mark.parametrize(("block", "shown"), [
+    ("'Reaching'", [[1]]), ("'Strength'", []), ("'constructor'", [[1], [2]]),
+])  # fmt: skip
+def test_the_targets_of_one_block_are_shown(result_of, block, shown):
+    """Those of a whole evaluation overlapped on a phone."""
+    assert result_of(f"""
+        import {{ targetsOf }} from "./js/states.js";
+        const protocol = {{ targets: [[1], [2]], blocks: {{ Reaching: [[1]], Strength: [] }} }};
+        const result = targetsOf(protocol, {{ block: {block} }});
+    """) == shown
+
+
 @pytest.mark.parametrize(("safety", "reason", "told"), [
     (0, "the therapist paused it", "Pause"),
     (0, therapy_session._WAITS, "One moment …"),

@@ -19,6 +19,10 @@ def test_the_package_protocols_are_offered_with_their_targets():
     assert offered["elevator"]["targets"] == [
         pytest.approx((0.0, 0.0, 0.04)), pytest.approx((0.0, 0.0, 0.32))
     ]  # fmt: skip
+    evaluation = offered["evaluation"]
+    assert max(map(len, evaluation["blocks"].values())) < len(evaluation["targets"])
+    together = {point for points in evaluation["blocks"].values() for point in points}
+    assert sorted(together) == evaluation["targets"]
     json.dumps(offered, allow_nan=False)
 
 

@@ -11,3 +11,9 @@ const AWAITS_RECORDING = "waiting for the recording";
 export function isBeginning({ state, reason }) {
   return state === PAUSED && reason === AWAITS_RECORDING;
 }
+
+// The targets of the block that runs: those of all blocks together would overlap.
+export function targetsOf(protocol, { block }) {
+  const { blocks = {}, targets = [] } = protocol ?? {};
+  return Object.hasOwn(blocks, block) ? blocks[block] : targets;
+}

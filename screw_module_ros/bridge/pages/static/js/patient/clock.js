@@ -3,7 +3,7 @@
 
 import { INK, LINE, ORANGE, SKY, SOFT } from "../colours.js";
 import { arrow, disc, line } from "../shapes.js";
-import { PREPARE } from "../states.js";
+import { PREPARE, targetsOf } from "../states.js";
 import { drawGoal, drawHand } from "./marks.js";
 
 const HALF = 0.185; // of the workspace that is shown [m]
@@ -16,7 +16,7 @@ export function drawClock({ ctx, width, height }, world) {
   const radius = Math.max(LEAST, scale * (state.hit_radius || 0.01), 0.018 * scale);
   const [cx, cy] = place({ x: 0, y: 0 });
   disc(ctx, cx, cy, 0.165 * scale, "#ffffff", LINE, 3);
-  for (const [x, y] of protocol?.targets ?? []) {
+  for (const [x, y] of targetsOf(protocol, state)) {
     const [tx, ty] = place({ x, y });
     line(ctx, cx, cy, tx, ty, LINE, 2);
     disc(ctx, tx, ty, radius, "#ffffff", SOFT, 3);

@@ -3,7 +3,7 @@
 
 import { BLUE, INK, LINE, ORANGE, SOFT } from "../colours.js";
 import { disc } from "../shapes.js";
-import { PREPARE } from "../states.js";
+import { PREPARE, targetsOf } from "../states.js";
 import { camera, drawFloor, drawStem, seen } from "./depth.js";
 import { drawGoal, drawHand } from "./marks.js";
 
@@ -13,7 +13,7 @@ export function drawSpace({ ctx, width, height }, world) {
   const view = camera(width, height);
   const { state, hand, protocol } = world;
   drawFloor(ctx, view, "#ffffff", LINE);
-  for (const target of protocol?.targets ?? []) {
+  for (const target of targetsOf(protocol, state)) {
     const { x, y, scale } = seen(view, target);
     disc(ctx, x, y, RADIUS * scale, "#ffffff", SOFT, 3);
   }

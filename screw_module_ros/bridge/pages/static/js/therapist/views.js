@@ -6,7 +6,7 @@ import { fitted } from "../canvas.js";
 import { BLUE, INK, LINE, ORANGE, SKY, SOFT } from "../colours.js";
 import { el } from "../elements.js";
 import { arrow, diamond, disc, text } from "../shapes.js";
-import { PAUSED, RUNNING } from "../states.js";
+import { PAUSED, RUNNING, targetsOf } from "../states.js";
 
 const TRAIL = 240; // points
 const PER_NEWTON = 0.002; // length of the force's arrow [m/N]
@@ -42,7 +42,7 @@ export class Views {
     if (limits) drawWorkspace(ctx, place, of, limits);
     const inSession = state && (state.state === RUNNING || state.state === PAUSED);
     if (inSession) {
-      for (const [x, y, z] of protocol?.targets ?? []) disc(ctx, ...place(of({ x, y, z })), 5, "#fff", SOFT, 2);
+      for (const [x, y, z] of targetsOf(protocol, state)) disc(ctx, ...place(of({ x, y, z })), 5, "#fff", SOFT, 2);
       disc(ctx, ...place(of(state.start)), 6, null, INK, 2);
       diamond(ctx, ...place(of(state.target)), Math.max(9, width / 32), ORANGE, INK, 1.5);
     }
