@@ -233,5 +233,5 @@ def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
     assert found["largest_force"] > 5.0, "[N]; the arm pushes against what holds it"
     assert found["size"] > 0.0
     file = write_page(tmp_path / "page.html", [session], [replayed(session)])
-    assert "Round dynamic" in file.read_text("utf-8")
+    assert "Reaching against a spring" in file.read_text("utf-8")
     write_pdf(tmp_path / "page.pdf", [session], [replayed(session)])
