@@ -134,6 +134,11 @@ class Hop:
             page.hop_taken[row] != page.topic_published[self._topic]
         )
 
+    @property
+    def is_orphaned(self) -> bool:
+        """Whether the topic's publisher has gone, and no other has come."""
+        return self._page.topic_pid[self._topic] == 0
+
     def unsettled(self) -> bool:
         """Return whether a message from before the present time has not been taken."""
         page, row = self._page, self.row

@@ -203,7 +203,7 @@ class Intake:
         if not tap.hop.pending():
             return None
         handle = tap.subscription.handle
-        await_message(self._node, handle)
+        await_message(self._node, handle, tap.hop)
         got = handle.take_message(tap.kind, True)
         if got is None:
             tap.hop.let_go()

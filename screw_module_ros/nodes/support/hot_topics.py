@@ -23,6 +23,7 @@ from screw_module_ros.lockstep.wires import Hop, Source
 from .flat import Flat
 
 _LOST_NS = 900_000_000  # wall clock after which a published message counts as lost
+_SLICE_NS = 20_000_000  # the same, of a publisher that has gone
 
 
 class HotGroup(CallbackGroup):
@@ -120,7 +121,7 @@ class Inbox:
         """Take one message, None without one; is_due: it is published and must arrive."""
         taken = take()
         if taken is None and is_due():
-            await_message(self._node, handle)
+            await_message(self._node, handle, hop)
             taken = take()
             if taken is None:
                 hop.let_go()  # lost: time does not wait until the next message has come
@@ -169,15 +170,20 @@ class Inbox:
         self._subscriptions, self._hops, self._takes, self._wakers = [], [], [], []
 
 
-def await_message(node: Node, handle: Any) -> None:
+def await_message(node: Node, handle: Any, hop: Hop) -> None:
     """Wait for a published message: it arrives within a moment, or it is lost.
 
-    handle: of a subscription of `node`.
+    The middleware drops what a process that ends has sent and nobody has taken yet; waiting for it
+    held the time of all others. handle: of a subscription of `node`; hop: its count.
     """
     wait_set = _new_wait_set(node, 1)
-    wait_set.clear_entities()
-    wait_set.add_subscription(handle)
-    wait_set.wait(_LOST_NS)
+    for _ in range(_LOST_NS // _SLICE_NS):
+        is_last = hop.is_orphaned  # asked before the wait, in which its last message may come
+        wait_set.clear_entities()
+        wait_set.add_subscription(handle)
+        wait_set.wait(_SLICE_NS)
+        if is_last or wait_set.get_ready_entities("subscription"):
+            return
 
 
 def _new_wait_set(node: Node, subscriptions: int) -> Any:
