@@ -12,6 +12,7 @@ newtons, so the criterion is the onset and not instability.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -113,7 +114,13 @@ def _tried(
         )
         for gain in gains
     ]
-    parts = lab.run(NAME, jobs)
+    return rows_of(lab.run(NAME, jobs), gains, jobs)
+
+
+def rows_of(
+    parts: Mapping[str, Part], gains: Sequence[float], jobs: Sequence[Job]
+) -> dict[float, tuple[float, float]]:
+    """Return gain -> (offset [N], rms above 30 Hz [N]) of the jobs, one for each gain."""
     return {
         gain: (float(parts[job.name]["offset"]), float(parts[job.name]["rms"]))
         for gain, job in zip(gains, jobs, strict=True)

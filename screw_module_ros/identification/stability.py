@@ -19,7 +19,7 @@ from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
 from . import gravity, inertia
-from .force_gain import onset, reduced
+from .force_gain import onset, reduced, rows_of
 from .lab import Job, Lab, MissingResult
 from .results import Quantity, Result
 from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
@@ -236,9 +236,7 @@ def _onset(
         )
         for gain in gains
     ]  # fmt: skip
-    parts = lab.run(NAME, jobs)
-    rows = {g: (0.0, float(parts[job.name]["rms"])) for g, job in zip(gains, jobs, strict=True)}
-    return onset(rows, _CHATTER)
+    return onset(rows_of(lab.run(NAME, jobs), gains, jobs), _CHATTER)
 
 
 def _found(name: str, text: str, low: float, high: float) -> Quantity:

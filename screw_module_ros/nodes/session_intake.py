@@ -32,7 +32,7 @@ from screw_module_ros.recording import (
 
 from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.hot_topics import HotGroup, await_message, never
+from .support.hot_topics import HotGroup, awaited, never
 
 _AT_ONCE = 4000  # messages of one topic at most, before the other topics follow
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
@@ -203,11 +203,9 @@ class Intake:
         if not tap.hop.pending():
             return None
         handle = tap.subscription.handle
-        await_message(self._node, handle, tap.hop)
-        got = handle.take_message(tap.kind, True)
-        if got is None:
-            tap.hop.let_go()
-        return got
+        return awaited(
+            self._node, lambda: handle.take_message(tap.kind, True), handle, tap.hop
+        )
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
         """Return the ROS time of a message [ns]: its own stamp, or the present time without one.

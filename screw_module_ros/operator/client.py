@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -145,8 +144,8 @@ class Client(Waiting):
     def _missing(self, name: str) -> str:
         """Return what a node lacks that is not ready."""
         client = self.client(GetState, f"{name}/get_state")
-        found = is_served(self.node, client)
-        return self.said(name) + ("" if found else f"; nobody offers {client.service_name}")
+        missing = "" if self.is_offered(client) else f"; nobody offers {client.service_name}"
+        return self.said(name) + missing
 
     def _is_active(self, name: str, asked: dict[str, tuple[Any, int]]) -> bool:
         """Return whether the node has reported the state active.
@@ -160,7 +159,7 @@ class Client(Waiting):
             return future.result().current_state.id == State.PRIMARY_STATE_ACTIVE
         now_ns = _WALL.now_ns()
         client = self.client(GetState, f"{name}/get_state")
-        if not is_served(self.node, client):
+        if not self.is_offered(client):
             asked.pop(name, None)
         elif name not in asked:
             asked[name] = (None, now_ns + _FIRST_ASK_NS)
@@ -215,11 +214,14 @@ class Client(Waiting):
             self._clients[service] = self.node.create_client(kind, service)
         return self._clients[service]
 
+    def is_offered(self, client: Any) -> bool:
+        """Return whether a node offers the service of a client that `client()` has returned."""
+        return is_served(self.node, client)
+
     def call(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
-        served = partial(is_served, self.node, client)
-        self.wait_until(served, deadline_s, f"nobody offers {service}")
+        self.wait_until(lambda: self.is_offered(client), deadline_s, f"nobody offers {service}")
         with self._under_way(kind, service) as hops:
             future = client.call_async(request or kind.Request())
             end_ns = self.clock.now_ns() + round(deadline_s * 1e9)

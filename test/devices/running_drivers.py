@@ -20,16 +20,6 @@ def tick(wire, sensor, sequence=1):
     return sensor.reading()
 
 
-def watched_drive(wire, settings):
-    """Return a drive that was configured and started, after five ticks with its heartbeat."""
-    made = Drive(wire.port, settings, "vertical drive")
-    made.configure()
-    made.start()
-    for _ in range(5):
-        watched_tick(wire, made)
-    return made
-
-
 def watched_tick(wire, drive, torque=0.0):
     """One period of a torque loop in which the drive's heartbeat comes; returns what is written."""
     now_ns = wire.advance()
@@ -38,6 +28,19 @@ def watched_tick(wire, drive, torque=0.0):
     drive.heartbeat(now_ns)
     wire.port.pump()
     return drive.write(torque, now_ns)
+
+
+def watched_drive(wire, settings, period=watched_tick):
+    """Return a drive that was configured and started, after five ticks with its heartbeat.
+
+    period: carries out one tick.
+    """
+    made = Drive(wire.port, settings, "vertical drive")
+    made.configure()
+    made.start()
+    for _ in range(5):
+        period(wire, made)
+    return made
 
 
 def two_drives(wire, settings):

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from running_drivers import watched_drive
 from scripted import Wire
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
@@ -24,12 +25,7 @@ SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 
 def started(wire, drive_end, settings=SETTINGS):
     """Configured, started, one arming tick and up to switched on."""
-    drive = Drive(wire.port, settings, "vertical drive")
-    drive.configure()
-    drive.start()
-    for _ in range(5):
-        tick(wire, drive)
-    return drive
+    return watched_drive(wire, settings, tick)
 
 
 @pytest.fixture

@@ -121,10 +121,7 @@ class Inbox:
         """Take one message, None without one; is_due: it is published and must arrive."""
         taken = take()
         if taken is None and is_due():
-            await_message(self._node, handle, hop)
-            taken = take()
-            if taken is None:
-                hop.let_go()  # lost: time does not wait until the next message has come
+            taken = awaited(self._node, take, handle, hop)
         if taken is None:
             return None
         hop.taken(taken[1]["publication_sequence_number"] or 0)
@@ -170,11 +167,24 @@ class Inbox:
         self._subscriptions, self._hops, self._takes, self._wakers = [], [], [], []
 
 
-def await_message(node: Node, handle: Any, hop: Hop) -> None:
-    """Wait for a published message: it arrives within a moment, or it is lost.
+def awaited(node: Node, take: Callable[[], Any], handle: Any, hop: Hop) -> Any:
+    """Take a published message that is still in transit; None if it is lost.
+
+    It arrives within a moment, or it is lost: then time does not wait for this end until the next
+    one has come. take: takes a message of `handle`, a subscription of `node`; hop: its count.
+    """
+    _await_message(node, handle, hop)
+    taken = take()
+    if taken is None:
+        hop.let_go()
+    return taken
+
+
+def _await_message(node: Node, handle: Any, hop: Hop) -> None:
+    """Wait until a message is there, or has had its time to arrive.
 
     The middleware drops what a process that ends has sent and nobody has taken yet; waiting for it
-    held the time of all others. handle: of a subscription of `node`; hop: its count.
+    held the time of all others.
     """
     wait_set = _new_wait_set(node, 1)
     for _ in range(_LOST_NS // _SLICE_NS):

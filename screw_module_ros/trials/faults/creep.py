@@ -18,6 +18,11 @@ _STEP_NS, _STEP_S = 100_000_000, 0.0005
 does not drop it."""
 
 
+def creep(clock: Clock, seconds: float) -> None:
+    """Wait `seconds` of wall clock, for what the middleware of another process does unseen."""
+    creep_until(clock, lambda: False, seconds)
+
+
 def creep_until(clock: Clock, condition: Callable[[], object], seconds: float) -> bool:
     """Wait until `condition()`, at most `seconds` of wall clock; return whether it became true.
 

@@ -22,7 +22,7 @@ from screw_module_ros.nodes.support.hot_topics import Inbox
 from screw_module_ros.operator.robot import RobotError
 
 from ..graph_run import GraphRun
-from .creep import creep_until
+from .creep import creep, creep_until
 
 _MATCHED_S = 5.0  # wall clock
 _SETTLED_S = 0.05  # the subscriber may see the match a moment later
@@ -80,7 +80,7 @@ class Intruders:
         """Wait for a subscriber: the first message must come before the count of publishers."""
         if not creep_until(self._clock, second.listeners, _MATCHED_S):
             raise RobotError(f"no subscriber on {topic}")
-        creep_until(self._clock, lambda: False, _SETTLED_S)
+        creep(self._clock, _SETTLED_S)
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
         """Return a function that returns the topic's next message or None, until `dismiss`."""

@@ -13,7 +13,7 @@ from std_srvs.srv import SetBool
 from screw_module_ros import graph
 
 from .acts import both, called, published
-from .creep import creep_until
+from .creep import creep
 from .intruder_row import intruder_row as _row
 from .limits import AT_ONCE, BY_SERVICE, PERIOD_NS
 from .patient import SPRING
@@ -75,7 +75,7 @@ def _second_controller(testbed) -> float:
         raise Failed("the second controller sends no command")
     begin = testbed.just_now()
     # It is heard here; by wall clock the amplifier's middleware may find it a moment later.
-    creep_until(testbed.robot.clock, lambda: False, _FOUND_S)
+    creep(testbed.robot.clock, _FOUND_S)
     return begin
 
 

@@ -85,7 +85,7 @@ def _transition(node: str, number: int) -> Act:
     def act(testbed) -> float:
         robot = testbed.robot
         client = robot.client(ChangeState, f"{node}/change_state")
-        ready = creep_until(robot.clock, client.service_is_ready, _FOUND_S)
+        ready = creep_until(robot.clock, lambda: robot.is_offered(client), _FOUND_S)
         begin = testbed.just_now()
         future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
         # The request travels by wall clock; the transition takes simulated time.
