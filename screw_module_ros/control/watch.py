@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plausibility of the vertical axis's samples: in doubt the force is zero.
+"""Plausibility of the vertical axis's samples and commands: in doubt the force is zero.
 
 Until the first sample the watch waits. A stream that stops, or a sample that cannot be real, is a
 fault: it stays latched until `reset`, whatever comes after. Samples may be the drivers' readings or
@@ -194,3 +194,45 @@ class VerticalWatch:
         if abs(speed - before) > change + 2.0 * _COUNT / elapsed:
             jump = (speed - before) * elapsed * 1e3
             self._latch(f"encoder: jumped by {jump:.4g} mm, more than any motor can move it")
+
+
+class CommandWatch:
+    """Checks order, stamp and size of the force commands; all times are passed in.
+
+    The amplifier does not trust the controller: it accepts a command only when it is new, finite
+    and within the range of this robot's controllers. `gate` checks the age of the command.
+    """
+
+    def __init__(self, period_ns: int, largest_force: float):
+        """Start without a command: period of the commands [ns], largest plausible force [N]."""
+        self._stream = Stream("force command", period_ns)
+        self._largest = largest_force
+        self._fault = ""
+
+    @property
+    def fault(self) -> str:
+        """Return the latched reason, empty when nothing is latched."""
+        return self._fault
+
+    @property
+    def newest_ns(self) -> int:
+        """Return the acquisition time [ns] behind the newest command; 0 = none yet."""
+        return self._stream.monotonic_ns if self._stream.seen else 0
+
+    def accept(self, sequence: int, monotonic_ns: int, force: float, now_ns: int) -> bool:
+        """Return whether to accept the command received at now_ns [ns], force [N]."""
+        newer = self._stream.accept(sequence, monotonic_ns, now_ns)
+        self._fault = self._fault or self._stream.fault  # also of one that is newer
+        if not newer:
+            return False
+        if not abs(force) <= self._largest:
+            self._fault = self._fault or (
+                f"force command: {force:g} N, beyond anything a controller may ask"
+            )
+            return False
+        return True
+
+    def reset(self) -> None:
+        """Forget the latched fault."""
+        self._fault = ""
+        self._stream.reset()

@@ -8,6 +8,7 @@ latched. `drive_logic` decides what to send; this module sends it.
 from __future__ import annotations
 
 import math
+import struct
 from dataclasses import replace
 
 from ..can_io.bus_load import Traffic
@@ -20,18 +21,14 @@ from . import drive_setup as setup
 from .cia402 import Goal, State
 from .drive_logic import DriveLogic
 from .drive_reports import DriveCounters, DriveReports
-from .drive_settings import (
-    BRAKE,
-    COMMAND,
-    DriveSettings,
-    cross_checked,
-    drive_traffic,
-)
+from .drive_settings import BRAKE, DriveSettings, cross_checked, drive_traffic
 from .drive_torque import ExcessTorque
 from .errors import BusError, DeviceError, NotConfigured, NotEnabled, Occupied
 from .heartbeat import Heartbeat
 from .node import CanopenNode
 
+#: RPDO1: controlword, target torque [per mille of the rated torque].
+_COMMAND = struct.Struct("<Hh")
 _HEARTBEATS_MISSED = 3
 
 
@@ -263,7 +260,7 @@ class Drive:
 
     def _send(self, controlword: int, per_mille: int) -> None:
         try:
-            self._port.send(self._command_id, COMMAND.pack(controlword, per_mille))
+            self._port.send(self._command_id, _COMMAND.pack(controlword, per_mille))
         except BusError as error:
             self.counters.bus_errors += 1
             self._logic.latch(str(error))

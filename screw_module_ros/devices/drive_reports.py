@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 
 from ..can_io.port import SYNC_ID, Port
@@ -10,9 +11,14 @@ from ..samples import DriveReading
 from . import cia402
 from .cia402 import Goal, State
 from .drive_logic import DriveLogic, describe
-from .drive_settings import SLOW_STATUS, STATUS, DriveSettings
+from .drive_settings import DriveSettings
 from .emcy import Emergency
 from .motion import FULL_RANGE, Unwrapper
+
+#: TPDO1: statusword, position [counts, wraps at 32 bit], torque [per mille of the rated torque].
+_STATUS = struct.Struct("<HIh")
+#: TPDO2: error code, mode display, digital inputs.
+_SLOW_STATUS = struct.Struct("<HbI")
 
 
 @dataclass
@@ -104,10 +110,10 @@ class DriveReports:
 
     def _on_status(self, data: bytes, arrival_ns: int) -> None:
         counters = self._counters
-        if len(data) != STATUS.size:
+        if len(data) != _STATUS.size:
             counters.wrong_length += 1
             return
-        statusword, raw, per_mille = STATUS.unpack(data)
+        statusword, raw, per_mille = _STATUS.unpack(data)
         counters.received += 1
         if not self._syncs_owed:
             counters.unexpected += 1
@@ -126,10 +132,10 @@ class DriveReports:
         self._logic.changed(before, after, self.emergency or describe(self.error_code))
 
     def _on_slow_status(self, data: bytes, _arrival_ns: int) -> None:
-        if len(data) != SLOW_STATUS.size:
+        if len(data) != _SLOW_STATUS.size:
             self._counters.wrong_length += 1
             return
-        self.error_code, self.mode_display, self.digital_inputs = SLOW_STATUS.unpack(data)
+        self.error_code, self.mode_display, self.digital_inputs = _SLOW_STATUS.unpack(data)
         self._logic.explain(describe(self.error_code))
         if self._enabling and self.mode_display != self._mode:
             self._logic.latch(f"the {self._label} left torque mode, 6061 is {self.mode_display}")

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import struct
 from typing import Annotated, NamedTuple
 
 from ..can_io.bus_load import Traffic
@@ -12,13 +11,6 @@ from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from ..units import LARGEST_PER_MILLE, PER_MILLE
 from . import pdo
-
-#: RPDO1: controlword, target torque [per mille of the rated torque].
-COMMAND = struct.Struct("<Hh")
-#: TPDO1: statusword, position [counts, wraps at 32 bit], torque [per mille of the rated torque].
-STATUS = struct.Struct("<HIh")
-#: TPDO2: error code, mode display, digital inputs.
-SLOW_STATUS = struct.Struct("<HbI")
 
 _COMMAND_ENTRIES = (pdo.Entry(0x6040, 0, 16), pdo.Entry(0x6071, 0, 16))
 _STATUS_ENTRIES = (
@@ -170,9 +162,9 @@ def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[T
     """Return the frames of this device for the bus load, SYNC included where we send it."""
     name, rate = f"drive {settings.node_id}", settings.rate
     frames = [
-        Traffic(f"{name} RPDO1", COMMAND.size, rate),
-        Traffic(f"{name} TPDO1", STATUS.size, rate),
-        Traffic(f"{name} TPDO2", SLOW_STATUS.size, 1e3 / SLOW_STATUS_MS),
+        Traffic(f"{name} RPDO1", command_pdo(settings).size, rate),
+        Traffic(f"{name} TPDO1", status_pdo(settings).size, rate),
+        Traffic(f"{name} TPDO2", slow_status_pdo(settings).size, 1e3 / SLOW_STATUS_MS),
         Traffic(f"{name} heartbeat", 1, 1.0 / settings.drive_heartbeat),
         Traffic(f"heartbeat {settings.master_id}", 1, 1.0 / settings.heartbeat_period),
     ]

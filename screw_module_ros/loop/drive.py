@@ -13,10 +13,10 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ..can_io.port import Port
-from ..control.command_watch import CommandWatch
 from ..control.gate import GateSettings
 from ..control.timing import DeadlineMeter, empty_histogram, note_latency
 from ..control.torque_chain import COLD, TorqueChain, commanded, followed
+from ..control.watch import CommandWatch
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
 from .gated_drives import GatedDrives

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from screw_module_ros.control.command_watch import CommandWatch
+from screw_module_ros.control.watch import CommandWatch
 
 PERIOD_NS = 1_000_000
 

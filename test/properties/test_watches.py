@@ -9,8 +9,7 @@ from anything import MS, START_NS, absurd, fixed, near, stamps
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.control.command_watch import CommandWatch
-from screw_module_ros.control.watch import VerticalWatch, WatchSettings
+from screw_module_ros.control.watch import CommandWatch, VerticalWatch, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 LARGEST = 150.0
