@@ -267,7 +267,9 @@ def test_the_form_shows_the_session_that_runs(serving, open_page):
     assert field.is_disabled() and protocol.last.is_disabled()
     given.state = {**given.state, "state": FINISHED}
     given.until_text(page, "Finished:")
-    assert field.is_enabled() and field.input_value() == "P-ABCDE"
+    assert field.is_enabled() and field.input_value() == "P-"  # the next patient's is wanted
+    page.get_by_role("button", name="P-ABCDE again").click()
+    assert field.input_value() == "P-ABCDE"
 
 
 def test_two_robots_on_one_page(serving, open_page, wait_until):

@@ -16,6 +16,7 @@ export class StartCard {
     });
     this.patient.oninput = () => { this.patient.value = cleaned(this.patient.value); };
     this.new = el("button", { type: "button", onclick: () => this.fresh() }, "New");
+    this.again = el("button", { type: "button", hidden: true, onclick: () => this.sameAgain() });
     this.protocol = el("select", { ariaLabel: "Protocol" }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
     this.record = el("input", { type: "checkbox", checked: true });
@@ -27,7 +28,7 @@ export class StartCard {
     this.told = el("p", { className: "told", role: "status" });
     const form = el("form", { onsubmit: (event) => this.submit(event) },
       el("div", { className: "row" },
-        el("label", {}, "Pseudonym", this.patient), this.new,
+        el("label", {}, "Pseudonym", this.patient), this.new, this.again,
         el("label", { className: "wide" }, "Protocol (movements)", this.protocol)),
       el("div", { className: "row" },
         el("label", { className: "check" }, this.record, "Record"), this.start, this.pause,
@@ -44,6 +45,11 @@ export class StartCard {
   fresh() {
     this.patient.value = newPseudonym();
     this.tell("Write down, elsewhere, whose pseudonym this is.", true);
+  }
+
+  sameAgain() {
+    this.patient.value = this.last;
+    this.again.hidden = true;
   }
 
   submit(event) {
@@ -76,6 +82,8 @@ export class StartCard {
     const now = state?.state;
     const isOn = now === RUNNING || now === PAUSED;
     if (isOn) this.take(state);
+    else if (this.isOn) this.clear();
+    this.isOn = isOn;
     for (const each of [this.patient, this.new, this.protocol, this.record]) each.disabled = isOn;
     this.start.disabled = isOn || isStopped;
     this.pause.disabled = now !== RUNNING;
@@ -86,8 +94,16 @@ export class StartCard {
 
   // Shows whose session runs, also on a page that was opened, or connected again, in its midst.
   take({ patient, protocol }) {
-    this.patient.value = patient;
+    this.patient.value = this.last = patient;
+    this.again.hidden = true;
     const known = this.protocols.find((each) => each.protocol === protocol);
     if (known) this.protocol.value = known.name;
+  }
+
+  // After a session: the next patient's must not be kept under the pseudonym of the one before.
+  clear() {
+    this.patient.value = "P-";
+    this.again.textContent = `${this.last} again`;
+    this.again.hidden = false;
   }
 }

@@ -7,6 +7,8 @@ import { el } from "../elements.js";
 const SECONDS = 20;
 const MOST = 1400; // points
 const FONT = 0.85 * parseFloat(getComputedStyle(document.documentElement).fontSize); // [pixel]
+const LOW = 11 * FONT, TALL = 16 * FONT; // of a plot [pixel]; tall beside the views (therapist.css)
+const BESIDE = matchMedia("(min-width: 1700px)");
 const COLOURS = [BLUE, VERMILLION, GREEN];
 const DASHES = [[], [8, 4], [2, 3]];
 
@@ -30,7 +32,7 @@ export class Traces {
       label, stroke: COLOURS[i], width: 2, dash: DASHES[i], value: (_, v) => v?.toFixed(1) ?? "–",
     }));
     const options = {
-      width: 300, height: 11 * FONT, series: [{ label: "s", value: (_, v) => v?.toFixed(1) ?? "–" }, ...series],
+      width: 300, height: LOW, series: [{ label: "s", value: (_, v) => v?.toFixed(1) ?? "–" }, ...series],
       scales: {
         x: { time: false },
         y: { range: (_, low, high) => [Math.min(range[0], low ?? 0), Math.max(range[1], high ?? 0)] },
@@ -43,7 +45,8 @@ export class Traces {
 
   resize() {
     const width = this.element.clientWidth - 32;
-    if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height: 11 * FONT });
+    const height = BESIDE.matches && !this.element.closest(".several") ? TALL : LOW;
+    if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height });
   }
 
   take({ header, position, force }) {

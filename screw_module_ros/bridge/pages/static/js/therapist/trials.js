@@ -11,7 +11,7 @@ const COLUMNS = [
   ["#", (r) => r.trial],
   ["Reached", (r) => (!isReach(r) ? "–" : r.reached ? "✓ yes" : "– no")],
   ["Time [s]", (r) => fixed(r.duration, 2)],
-  ["Peak [cm/s]", (r) => fixed(100 * r.peak_speed, 1)],
+  ["Peak [mm/s]", (r) => fixed(1000 * r.peak_speed, 0)],
   ["Path error [mm]", (r) => fixed(1000 * r.path_error, 1)],
   ["SPARC", (r) => fixed(r.sparc, 2)],
   ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
