@@ -23,7 +23,7 @@ from .results import Quantity, Result
 
 NAME = "friction_model"
 WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
-_WAYS = (("up", 1.0), ("down", -1.0))
+_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
@@ -52,9 +52,9 @@ def run(lab: Lab, settings: Settings) -> Result:
     fitted = fit_maps(z, speeds, friction["up"], friction["down"], settings.flip_gain)
     model = _model(fitted, speeds, weight, settings)
     data = {"centres": z, "speeds": speeds, **_as_data(model)}
-    for way, _ in _WAYS:
-        data[f"force_{way}"] = maps[way]
-        data[f"residual_{way}"] = beyond(model, data, way)
+    for direction, _ in _DIRECTIONS:
+        data[f"force_{direction}"] = maps[direction]
+        data[f"residual_{direction}"] = beyond(model, data, direction)
     thesis = thesis_friction()
     quantities = _quantities(fitted, model, data, weighed.quantity("gravity"), thesis)
     return Result(NAME, quantities, settings._asdict(), _notes(model, data), data)
@@ -65,11 +65,11 @@ def friction_model_of(result: Result) -> FrictionModel:
     low, high, fastest, ramp, lead, phase, weight = map(float, result.data["common"])
     branches = (
         FrictionBranch(
-            tuple(map(float, result.data[f"{way}_trend"])),
-            tuple(map(float, result.data[f"{way}_ripple"])),
-            *map(float, result.data[f"{way}_shape"]),
+            tuple(map(float, result.data[f"{direction}_trend"])),
+            tuple(map(float, result.data[f"{direction}_ripple"])),
+            *map(float, result.data[f"{direction}_shape"]),
         )
-        for way, _ in _WAYS
+        for direction, _ in _DIRECTIONS
     )
     return FrictionModel(low, high, fastest, ramp, lead, phase, weight, *branches)
 
@@ -88,17 +88,17 @@ def _model(
 def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
     """Return the model as arrays; `friction_model_of` reads them."""
     data = {"common": np.array(model[:7])}
-    for way, _ in _WAYS:
-        trend, ripple, *shape = getattr(model, way)
-        data[f"{way}_trend"], data[f"{way}_ripple"] = np.array(trend), np.array(ripple)
-        data[f"{way}_shape"] = np.array(shape)
+    for direction, _ in _DIRECTIONS:
+        trend, ripple, *shape = getattr(model, direction)
+        data[f"{direction}_trend"], data[f"{direction}_ripple"] = np.array(trend), np.array(ripple)
+        data[f"{direction}_shape"] = np.array(shape)
     return data
 
 
-def beyond(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
+def beyond(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
     """Return measured minus modelled force [N] of a model on the maps of this result."""
-    velocity = dict(_WAYS)[way] * data["speeds"]
-    return data[f"force_{way}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
+    velocity = dict(_DIRECTIONS)[direction] * data["speeds"]
+    return data[f"force_{direction}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
 
 
 def share_within(residual: np.ndarray) -> float:
@@ -125,47 +125,57 @@ def _quantities(
         ("", "our fit", model),
         ("_thesis", "the thesis's coefficients on this module", thesis),
     ):
-        left = {way: beyond(judged, data, way) for way, _ in _WAYS}
+        left = {direction: beyond(judged, data, direction) for direction, _ in _DIRECTIONS}
         left = {"": np.concatenate(list(left.values())), **left}
-        for way, residual in left.items():
-            end, where = (f"_{way}" if way else "") + label, f"{text}{', ' + way if way else ''}"
+        for direction, residual in left.items():
+            end = (f"_{direction}" if direction else "") + label
+            where = f"{text}, {direction}" if direction else text
             found += [
                 Quantity(f"within{end}", share_within(residual), nan, "", f"within 2 N, {where}"),
                 Quantity(f"rms{end}", rms(residual), nan, "N", f"rms residual, {where}"),
             ]
-    ramped = np.concatenate([_ramped(model, data, way) for way, _ in _WAYS])
+    ramped = np.concatenate([_ramped(model, data, direction) for direction, _ in _DIRECTIONS])
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
         Quantity("phase", model.phase, fitted.phase_error, "rad", "phase of the ripple"),
     ]
-    for way, _ in _WAYS:
-        found += _of_branch(model, data, way)
+    for direction, _ in _DIRECTIONS:
+        found += _of_branch(model, data, direction)
     return tuple(found)
 
 
-def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> list[Quantity]:
-    branch: FrictionBranch = getattr(model, way)
+def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> list[Quantity]:
+    branch: FrictionBranch = getattr(model, direction)
     nan = float("nan")
-    mean = float(np.nanmean(np.abs(data[f"force_{way}"] - model.gravity)))
+    mean = float(np.nanmean(np.abs(data[f"force_{direction}"] - model.gravity)))
     slowest, fastest = speed_factor(branch, np.array([data["speeds"][0], data["speeds"][-1]]))
     return [
-        Quantity(f"friction_{way}", mean, nan, "N", f"mean friction, {way}"),
+        Quantity(f"friction_{direction}", mean, nan, "N", f"mean friction, {direction}"),
         Quantity(
-            f"viscous_{way}", branch.high_slope * mean * 1e3, nan, "N s/m",
-            f"slope of the line times mean friction, {way}",
+            f"viscous_{direction}", branch.high_slope * mean * 1e3, nan, "N s/m",
+            f"slope of the line times mean friction, {direction}",
         ),
-        Quantity(f"factor_slowest_{way}", float(slowest), nan, "", f"Fv at the slowest, {way}"),
-        Quantity(f"factor_fastest_{way}", float(fastest), nan, "", f"Fv at the fastest, {way}"),
-        Quantity(f"flip_{way}", branch.flip_below / 1e3, nan, "m", f"ripple turns below, {way}"),
+        Quantity(
+            f"factor_slowest_{direction}", float(slowest), nan, "",
+            f"Fv at the slowest, {direction}",
+        ),
+        Quantity(
+            f"factor_fastest_{direction}", float(fastest), nan, "",
+            f"Fv at the fastest, {direction}",
+        ),
+        Quantity(
+            f"flip_{direction}", branch.flip_below / 1e3, nan, "m",
+            f"ripple turns below, {direction}",
+        ),
     ]  # fmt: skip
 
 
-def _ramped(model: FrictionModel, data: dict[str, np.ndarray], way: str) -> np.ndarray:
+def _ramped(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
     """Return the residual of the controller's model, with its ramp at low speed [N]."""
-    velocity = dict(_WAYS)[way] * data["speeds"] / 1e3
+    velocity = dict(_DIRECTIONS)[direction] * data["speeds"] / 1e3
     friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
-    return data[f"force_{way}"] - model.gravity - friction
+    return data[f"force_{direction}"] - model.gravity - friction
 
 
 def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:
@@ -178,7 +188,7 @@ def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]
         " one half of the screw and rises in the other.",
         "Standard errors assume independent residuals, but neighbouring bins are correlated.",
     ]
-    for way, _ in _WAYS:
-        if getattr(model, way).flip_below < 0.0:
-            notes.append(f"Direction {way}: a ripple flip has no benefit and is not used.")
+    for direction, _ in _DIRECTIONS:
+        if getattr(model, direction).flip_below < 0.0:
+            notes.append(f"Direction {direction}: a ripple flip has no benefit and is not used.")
     return tuple(notes)

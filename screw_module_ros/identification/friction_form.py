@@ -78,10 +78,10 @@ def held_force(model: FrictionModel, z: np.ndarray, velocity: np.ndarray) -> np.
 def friction_along(model: FrictionModel, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
     """Return `control.friction.friction_force` of arrays [N]: position [m], velocity [m/s]."""
     velocity = np.asarray(velocity, float) * 1e3
-    way, speed = np.sign(velocity), np.abs(velocity)
+    sign, speed = np.sign(velocity), np.abs(velocity)
     moving = np.where(velocity > 0.0, 1.0, -1.0) * np.maximum(speed, model.ramp_speed)
     force = held_force(model, np.asarray(position, float) * 1e3, moving) - model.gravity
-    return way * np.maximum(way * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed)
+    return sign * np.maximum(sign * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed)
 
 
 def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) -> np.ndarray:

@@ -66,18 +66,20 @@ def fit_maps(
     for cells not measured; flip_gain: least relative reduction of the mean curve's squared error
     for which a flip is used. Raises ValueError for too few cells.
     """
-    for way, force in zip(("up", "down"), (up, down), strict=True):
+    for direction, force in zip(("up", "down"), (up, down), strict=True):
         if np.isfinite(force).sum() < 5 * PARAMETERS or np.isfinite(force).any(axis=1).sum() < 4:
-            raise ValueError(f"the map {way} has too few cells for the model's form: measure more")
+            raise ValueError(
+                f"the map {direction} has too few cells for the model's form: measure more"
+            )
     there = z[np.isfinite(up).any(axis=0) | np.isfinite(down).any(axis=0)]
     low, high = float(there.min()) - 0.5 * BIN_MM, float(there.max()) + 0.5 * BIN_MM
     means = [_cells(z, np.zeros(1), _mean_curve(force)[None, :], low, high) for force in (up, down)]
     phase, flips = _shape(means, flip_gain)
     cells = [_cells(z, speeds, force, low, high) for force in (up, down)]
     best, found = flips, _refined(cells, flips, phase)
-    for way in (0, 1):
-        for near in (flips[way] - BIN_MM, flips[way] + BIN_MM) if flips[way] != NO_FLIP else ():
-            other = (near, best[1]) if way == 0 else (best[0], near)
+    for direction, flip in enumerate(flips):
+        for near in (flip - BIN_MM, flip + BIN_MM) if flip != NO_FLIP else ():
+            other = (near, best[1]) if direction == 0 else (best[0], near)
             tried = _refined(cells, other, phase)
             if tried.cost < found.cost:
                 best, found = other, tried
@@ -120,7 +122,8 @@ def _shape(means: list[_Cells], flip_gain: float) -> tuple[float, tuple[float, f
     worth = turned.min(axis=1) < (1.0 - flip_gain) * plain.min(axis=1)
     at = int(np.argmin(np.where(worth[:, None], turned, plain).sum(axis=0)))
     up, down = (
-        float(_FLIPS[np.argmin(errors[way, at, 1:])]) if worth[way] else NO_FLIP for way in (0, 1)
+        float(_FLIPS[np.argmin(errors[direction, at, 1:])]) if worth[direction] else NO_FLIP
+        for direction in (0, 1)
     )
     return float(_PHASES[at]), (up, down)
 

@@ -16,7 +16,7 @@ from .trials import Samples, StageTrial
 
 NAME = "friction_spectrum"
 ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
-_WAYS = (("up", 1.0), ("down", -1.0))
+_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
 _LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
 _HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
@@ -49,23 +49,23 @@ def run(lab: Lab, settings: Settings) -> Result:
     if settings.high - settings.low < 0.08:
         raise ValueError("high must lie above low by 0.08 m or more: four turns of the screw")
     jobs = []
-    for way, sign in _WAYS:
+    for direction, sign in _DIRECTIONS:
         ends = (float(settings.low), float(settings.high))[:: int(sign)]
-        jobs.append(Job(way, StageTrial(sign * float(settings.speed), *ends), spectrum))
+        jobs.append(Job(direction, StageTrial(sign * float(settings.speed), *ends), spectrum))
     parts = lab.run(NAME, jobs)
     data, quantities, notes = {}, [], []
     turn = turn_rate_hz(settings.speed)
-    for way, _ in _WAYS:
-        frequency, amplitude = parts[way]["frequency"], parts[way]["amplitude"]
+    for direction, _ in _DIRECTIONS:
+        frequency, amplitude = parts[direction]["frequency"], parts[direction]["amplitude"]
         found = modes(frequency, amplitude, turn)
-        data[f"frequency_{way}"], data[f"amplitude_{way}"] = frequency, amplitude
-        data[f"peaks_{way}"] = np.array(found).reshape(-1, 3)
+        data[f"frequency_{direction}"], data[f"amplitude_{direction}"] = frequency, amplitude
+        data[f"peaks_{direction}"] = np.array(found).reshape(-1, 3)
         for name, rate, what in _MODES:
             peak = nearest(found, rate * turn)
             if peak is None:
-                notes.append(f"The spectrum has no line of the {what}, {way}.")
+                notes.append(f"The spectrum has no line of the {what}, {direction}.")
                 peak = Peak(*(float("nan"),) * 3)
-            quantities += _of_peak(name, what, way, peak, float(np.median(amplitude)))
+            quantities += _of_peak(name, what, direction, peak, float(np.median(amplitude)))
     notes.append(
         "Amplitudes are means along the screw. A ripple whose amplitude or phase changes along the "
         "screw gives wider lines with less than its largest amplitude."
@@ -105,8 +105,14 @@ def nearest(peaks: list[Peak], frequency: float) -> Peak | None:
     return max(near, key=lambda peak: peak.amplitude, default=None)
 
 
-def _of_peak(name: str, what: str, way: str, peak: Peak, floor: float) -> list[Quantity]:
+def _of_peak(name: str, what: str, direction: str, peak: Peak, floor: float) -> list[Quantity]:
     return [
-        Quantity(f"{name}_{way}", peak.frequency, peak.width, "Hz", f"frequency, {what}, {way}"),
-        Quantity(f"{name}_force_{way}", peak.amplitude, floor, "N", f"amplitude, {what}, {way}"),
+        Quantity(
+            f"{name}_{direction}", peak.frequency, peak.width, "Hz",
+            f"frequency, {what}, {direction}",
+        ),
+        Quantity(
+            f"{name}_force_{direction}", peak.amplitude, floor, "N",
+            f"amplitude, {what}, {direction}",
+        ),
     ]

@@ -25,14 +25,14 @@ _UNEVEN = 0.5  # change of the force across a plateau that indicates contact [N]
 class Crossing(NamedTuple):
     """Result of one run.
 
-    sign: +1 upright, -1 upside down; way: +1 up, -1 down the screw; speed: of the stage [m/s];
-    width: handle relative to nut, from rest to steady motion [m]; rate: the handle's speed relative
-    to the nut during the crossing [m/s]; force: its mean during the crossing [N]; error: standard
-    error of that mean [N]; both NaN without a crossing.
+    sign: +1 upright, -1 upside down; direction: +1 up, -1 down the screw; speed: of the stage
+    [m/s]; width: handle relative to nut, from rest to steady motion [m]; rate: the handle's speed
+    relative to the nut during the crossing [m/s]; force: its mean during the crossing [N]; error:
+    standard error of that mean [N]; both NaN without a crossing.
     """
 
     sign: float
-    way: float
+    direction: float
     speed: float
     width: float
     rate: float
@@ -61,9 +61,9 @@ class Weight(NamedTuple):
 
 def traced(trial: StageTrial, samples: Samples) -> Part:
     """Reduce a creeping run to `gap` (handle relative to nut [m]), `force` [N] and `time` [s]."""
-    way = np.sign(trial.speed)
+    direction = np.sign(trial.speed)
     stage = abs(trial.speed) * samples.time
-    gap = stage - way * (samples.position - samples.position[0])
+    gap = stage - direction * (samples.position - samples.position[0])
     moving = stage <= abs(trial.end - trial.start)
     return {"gap": gap[moving], "force": samples.force[moving], "time": samples.time[moving]}
 
@@ -72,9 +72,9 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
     """Evaluate a run reduced by `traced`; least: smaller play counts as none [m]."""
     gap, force, time = part["gap"], part["force"], part["time"]
     width = float(np.median(gap[-max(len(gap) // 4, 1) :]))
-    way = float(np.sign(trial.speed))
+    direction = float(np.sign(trial.speed))
     sign = -1.0 if trial.upside_down else 1.0
-    nothing = Crossing(sign, way, abs(trial.speed), width, *(float("nan"),) * 3)
+    nothing = Crossing(sign, direction, abs(trial.speed), width, *(float("nan"),) * 3)
     first, last = (int(np.argmax(gap >= share * width)) for share in _INNER)
     if width < least or last - first < _FEWEST:
         return nothing
@@ -92,14 +92,14 @@ def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
 def weighed(crossings: list[Crossing]) -> Weight | None:
     """Return the best fit of the weight to all crossings, None without any.
 
-    force = sign weight + way film rate + zero, weighted least squares. If the runs do not determine
-    all three (one orientation, one speed), the fit omits the zero, which the bench has subtracted,
-    and then the film.
+    force = sign weight + direction film rate + zero, weighted least squares. If the runs do not
+    determine all three (one orientation, one speed), the fit omits the zero, which the bench has
+    subtracted, and then the film.
     """
     seen = [c for c in crossings if c.seen]
     if not seen:
         return None
-    terms = np.array([(c.sign, c.way * c.rate, 1.0) for c in seen])
+    terms = np.array([(c.sign, c.direction * c.rate, 1.0) for c in seen])
     terms[:, 1] *= 1e3  # mm/s, so that all columns are of one size
     force = np.array([c.force for c in seen])
     error = np.array([c.error for c in seen])

@@ -15,7 +15,7 @@ from .trials import StageTrial
 
 NAME = "repeatability"
 _WHOLE = 0.9  # least share of a bin's samples for the comparison
-_WAYS = (("up", 1.0), ("down", -1.0))
+_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
@@ -38,14 +38,17 @@ def run(lab: Lab, settings: Settings) -> Result:
     validated(settings)
     if settings.high - settings.low < 0.03:
         raise ValueError("high must lie above low by 0.03 m or more")
-    jobs = [_job(settings, way, sign, number) for way, sign in _WAYS for number in (1, 2)]
+    jobs = [
+        _job(settings, direction, sign, number)
+        for direction, sign in _DIRECTIONS for number in (1, 2)
+    ]  # fmt: skip
     parts = lab.run(NAME, jobs)
     data = {"centres": CENTRES_MM}
     quantities = []
-    for way, _ in _WAYS:
-        first, second = (parts[f"{way}_{number}"] for number in (1, 2))
-        data[way] = np.array([first["force"], second["force"]])
-        quantities += _compared(way, first, second)
+    for direction, _ in _DIRECTIONS:
+        first, second = (parts[f"{direction}_{number}"] for number in (1, 2))
+        data[direction] = np.array([first["force"], second["force"]])
+        quantities += _compared(direction, first, second)
     notes = (
         "On a simulated module friction repeats exactly; only the transducer's noise and zero "
         "differ. On a real module the difference limits the accuracy of every map.",
@@ -53,14 +56,14 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 
 
-def _job(settings: Settings, way: str, sign: float, number: int) -> Job:
+def _job(settings: Settings, direction: str, sign: float, number: int) -> Job:
     ends = [float(settings.low), float(settings.high)][:: int(sign)]
     ends[0] += sign * settings.apart * (number - 1)
     trial = StageTrial(sign * float(settings.speed), ends[0], ends[1])
-    return Job(f"{way}_{number}", trial, binned)
+    return Job(f"{direction}_{number}", trial, binned)
 
 
-def _compared(way: str, first: dict, second: dict) -> list[Quantity]:
+def _compared(direction: str, first: dict, second: dict) -> list[Quantity]:
     fewer = np.minimum(first["count"], second["count"])
     beyond = np.where(fewer > _WHOLE * np.median(fewer), second["force"] - first["force"], np.nan)
     noise = float(np.sqrt(np.nanmean(first["error"] ** 2 + second["error"] ** 2)))
@@ -69,12 +72,15 @@ def _compared(way: str, first: dict, second: dict) -> list[Quantity]:
     spread = float(beyond[known].std(ddof=1))
     return [
         Quantity(
-            f"deviation_{way}", spread, spread / np.sqrt(2.0 * (count - 1)), "N",
-            f"standard deviation of the difference, {way}",
+            f"deviation_{direction}", spread, spread / np.sqrt(2.0 * (count - 1)), "N",
+            f"standard deviation of the difference, {direction}",
         ),
         Quantity(
-            f"difference_{way}", float(beyond[known].mean()), spread / np.sqrt(count), "N",
-            f"mean difference, second minus first, {way}",
+            f"difference_{direction}", float(beyond[known].mean()), spread / np.sqrt(count), "N",
+            f"mean difference, second minus first, {direction}",
         ),
-        Quantity(f"noise_{way}", noise, float("nan"), "N", f"difference that noise makes, {way}"),
+        Quantity(
+            f"noise_{direction}", noise, float("nan"), "N",
+            f"difference that noise makes, {direction}",
+        ),
     ]  # fmt: skip

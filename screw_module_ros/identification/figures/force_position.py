@@ -111,8 +111,8 @@ def _arrow(axes: Axes, position: np.ndarray, force: np.ndarray, at: int, colour:
         return  # at rest or at a reversal there is no direction
     near = slice(max(0, at - span // 2), at + span // 2 + 1)
     middle = float(np.median(force[near]))
-    way = np.sign(position[end] - position[begin])
-    reach = 0.011 * np.ptp(position) * way
+    direction = np.sign(position[end] - position[begin])
+    reach = 0.011 * np.ptp(position) * direction
     axes.annotate(
         "",
         xy=(position[at] + reach, middle),

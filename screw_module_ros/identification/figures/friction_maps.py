@@ -34,9 +34,10 @@ def friction_map_figures(result: Result) -> dict[str, Figure]:
     found = {"5-9": filter_figure(
         lowpass_taps(0.025, RATE), "Fig. 5-9: optimal low-pass for 25 mm/s"
     )}
-    for way, sign, numbers in (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17"))):
+    numbered = (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17")))
+    for direction, sign, numbers in numbered:
         for number, place in zip(numbers, _PLACES, strict=True):
-            found[number] = _against_speed(data, way, sign, place, number)
+            found[number] = _against_speed(data, direction, sign, place, number)
     found["5-12"] = _along_screw(data, (("up", 1.0, 0.0, "up"),), 0.05, "Fig. 5-12: upward", FORCE)
     found["5-13"] = _all_speeds(data)
     found["5-14"] = _surface(data)
@@ -75,13 +76,17 @@ def filter_figure(taps: np.ndarray, title: str) -> Figure:
 
 
 def _against_speed(
-    data: dict[str, np.ndarray], way: str, sign: float, place: tuple[float, float], number: str
+    data: dict[str, np.ndarray],
+    direction: str,
+    sign: float,
+    place: tuple[float, float],
+    number: str,
 ) -> Figure:
     """Draw force over speed for the bins of a stretch of the screw."""
-    there = measured(data, way)
+    there = measured(data, direction)
     bins = np.flatnonzero((data["centres"] > place[0]) & (data["centres"] < place[1]))
     speeds = data["speeds"][there] * 1e3
-    curves = sign * data[way][there][:, bins]
+    curves = sign * data[direction][there][:, bins]
     with rc_context(STYLE):
         figure, axes = axes_for(SPEED, FORCE if sign > 0.0 else MAGNITUDE)
         axes.plot(speeds, curves, color=COLOURS[5], linewidth=0.9)
@@ -91,7 +96,8 @@ def _against_speed(
             label="their mean",
         )  # fmt: skip
         axes.set_title(
-            f"Fig. {number}: {place[0]:g} to {place[1]:g} mm from the bottom, {way}ward", loc="left"
+            f"Fig. {number}: {place[0]:g} to {place[1]:g} mm from the bottom, {direction}ward",
+            loc="left",
         )
         axes.legend(loc="best")
     return figure

@@ -28,14 +28,16 @@ def friction_model_figures(result: Result) -> dict[str, Figure]:
         "5-28": _place(result, model, "down", True, "Fig. 5-28: mean over the speeds, downward"),
         "5-29": _factor(result, model, "down", "Fig. 5-29: factor of the speed, downward"),
     }
-    for number, way, speeds in _RESIDUALS:
-        found[number] = _residuals(result, way, speeds, number)
+    for number, direction, speeds in _RESIDUALS:
+        found[number] = _residuals(result, direction, speeds, number)
     return found
 
 
-def _place(result: Result, model: FrictionModel, way: str, ripple: bool, title: str) -> Figure:
+def _place(
+    result: Result, model: FrictionModel, direction: str, ripple: bool, title: str
+) -> Figure:
     """Draw the mean force over the speeds and the model's dependence on height."""
-    branch = getattr(model, way)
+    branch = getattr(model, direction)
     z = result.data["centres"]
     fine = np.linspace(model.low, model.high, 1000)
     trend = np.polyval(branch.trend, fine)
@@ -43,7 +45,7 @@ def _place(result: Result, model: FrictionModel, way: str, ripple: bool, title: 
     full = trend + amplitude * ripple_phase(fine, model.lead, model.phase, branch.flip_below)
     with rc_context(STYLE):
         figure, axes = axes_for(HEIGHT, FORCE)
-        axes.plot(z, _levelled(result, model, way), color=COLOURS[0], label="measured")
+        axes.plot(z, _levelled(result, model, direction), color=COLOURS[0], label="measured")
         axes.plot(fine, trend, color=DESIRED, linestyle="--", label="trend, 7th order")
         if ripple:
             axes.plot(fine, full, color=COLOURS[2], linestyle="--", label="with ripple")
@@ -59,19 +61,19 @@ def _place(result: Result, model: FrictionModel, way: str, ripple: bool, title: 
     return figure
 
 
-def _levelled(result: Result, model: FrictionModel, way: str) -> np.ndarray:
+def _levelled(result: Result, model: FrictionModel, direction: str) -> np.ndarray:
     """Return the mean over the speeds [N], with the model's factor for missing cells."""
-    factor = speed_factor(getattr(model, way), result.data["speeds"])[:, None]
-    friction = result.data[f"force_{way}"] - model.gravity
+    factor = speed_factor(getattr(model, direction), result.data["speeds"])[:, None]
+    friction = result.data[f"force_{direction}"] - model.gravity
     share = np.where(np.isfinite(friction), factor, np.nan)
     return np.nansum(friction, axis=0) / np.nansum(share, axis=0) + model.gravity
 
 
-def _factor(result: Result, model: FrictionModel, way: str, title: str) -> Figure:
+def _factor(result: Result, model: FrictionModel, direction: str, title: str) -> Figure:
     """Draw friction, averaged over the heights and normalised, and the model's factor."""
-    branch = getattr(model, way)
+    branch = getattr(model, direction)
     speeds = result.data["speeds"]
-    friction = np.abs(result.data[f"force_{way}"] - model.gravity)
+    friction = np.abs(result.data[f"force_{direction}"] - model.gravity)
     whole = np.isfinite(friction).all(axis=0)
     level = friction[:, whole].mean(axis=1)
     fine = np.linspace(0.1, speeds[-1], 600)
@@ -89,14 +91,14 @@ def _factor(result: Result, model: FrictionModel, way: str, title: str) -> Figur
     return figure
 
 
-def _residuals(result: Result, way: str, speeds: tuple[float, float], number: str) -> Figure:
+def _residuals(result: Result, direction: str, speeds: tuple[float, float], number: str) -> Figure:
     """Draw measured minus modelled force over height at two speeds."""
     with rc_context(STYLE):
         figure = Figure(figsize=(9.6, 4.0), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for axes, wanted in zip(panels, speeds, strict=True):
             row = int(np.argmin(np.abs(result.data["speeds"] - wanted)))
-            left = result.data[f"residual_{way}"][row]
+            left = result.data[f"residual_{direction}"][row]
             axes.axhspan(-WITHIN, WITHIN, color="#eeeeee", zorder=0)
             axes.plot(result.data["centres"], left, color=COLOURS[0])
             axes.set_xlim(0.0, 355.0)
@@ -108,7 +110,7 @@ def _residuals(result: Result, way: str, speeds: tuple[float, float], number: st
             )  # fmt: skip
         panels[0].set_ylabel("measured minus modelled force [N]")
         panels[0].set_title(
-            f"Fig. {number}: what the model leaves, {way}ward; grey: within 2 N", loc="left"
+            f"Fig. {number}: what the model leaves, {direction}ward; grey: within 2 N", loc="left"
         )
     return figure
 

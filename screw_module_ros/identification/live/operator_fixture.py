@@ -72,8 +72,8 @@ class OperatorFixture:
     def stage_passed(self, end: float) -> bool:
         """Return whether the nut has passed `end` [m]."""
         sample = self._newest()
-        way = math.copysign(1.0, self._speed)
-        return sample is not None and way * (sample.position - end) > -_NEAR
+        direction = math.copysign(1.0, self._speed)
+        return sample is not None and direction * (sample.position - end) > -_NEAR
 
     def stage_began_ns(self) -> float | None:
         """Return None: only the position of the nut is known."""

@@ -138,8 +138,8 @@ class RigFixture:
 
     def stage_passed(self, end: float) -> bool:
         """Return whether the stage has passed `end` [m]."""
-        way = math.copysign(1.0, self._speed)
-        return way * (self.truth().handle_position - end) > -0.1 * _THERE
+        direction = math.copysign(1.0, self._speed)
+        return direction * (self.truth().handle_position - end) > -0.1 * _THERE
 
     def stage_began_ns(self) -> float | None:
         """Return the time at which it began to move [ns], extrapolated from its positions."""
