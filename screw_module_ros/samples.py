@@ -14,6 +14,26 @@ from typing import NamedTuple
 SEQUENCE_MASK = 0xFFFFFFFF
 _HALF_RANGE = 0x80000000
 
+#: Bits of the force sensor's status word (ATI NETCANOEM, manual 9610-05-1030).
+FORCE_STATUS_BITS = {
+    0: "watchdog reset",
+    1: "DAC/ADC check too high",
+    2: "DAC/ADC check too low",
+    3: "artificial analog ground out of range",
+    4: "supply too high",
+    5: "supply too low",
+    6: "bad active calibration",
+    7: "EEPROM failure",
+    8: "invalid configuration",
+    11: "sensor temperature too high",
+    12: "sensor temperature too low",
+    14: "CAN bus error",
+    15: "any error",
+}
+#: Those of them that make a sample unusable.
+FORCE_FAULT_BITS = (2, 3, 4, 5, 6, 7, 8, 11, 12, 14)
+FORCE_FAULT_MASK = sum(1 << bit for bit in FORCE_FAULT_BITS)
+
 
 class EncoderReading(NamedTuple):
     """One position of the vertical module's motor-side encoder.

@@ -11,23 +11,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple, Protocol
 
+from ..samples import FORCE_FAULT_MASK, FORCE_STATUS_BITS
 from ..settings import Setting
 from .stream import Stream
-
-# Status bits of the ATI NETCANOEM (manual 9610-05-1030) that make a sample unusable.
-FORCE_FAULT_BITS = {
-    2: "DAC/ADC check too low",
-    3: "artificial analog ground out of range",
-    4: "supply too high",
-    5: "supply too low",
-    6: "bad active calibration",
-    7: "EEPROM failure",
-    8: "invalid configuration",
-    11: "sensor temperature too high",
-    12: "sensor temperature too low",
-    14: "CAN bus error",
-}
-FORCE_FAULT_MASK = sum(1 << bit for bit in FORCE_FAULT_BITS)
 
 _COUNT = 1e-6  # [m], a little more than the resolution of the encoder
 
@@ -133,7 +119,7 @@ class VerticalWatch:
         faults = sample.status & FORCE_FAULT_MASK
         if faults:
             bit = (faults & -faults).bit_length() - 1
-            self._latch(f"force sensor: {FORCE_FAULT_BITS[bit]} (status bit {bit})")
+            self._latch(f"force sensor: {FORCE_STATUS_BITS[bit]} (status bit {bit})")
         limit = self._settings.force
         if fx * fx + fy * fy + fz * fz > limit * limit:
             size = math.sqrt(fx * fx + fy * fy + fz * fz)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 import struct
 
+from ..samples import FORCE_STATUS_BITS
+
 READ_GAUGES = 0x0
 READ_GAUGES_SECOND = 0x1
 READ_MATRIX = 0x2
@@ -60,32 +62,16 @@ TORQUE_UNITS = {
     6: 1000.0,
 }
 
-STATUS_BITS = {
-    0: "watchdog reset",
-    1: "DAC/ADC check too high",
-    2: "DAC/ADC check too low",
-    3: "artificial analog ground out of range",
-    4: "supply too high",
-    5: "supply too low",
-    6: "bad active calibration",
-    7: "EEPROM failure",
-    8: "invalid configuration",
-    11: "sensor temperature too high",
-    12: "sensor temperature too low",
-    14: "CAN bus error",
-    15: "any error",
-}
 RESTARTED = 1 << 0
-#: Bits that make a sample unusable: 2 to 8, 11, 12, 14.
-FAULT_MASK = sum(1 << bit for bit in (2, 3, 4, 5, 6, 7, 8, 11, 12, 14))
-RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in STATUS_BITS)
+RESERVED_MASK = sum(1 << bit for bit in range(16) if bit not in FORCE_STATUS_BITS)
 
 Row = tuple[float, float, float, float, float, float]
 
 
 def status_names(status: int) -> list[str]:
     """Return the names of the bits set in a status word."""
-    return [STATUS_BITS.get(bit, f"reserved bit {bit}") for bit in range(16) if status >> bit & 1]
+    bits = [bit for bit in range(16) if status >> bit & 1]
+    return [FORCE_STATUS_BITS.get(bit, f"reserved bit {bit}") for bit in bits]
 
 
 def rotation(roll: float, pitch: float, yaw: float) -> tuple[tuple[float, float, float], ...]:

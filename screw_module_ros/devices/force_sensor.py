@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from ..can_io.bus_load import Traffic
 from ..can_io.port import Port
-from ..samples import ForceReading
+from ..samples import FORCE_FAULT_MASK, ForceReading
 from ..settings import validated
 from . import ati
 from .ati_dialogue import Dialogue, SensorIdentity
@@ -232,7 +232,7 @@ class ForceSensor:
         before, self._last_status = self._last_status, status
         if status & ati.RESERVED_MASK:
             self.counters.reserved_bits += 1
-        if status & ati.FAULT_MASK:
+        if status & FORCE_FAULT_MASK:
             self.counters.status_faults += 1
             self._needs_reset = True
             self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")

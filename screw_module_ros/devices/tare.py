@@ -7,8 +7,8 @@ import math
 import statistics
 from collections.abc import Sequence
 
-from ..samples import ForceReading
-from .ati import FAULT_MASK, status_names
+from ..samples import FORCE_FAULT_MASK, ForceReading
+from .ati import status_names
 from .errors import NotTared
 from .force_sensor_settings import ForceSensorSettings
 
@@ -23,7 +23,7 @@ def mean_wrench(readings: Sequence[ForceReading], settings: ForceSensorSettings)
     if len(readings) < settings.tare_samples:
         raise NotTared(f"{len(readings)} force samples; {settings.tare_samples} are needed to tare")
     for reading in readings:
-        if reading.status & FAULT_MASK:
+        if reading.status & FORCE_FAULT_MASK:
             raise NotTared(f"the sensor reports {', '.join(status_names(reading.status))}")
     columns = list(zip(*(reading[_WRENCH] for reading in readings), strict=True))
     mean = [statistics.fmean(column) for column in columns]

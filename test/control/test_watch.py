@@ -5,14 +5,13 @@ import math
 
 import pytest
 
-from screw_module_ros.control.watch import (
-    FORCE_FAULT_BITS,
+from screw_module_ros.control.watch import VerticalWatch, WatchSettings
+from screw_module_ros.samples import (
     FORCE_FAULT_MASK,
-    VerticalWatch,
-    WatchSettings,
+    FORCE_STATUS_BITS,
+    EncoderReading,
+    ForceReading,
 )
-from screw_module_ros.devices import ati
-from screw_module_ros.samples import EncoderReading, ForceReading
 
 PERIOD_NS = 1_000_000
 LATER_NS = 200_000  # when samples are seen, after their acquisition
@@ -177,7 +176,7 @@ def test_a_torque_that_is_no_number_is_a_fault(bench):
 def test_status_bits_one_by_one(bench, bit):
     bench.step(status=1 << bit)
     if bit in {2, 3, 4, 5, 6, 7, 8, 11, 12, 14}:
-        assert_latched(bench, FORCE_FAULT_BITS[bit])
+        assert_latched(bench, FORCE_STATUS_BITS[bit])
     else:
         assert bench.watch.fault == ""
 
@@ -221,8 +220,3 @@ def test_two_senders_are_noticed(bench):
         bench.step()
         bench.watch.encoder(encoder(bench.tick, 0.3), bench.now_ns)
     assert "second node" in bench.watch.fault
-
-
-def test_watch_and_driver_call_the_status_bits_alike():
-    assert ati.FAULT_MASK == FORCE_FAULT_MASK
-    assert {bit: ati.STATUS_BITS[bit] for bit in FORCE_FAULT_BITS} == FORCE_FAULT_BITS

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from screw_module_ros.control.watch import FORCE_FAULT_BITS
+from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 
 from .acts import both, cured, fault, rehomed
 from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
@@ -103,7 +103,7 @@ def _who(alarm: Alarm | None, device: str) -> str:
 
 def _status(bit: int) -> Row:
     """Return the row of one bit of the ATI status word."""
-    meaning = FORCE_FAULT_BITS.get(bit)
+    meaning = FORCE_STATUS_BITS[bit] if bit in FORCE_FAULT_BITS else ""
     text = f"status bit {bit}: {meaning}" if meaning else f"status bit {bit}, not a fault"
     alarm = Alarm("impedance_controller", f"status bit {bit}", "force") if meaning else None
     safe, within = (OFF, AT_ONCE) if meaning else (GOES_ON, 0)
