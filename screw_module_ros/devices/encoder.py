@@ -7,6 +7,7 @@ offset in this driver: `home` declares that the nut stands at the reference mark
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import replace
 
@@ -35,6 +36,8 @@ from .polled import Polled
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
+#: Faster than a hand moves the nut [m/s], and longer than any travel [m].
+_FASTEST, _FARTHEST = 2.0, 1.0
 
 
 class Encoder:
@@ -69,6 +72,7 @@ class Encoder:
         self._motion = Motion(settings.velocity_cutoff, self._period_ns)
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
+        self._longest_gap_ns = math.inf
         self._running = False
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
@@ -114,6 +118,9 @@ class Encoder:
             )
         wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
+        # One sample a period is no silence, whatever the rate.
+        longest_ns = _longest_gap_ns(wrap * abs(self._metres))
+        self._longest_gap_ns = max(1.5 * self._period_ns, longest_ns)
         self._motion.restart()
         self._rehoming.forget()
         self._last = None
@@ -208,6 +215,9 @@ class Encoder:
         sequence, monotonic_ns, stamp_ns = self._poll.asked
         motion, last = self._motion, self._last
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
+        if elapsed_ns > self._longest_gap_ns:
+            motion.homed = False
+            self._rehoming.forget()
         motion.take(count * self._metres, elapsed_ns)
         return EncoderReading(
             sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed
@@ -304,6 +314,15 @@ class Encoder:
 
     def _latch(self, reason: str) -> None:
         self.fault = self.fault or reason
+
+
+def _longest_gap_ns(span: float) -> float:
+    """Return the time between two samples in which the nut cannot pass half of `span` [m].
+
+    span: travel after which the position wraps. After a longer time the number of wraps is unknown;
+    it is none where the whole travel is shorter.
+    """
+    return math.inf if 0.5 * span >= _FARTHEST else 0.5 * span / _FASTEST * 1e9
 
 
 def _bit_names(word: int, names: dict[int, str]) -> list[str]:
