@@ -76,6 +76,7 @@ class Encoder:
         self._running = False
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
+        self._heard_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
@@ -94,6 +95,15 @@ class Encoder:
     def homed(self) -> bool:
         """Whether the position is absolute."""
         return self._motion.homed
+
+    @property
+    def silent(self) -> bool:
+        """Whether its newest position, or its start, is too long ago for homing."""
+        return self._running and self._silent_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns)
+
+    @property
+    def _silent_ns(self) -> int:
+        return self._port.clock.now_ns() - self._heard_ns
 
     @property
     def configured(self) -> bool:
@@ -136,6 +146,7 @@ class Encoder:
         self._poll.restart()
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
+        self._heard_ns = self._port.clock.now_ns()
         self._running = True
         if not self._node.configured:  # it has restarted at just that
             self._running = False
@@ -148,9 +159,12 @@ class Encoder:
     def clear_fault(self) -> None:
         """Clear a latched fault; if the configuration is lost, configure again (blocking).
 
+        It may be lost if the encoder is silent: it restarted unheard, or another master stopped it.
         Raises as `configure`; then the fault stays latched.
         """
-        stopped = not self._running
+        if self.silent:
+            self._latch("the encoder does not answer")
+        stopped = not self._running or self.silent
         if stopped:
             self.configure()
         self._foreign_sync = self._port.counters.foreign_sync
@@ -214,6 +228,7 @@ class Encoder:
     def _sample(self, count: int) -> EncoderReading:
         sequence, monotonic_ns, stamp_ns = self._poll.asked
         motion, last = self._motion, self._last
+        self._heard_ns = monotonic_ns
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
         if elapsed_ns > self._longest_gap_ns:
             motion.homed = False
@@ -234,11 +249,10 @@ class Encoder:
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
             raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
-        age_ns = self._port.clock.now_ns() - last.monotonic_ns
-        if age_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns):
+        if self.silent:
             raise NotHomed(
-                f"no position to home at: the newest is {age_ns * 1e-9:.3g} s old, the encoder "
-                "does not answer"
+                f"no position to home at: the newest is {self._silent_ns * 1e-9:.3g} s old, the "
+                "encoder does not answer"
             )
         if abs(last.velocity) > settings.home_speed_limit:
             raise NotHomed(
