@@ -25,6 +25,7 @@ from .force_sensor_settings import (
     force_sensor_traffic,
     unchanged_samples,
 )
+from .node import UNWATCHED_NS
 from .polled import Polled
 from .tare import mean_wrench
 
@@ -57,6 +58,7 @@ class ForceSensor:
         self._poll: Polled[ForceReading] = Polled(port, self.counters, parts=2)
         self._earlier_biases: list[Wrench] = []
         self._running = False
+        self._configured_ns = 0
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._half: bytes | None = None
@@ -72,6 +74,16 @@ class ForceSensor:
     def identity(self) -> str:
         """Identity that the device reports, for hardware_id."""
         return self.sensor.text
+
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: it runs, or was configured just now and not left since.
+
+        While nobody polls it, it may restart with another calibration, and its status word is then
+        the first one: no earlier one shows the restart.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return bool(self._rows) and (self._running or age_ns <= UNWATCHED_NS)
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -108,9 +120,13 @@ class ForceSensor:
             settings.sign,
         )
         self._needs_reset = self._calibration_lost = self._frozen = False
+        self._configured_ns = self._port.clock.now_ns()
 
     def start(self) -> None:
-        """Deliver samples from the next request on. Raises NotConfigured before `configure`."""
+        """Deliver samples from the next request on.
+
+        Raises NotConfigured before `configure` and after `stop`.
+        """
         if not self._rows:
             raise NotConfigured(f"{self._label} is not configured")
         self._poll.restart()
@@ -118,8 +134,8 @@ class ForceSensor:
         self._running = True
 
     def stop(self) -> None:
-        """Stop polling."""
-        self._running = False
+        """Stop polling; nobody watches any more, so the configuration counts as gone."""
+        self._running, self._rows = False, ()
 
     def reset(self) -> None:
         """Restart the board and configure it again; blocking, raises as `configure`."""
