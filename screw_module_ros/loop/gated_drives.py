@@ -130,7 +130,7 @@ class GatedDrives:
             for drive in self.drives:
                 drive.request_disable()
             return str(error)
-        self.gate = state
+        self.gate, self._closed_because = state, ""
         return ""
 
     def _refused_for(self, state: GateState, inp: GateInput) -> int:
@@ -147,6 +147,8 @@ class GatedDrives:
         return ""
 
     def _clear(self, inp: GateInput) -> str:
+        if self.gate.phase != gate.CLOSED:
+            return self.fault  # it has come just now, and closes the gate first
         self.fault = ""
         self.gate = gate.clear(self.gate)
         self._closed_because = ""

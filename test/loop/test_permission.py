@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.ticker import Tick
@@ -45,3 +47,28 @@ def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
         tick = Tick(number, bench.now_ns, 0, 1)
         bench.axis.end_tick(tick, lambda drives, now_ns: looked.append(now_ns))
     assert len(looked) == 25
+
+
+def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
+    """Asked for while enabled, as for another node: the loop finds both in one tick."""
+    drives = enabled.axis.drives
+    drives.fault = "20 deadlines missed in a row"
+    drives._asked.put((drives._clear, Future()))
+    enabled.ticks(5)
+    assert not enabled.torque_passes
+    assert drives.faulted and drives.reason == "20 deadlines missed in a row"
+    assert enabled.clear_fault() == ""
+    assert not drives.faulted
+
+
+def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
+    enabled.permitted = False
+    enabled.ticks(5)
+    drives = enabled.axis.drives
+    assert drives.reason == "not permitted: test"
+    enabled.permitted = True
+    enabled.ticks(400)
+    enabled.rig.inject("drive", "refuse_enable", 0.0, 0.0, enabled.now_ns)
+    drives._asked.put((drives._open, Future()))
+    enabled.ticks(5)
+    assert drives.reason == "the drive is on its way to operation enabled"
