@@ -89,4 +89,6 @@ def test_a_session_begins_without_the_games_set_point(relay):
     relay.begin(WishLimits())
     assert all(value != value for value in relay.asked[-1])
     relay.relay(False, HAND, 11 * S)
-    assert len(relay.asked) == 2
+    assert relay.asked[2:] == [HAND], "nowhere alone leaves the spring"
+    relay.relay(False, HAND, 12 * S)
+    assert len(relay.asked) == 3
