@@ -38,9 +38,10 @@ class ForceSensor:
 
     fault: the first problem found, latched until `clear_fault`. The driver still delivers samples
     with their status word, so that their users see the problem. It withholds saturated samples, all
-    samples after a restart that lost the selected calibration, and all samples while the gauges
-    have been constant for `freeze_time`: the status word does not show these, and the force
-    feedback must not use them. voltages: of the board by name [ADC counts], of the last slow poll.
+    samples after a restart that lost the selected calibration or a setting of somebody else, and
+    all samples while the gauges have been constant for `freeze_time`: the status word does not show
+    these, and the force feedback must not use them. voltages: of the board by name [ADC counts], of
+    the last slow poll.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -67,6 +68,8 @@ class ForceSensor:
         self._too_many_unchanged = unchanged_samples(settings)
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
+        for opcode in (ati.SET_CALIBRATION, ati.RESET):
+            port.subscribe(self._request_id | opcode, self._on_foreign_setting)
 
     # -- configuration: blocking -----------------------------------------------------------------
 
@@ -191,6 +194,17 @@ class ForceSensor:
             self.counters.wrong_length += 1
         elif self._poll.is_fresh(verdict):
             self._half = data
+
+    def _on_foreign_setting(self, _data: bytes, _arrival_ns: int) -> None:
+        """Stop delivering samples; while it runs, we ask for neither, nor is this our reply."""
+        if not self._running:
+            return
+        self.counters.foreign_requests += 1
+        self._calibration_lost = True
+        self._latch(
+            f"somebody else set up or restarted the {self._label} on {self._port.name}, its "
+            "calibration may be another now"
+        )
 
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
