@@ -5,7 +5,10 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-from screw_module_ros.control.gate import GateSettings
+import pytest
+
+from screw_module_ros.clock import ManualClock, TimeStandsStill
+from screw_module_ros.control.gate import CLOSED, GateSettings
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.ticker import Tick
 
@@ -72,3 +75,30 @@ def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
     drives._asked.put((drives._open, Future()))
     enabled.ticks(5)
     assert drives.reason == "the drive is on its way to operation enabled"
+
+
+class StoppedClock(ManualClock):
+    """Simulated time that stands still, in the second wait or at once."""
+
+    def __init__(self, waits: int, tick):
+        super().__init__()
+        self.waits, self.tick = waits, tick
+
+    def wait_for(self, condition, seconds):
+        if not self.waits:
+            raise TimeStandsStill("no sim_rig runs")
+        self.waits -= 1
+        while not condition():
+            self.tick()
+        return True
+
+
+@pytest.mark.parametrize("waits", [0, 1])
+def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(bench, waits):
+    """The rig stops while somebody enables, and goes on after he was told that it failed."""
+    drives = bench.axis.drives
+    with pytest.raises(TimeStandsStill):
+        drives.enable(StoppedClock(waits, bench.tick))
+    bench.ticks(200)
+    assert not bench.torque_passes and drives.gate.phase == CLOSED
+    assert bench.enable() == ""
