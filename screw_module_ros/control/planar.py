@@ -179,9 +179,7 @@ def planar_step(
     allowed_s, allowed_e = within_at_hand(
         settings.force_limit, MANUS, (x_s, x_e, y_s, y_e), allowed
     )
-    step = settings.torque_rate * dt
-    shoulder = slew(state.shoulder_torque, allowed_s, step)
-    elbow = slew(state.elbow_torque, allowed_e, step)
+    shoulder, elbow = _slewed(state, allowed_s, allowed_e, settings.torque_rate * dt)
     limited = kept < 1.0 or again < weight or shoulder != wanted_s or elbow != wanted_e
     output = PlanarOutput(
         shoulder, elbow, force_x, force_y, x, y, vx, vy, to_x.position, to_y.position, limited
@@ -266,6 +264,22 @@ def _bounded(
         force, velocity, settings.speed_limit, settings.speed_band, settings.speed_damping
     )
     return soft_stop(force, position, -half, half, settings.box_zone, settings.box_stiffness)
+
+
+def _slewed(
+    state: PlanarState, shoulder: float, elbow: float, step: float
+) -> tuple[float, float]:
+    """Return both torques [Nm] after one step towards these, each by at most `step` [Nm].
+
+    They move on a straight line. Each at its own rate, they would leave the torques that press with
+    the force limit on the hand, an ellipse, on the way between two points of it.
+    """
+    way_s, way_e = abs(shoulder - state.shoulder_torque), abs(elbow - state.elbow_torque)
+    part = step / max(way_s, way_e, step)
+    return (
+        slew(state.shoulder_torque, shoulder, part * way_s),
+        slew(state.elbow_torque, elbow, part * way_e),
+    )
 
 
 def _limited_torques(

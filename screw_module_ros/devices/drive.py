@@ -12,7 +12,7 @@ import struct
 from dataclasses import replace
 
 from ..can_io.bus_load import Traffic
-from ..can_io.port import Port
+from ..can_io.port import SYNC_ID, Port
 from ..samples import DriveReading
 from ..settings import validated
 from ..units import from_per_mille, to_per_mille
@@ -132,12 +132,7 @@ class Drive:
         settings = self.settings
         heard = self._port.heard({self.beat.can_id: bool, self._command_id: bool}, settings.listen)
         if heard is not None:
-            text = f"heartbeat of master {settings.master_id}"
-            raise Occupied(
-                f"somebody already commands the {self.label} on {self._port.name} "
-                f"({text if heard == self.beat.can_id else self._command_text}): is a second copy "
-                "of this node running?"
-            )
+            raise Occupied(self._occupied(heard))
         self._setup = found = setup.configure(self.node, settings)
         self._torque_of = settings.direction * from_per_mille(1, found.rated_torque)
         self.reports.configured(found.mode, self._torque_of)
@@ -146,6 +141,20 @@ class Drive:
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
             for guard in found.unguarded
         ] + list(found.warnings)
+
+    def _occupied(self, heard: int) -> str:
+        """Return the message about another master's frame; heard: its identifier."""
+        if heard == SYNC_ID:
+            return (
+                f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
+                "or can.sync_producer should be false here"
+            )
+        text = f"heartbeat of master {self.settings.master_id}"
+        return (
+            f"somebody already commands the {self.label} on {self._port.name} "
+            f"({text if heard == self.beat.can_id else self._command_text}): is a second copy of "
+            "this node running?"
+        )
 
     def start(self) -> None:
         """NMT start; from now on the loop must call `write` every tick.

@@ -7,6 +7,7 @@ offset in this driver: `home` declares that the nut stands at the reference mark
 
 from __future__ import annotations
 
+import math
 import struct
 from dataclasses import replace
 
@@ -35,6 +36,8 @@ from .polled import Polled
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
 _HOME_WITHIN_NS = 100_000_000
+#: Faster than a hand moves the nut [m/s], and longer than any travel [m].
+_FASTEST, _FARTHEST = 2.0, 1.0
 
 
 class Encoder:
@@ -69,9 +72,11 @@ class Encoder:
         self._motion = Motion(settings.velocity_cutoff, self._period_ns)
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
         self._unwrapper = Unwrapper(setup.FULL_RANGE)
+        self._longest_gap_ns = math.inf
         self._running = False
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
+        self._heard_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
@@ -90,6 +95,15 @@ class Encoder:
     def homed(self) -> bool:
         """Whether the position is absolute."""
         return self._motion.homed
+
+    @property
+    def silent(self) -> bool:
+        """Whether its newest position, or its start, is too long ago for homing."""
+        return self._running and self._silent_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns)
+
+    @property
+    def _silent_ns(self) -> int:
+        return self._port.clock.now_ns() - self._heard_ns
 
     @property
     def configured(self) -> bool:
@@ -114,6 +128,9 @@ class Encoder:
             )
         wrap = setup.configure(self._node, self.settings)
         self._unwrapper = Unwrapper(wrap)
+        # One sample a period is no silence, whatever the rate.
+        longest_ns = _longest_gap_ns(wrap * abs(self._metres))
+        self._longest_gap_ns = max(1.5 * self._period_ns, longest_ns)
         self._motion.restart()
         self._rehoming.forget()
         self._last = None
@@ -129,6 +146,7 @@ class Encoder:
         self._poll.restart()
         self._foreign_sync = self._port.counters.foreign_sync
         self._node.start()
+        self._heard_ns = self._port.clock.now_ns()
         self._running = True
         if not self._node.configured:  # it has restarted at just that
             self._running = False
@@ -141,9 +159,12 @@ class Encoder:
     def clear_fault(self) -> None:
         """Clear a latched fault; if the configuration is lost, configure again (blocking).
 
+        It may be lost if the encoder is silent: it restarted unheard, or another master stopped it.
         Raises as `configure`; then the fault stays latched.
         """
-        stopped = not self._running
+        if self.silent:
+            self._latch("the encoder does not answer")
+        stopped = not self._running or self.silent
         if stopped:
             self.configure()
         self._foreign_sync = self._port.counters.foreign_sync
@@ -207,7 +228,11 @@ class Encoder:
     def _sample(self, count: int) -> EncoderReading:
         sequence, monotonic_ns, stamp_ns = self._poll.asked
         motion, last = self._motion, self._last
+        self._heard_ns = monotonic_ns
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
+        if elapsed_ns > self._longest_gap_ns:
+            motion.homed = False
+            self._rehoming.forget()
         motion.take(count * self._metres, elapsed_ns)
         return EncoderReading(
             sequence, monotonic_ns, stamp_ns, count, motion.position, motion.velocity, motion.homed
@@ -224,11 +249,10 @@ class Encoder:
         last, settings = self._last, self.settings
         if self.fault or last is None or not self._running:
             raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
-        age_ns = self._port.clock.now_ns() - last.monotonic_ns
-        if age_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns):
+        if self.silent:
             raise NotHomed(
-                f"no position to home at: the newest is {age_ns * 1e-9:.3g} s old, the encoder "
-                "does not answer"
+                f"no position to home at: the newest is {self._silent_ns * 1e-9:.3g} s old, the "
+                "encoder does not answer"
             )
         if abs(last.velocity) > settings.home_speed_limit:
             raise NotHomed(
@@ -304,6 +328,15 @@ class Encoder:
 
     def _latch(self, reason: str) -> None:
         self.fault = self.fault or reason
+
+
+def _longest_gap_ns(span: float) -> float:
+    """Return the time between two samples in which the nut cannot pass half of `span` [m].
+
+    span: travel after which the position wraps. After a longer time the number of wraps is unknown;
+    it is none where the whole travel is shorter.
+    """
+    return math.inf if 0.5 * span >= _FARTHEST else 0.5 * span / _FASTEST * 1e9
 
 
 def _bit_names(word: int, names: dict[int, str]) -> list[str]:

@@ -25,6 +25,7 @@ from .force_sensor_settings import (
     force_sensor_traffic,
     unchanged_samples,
 )
+from .node import UNWATCHED_NS
 from .polled import Polled
 from .tare import mean_wrench
 
@@ -37,9 +38,10 @@ class ForceSensor:
 
     fault: the first problem found, latched until `clear_fault`. The driver still delivers samples
     with their status word, so that their users see the problem. It withholds saturated samples, all
-    samples after a restart that lost the selected calibration, and all samples while the gauges
-    have been constant for `freeze_time`: the status word does not show these, and the force
-    feedback must not use them. voltages: of the board by name [ADC counts], of the last slow poll.
+    samples after a restart that lost the selected calibration or a setting of somebody else, and
+    all samples while the gauges have been constant for `freeze_time`: the status word does not show
+    these, and the force feedback must not use them. voltages: of the board by name [ADC counts], of
+    the last slow poll.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -57,6 +59,7 @@ class ForceSensor:
         self._poll: Polled[ForceReading] = Polled(port, self.counters, parts=2)
         self._earlier_biases: list[Wrench] = []
         self._running = False
+        self._configured_ns = 0
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._half: bytes | None = None
@@ -65,6 +68,8 @@ class ForceSensor:
         self._too_many_unchanged = unchanged_samples(settings)
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
+        for opcode in (ati.SET_CALIBRATION, ati.RESET):
+            port.subscribe(self._request_id | opcode, self._on_foreign_setting)
 
     # -- configuration: blocking -----------------------------------------------------------------
 
@@ -72,6 +77,16 @@ class ForceSensor:
     def identity(self) -> str:
         """Identity that the device reports, for hardware_id."""
         return self.sensor.text
+
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: it runs, or was configured just now and not left since.
+
+        While nobody polls it, it may restart with another calibration, and its status word is then
+        the first one: no earlier one shows the restart.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return bool(self._rows) and (self._running or age_ns <= UNWATCHED_NS)
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -108,9 +123,13 @@ class ForceSensor:
             settings.sign,
         )
         self._needs_reset = self._calibration_lost = self._frozen = False
+        self._configured_ns = self._port.clock.now_ns()
 
     def start(self) -> None:
-        """Deliver samples from the next request on. Raises NotConfigured before `configure`."""
+        """Deliver samples from the next request on.
+
+        Raises NotConfigured before `configure` and after `stop`.
+        """
         if not self._rows:
             raise NotConfigured(f"{self._label} is not configured")
         self._poll.restart()
@@ -118,8 +137,8 @@ class ForceSensor:
         self._running = True
 
     def stop(self) -> None:
-        """Stop polling."""
-        self._running = False
+        """Stop polling; nobody watches any more, so the configuration counts as gone."""
+        self._running, self._rows = False, ()
 
     def reset(self) -> None:
         """Restart the board and configure it again; blocking, raises as `configure`."""
@@ -175,6 +194,17 @@ class ForceSensor:
             self.counters.wrong_length += 1
         elif self._poll.is_fresh(verdict):
             self._half = data
+
+    def _on_foreign_setting(self, _data: bytes, _arrival_ns: int) -> None:
+        """Stop delivering samples; while it runs, we ask for neither, nor is this our reply."""
+        if not self._running:
+            return
+        self.counters.foreign_requests += 1
+        self._calibration_lost = True
+        self._latch(
+            f"somebody else set up or restarted the {self._label} on {self._port.name}, its "
+            "calibration may be another now"
+        )
 
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:

@@ -25,7 +25,8 @@ class ForceSensorCounters(PollCounters):
     out_of_order: second halves without their first. wrong_length: frames dropped. saturated:
     samples with a gauge at its end. frozen: samples withheld because the gauges were constant.
     status_faults: samples whose status makes them unusable. reserved_bits: samples with reserved
-    status bits. foreign_requests: polls of another master. restarts: of the board, in mid-run.
+    status bits. foreign_requests: polls and settings of another master. restarts: of the board, in
+    mid-run.
     """
 
     out_of_order: int = 0

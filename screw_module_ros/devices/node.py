@@ -26,7 +26,8 @@ _NMT_PRE_OPERATIONAL = 0x80
 _HEARTBEAT_BASE = 0x700
 _EMCY_BASE = 0x080
 _TOGGLE_BIT = 0x80
-_UNWATCHED_NS = 2_000_000_000
+UNWATCHED_NS = 2_000_000_000
+"""After this time without a reader of its bus a device may have lost what it was told [ns]."""
 
 
 class Identity(NamedTuple):
@@ -144,7 +145,7 @@ class CanopenNode:
         Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
         """
         age_ns = self.port.clock.now_ns() - self._configured_ns
-        return self.configured and (watched or age_ns <= _UNWATCHED_NS)
+        return self.configured and (watched or age_ns <= UNWATCHED_NS)
 
     def _undisturbed(self) -> None:
         if self.sdo.foreign != self._foreign_known:

@@ -40,6 +40,9 @@ class Written(NamedTuple):
     saturated: bool
 
 
+_NOTHING = Written(0.0, 0.0, False)
+
+
 class VerticalDrive:
     """Turns force commands into drive writes; only the loop's thread calls it.
 
@@ -63,7 +66,7 @@ class VerticalDrive:
     ):
         self.drive = drive
         self.drives = GatedDrives([drive], gate, period_ns)
-        self.last = Written(0.0, 0.0, False)
+        self.last = _NOTHING
         self.asked = 0.0
         self.skipped = 0
         self.meter = DeadlineMeter(period_ns)
@@ -172,5 +175,6 @@ class VerticalDrive:
         self._followed = followed(self._chain, last, force, min(elapsed, self._longest_step))
         limited = self._followed != force
         made, self._heat = commanded(self._chain, self._heat, self._followed, scale, elapsed)
+        self.last = _NOTHING  # also if the write fails
         sent = self.drive.write(made.command, now_ns)
         self.last = Written(made.torque if sent else 0.0, sent, made.limited or limited)

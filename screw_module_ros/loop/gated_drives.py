@@ -11,7 +11,7 @@ import queue
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
-from ..clock import Clock
+from ..clock import Clock, TimeStandsStill
 from ..control import gate
 from ..control.gate import GATE_CLOSED, GateInput, GateSettings, GateState
 from ..devices.cia402 import State
@@ -130,7 +130,7 @@ class GatedDrives:
             for drive in self.drives:
                 drive.request_disable()
             return str(error)
-        self.gate = state
+        self.gate, self._closed_because = state, ""
         return ""
 
     def _refused_for(self, state: GateState, inp: GateInput) -> int:
@@ -147,6 +147,8 @@ class GatedDrives:
         return ""
 
     def _clear(self, inp: GateInput) -> str:
+        if self.gate.phase != gate.CLOSED:
+            return self.fault  # it has come just now, and closes the gate first
         self.fault = ""
         self.gate = gate.clear(self.gate)
         self._closed_because = ""
@@ -181,8 +183,15 @@ class GatedDrives:
         """Enable and wait until torque passes; return why it does not, empty when it does.
 
         clock: clock of the wait. A permission may still be on its way, so a missing one does not
-        refuse at once.
+        refuse at once. Raises TimeStandsStill; then the drives do not become enabled later either.
         """
+        try:
+            return self._opened(clock)
+        except TimeStandsStill:
+            self._asked.put((self._disable, Future()))
+            raise
+
+    def _opened(self, clock: Clock) -> str:
         deadline_ns = clock.now_ns() + _PERMISSION_NS
         while True:
             lacking = not self._permitted  # read before the request: it may come in between
@@ -216,6 +225,8 @@ class GatedDrives:
     def _ask(self, action: Callable[[GateInput], str], clock: Clock) -> str:
         answer: Future = Future()
         self._asked.put((action, answer))
-        if not clock.wait_for(answer.done, _ANSWER_S) and answer.cancel():
-            return "the loop does not run: activate the node"
-        return answer.result()
+        try:
+            clock.wait_for(answer.done, _ANSWER_S)
+        finally:  # what its caller takes for failed is not carried out later
+            too_late = answer.cancel()
+        return "the loop does not run: activate the node" if too_late else answer.result()

@@ -73,6 +73,10 @@ class PlanarAxes:
         """Whether both angles are absolute."""
         return all(joint.homed for joint in self.joints)
 
+    def measures(self, now_ns: int) -> bool:
+        """Return whether both drives have told their positions lately, at now_ns [ns]."""
+        return bool(self._acted_ns) and now_ns - self._acted_ns <= _FRESH_NS
+
     def restart(self) -> None:
         """Forget the positions, the home too: for a start, since nobody listened before it."""
         self._acted_ns = 0
@@ -199,7 +203,7 @@ class PlanarAxes:
         settings = self._joint_settings
         if not self.drives.at_rest(now_ns):
             return "the plane is enabled: disable it first"
-        if not self._acted_ns or now_ns - self._acted_ns > _FRESH_NS:
+        if not self.measures(now_ns):
             return "the drives do not answer"
         for drive, joint in zip(self.drives.drives, self.joints, strict=True):
             if abs(joint.velocity) > settings.home_speed_limit:

@@ -27,6 +27,7 @@ from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.flat import COMMAND, Command
 from .support.health import Health
+from .support.permission import VERTICAL
 from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.states import fill_amplifier
@@ -88,7 +89,7 @@ class AmplifierNode(DriveNode):
             COMMAND, graph.FORCE_COMMAND, qos.COMMAND, wakes=True
         )
         self.want_one_sender(graph.FORCE_COMMAND)
-        self.follow_permission(inbox, "vertical_permitted")
+        self.follow_permission(inbox, VERTICAL)
         self._publish = self.outlet(*offered(graph.AMPLIFIER_STATE))
 
     def begin(self) -> None:

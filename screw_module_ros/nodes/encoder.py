@@ -61,7 +61,7 @@ class EncoderNode(SensorNode):
     def _home(self, request: Trigger.Request) -> Done:
         self._torque_off.check("would pull to another place")
         device = self.device
-        cleared = bool(device.fault)
+        cleared = bool(device.fault) or device.silent
         if cleared:
             device.clear_fault()
         try:

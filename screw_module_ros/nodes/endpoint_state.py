@@ -136,13 +136,15 @@ class EndpointStateNode(ModuleNode):
 
 
 def planar_joints(plane: PlanarState | None) -> dict[str, tuple[float, float, float]]:
-    """Return angle [rad], speed [rad/s] and torque [Nm] of the homed joints `shoulder`, `elbow`.
+    """Return angle [rad], speed [rad/s] and torque [Nm] of the joints `shoulder`, `elbow`.
+
+    None of a plane that is not homed, or whose drives do not tell their positions.
 
     Both motors stand at the base and measure absolute angles. The joint `elbow` is the angle of the
     forearm to the upper arm. By virtual work its torque is the elbow motor's, and the torque of the
     joint `shoulder` is the sum of both motors'.
     """
-    if plane is None or not plane.homed:
+    if plane is None or not (plane.homed and all(map(math.isfinite, plane.joint_position))):
         return {}
     (upper, fore), (upper_speed, fore_speed) = plane.joint_position, plane.joint_velocity
     upper_torque, fore_torque = plane.measured_torque
@@ -166,7 +168,7 @@ def vertical_joint(
 
 
 def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
-    valid = bool(plane and plane.homed)
+    valid = bool(plane and plane.homed and all(map(math.isfinite, plane.position)))
     message.valid[0] = message.valid[1] = valid
     x, y = plane.position if valid else (_NAN, _NAN)
     message.position.x, message.position.y = float(x), float(y)

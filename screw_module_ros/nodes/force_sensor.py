@@ -57,9 +57,14 @@ class ForceSensorNode(SensorNode):
         self._taring = Taring(self.new_inbox(), self.clock)
 
     def begin(self) -> None:
-        """Start the samples; an activation also clears a latched fault."""
+        """Start the samples; an activation also clears a latched fault.
+
+        A sensor that may have restarted unseen is configured anew.
+        """
         if self.device.fault:
             self.device.clear_fault()
+        if not self.device.configured:
+            self.device.configure()
         self.start_samples("force_sensor", Wires(publish_force=self.publish))
 
     def end(self) -> None:

@@ -25,6 +25,7 @@ from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.drive_node import DriveNode
 from .support.driver import RateSettings, device_values
 from .support.health import Health
+from .support.permission import PLANAR
 from .support.runtime import main as run_node
 from .support.slot_input import SlotInbox
 from .support.states import fill_plane
@@ -84,7 +85,7 @@ class ManusNode(DriveNode):
         self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
         self.want_one_sender(graph.FORCE_DECIMATED)
-        self.follow_permission(inbox, "planar_permitted")
+        self.follow_permission(inbox, PLANAR)
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:

@@ -34,8 +34,12 @@ class WishRelay:
         self._gate.limits = limits
 
     def begin(self, limits: WishLimits) -> None:
-        """Drop all wishes, so that the last set point of a game no longer pulls; use new limits."""
-        self._gate = WishGate(limits)
+        """End what a game asked for, and use new limits: a session begins.
+
+        Nowhere as set point stops the last one where it is, and it still pulls. The next `relay`
+        lets the hand go: a session may guide the plane alone, and the vertical spring would stay.
+        """
+        self._gate.limits = limits
         self._ask_for(_NOWHERE)
 
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:

@@ -61,18 +61,29 @@ class WishGate:
     def released(self, hand: Point, now_ns: int) -> Point | None:
         """Return the hand's position [m] once after the game has gone silent, else None.
 
-        Otherwise the spring to the game's last set point would pull permanently.
+        Otherwise the spring to the game's last set point would pull permanently. While the hand's
+        position is unknown, the release waits for it.
         """
         if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
             return None
         return self.cut_off(hand)
 
     def cut_off(self, hand: Point) -> Point | None:
-        """Return the hand's position [m] once when a game may wish no more, else None."""
-        if self._last_ns is None:
+        """Return the hand's position [m] once when a game may wish no more, else None.
+
+        As in `released`.
+        """
+        if self._last_ns is None or self._unknown(hand):
             return None
         self._last, self._last_ns = (math.nan,) * 3, None
         return hand
+
+    def _unknown(self, hand: Point) -> bool:
+        """Return whether the hand's position is unknown along an axis that has a set point."""
+        return any(
+            math.isfinite(last) and not math.isfinite(here)
+            for last, here in zip(self._last, hand, strict=True)
+        )
 
 
 def _moved(asked: float, last: float, step: float, low: float, high: float) -> float:

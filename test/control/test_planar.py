@@ -144,6 +144,24 @@ def test_no_stop_presses_harder_on_the_hand_than_the_limit(reach, way, aim_x, ai
     assert math.hypot(*handle_force(output, inp)) <= SETTINGS.force_limit * (1.0 + 1e-9)
 
 
+@given(
+    st.floats(-0.17, 0.17), st.floats(-0.2, 0.2), st.floats(0.0, 2.0 * math.pi),
+    st.sampled_from([(2000.0, 0.0), (500.0, 0.6)]),
+)
+def test_on_the_way_from_one_force_to_another_the_limit_holds_too(x, y, way, pulled):
+    """A stiff spring whose set point changes sides, a stiff damper whose motion does."""
+    stiffness, speed = pulled
+    law = SETTINGS._replace(stiffness=stiffness, damping=100.0)
+    state = initial_state(law)._replace(weight=1.0, stiffness=stiffness, damping=100.0)
+    cosine, sine = math.cos(way), math.sin(way)
+    for k in range(400):
+        side = 1.0 if k // 100 % 2 == 0 else -1.0
+        aim = (x + 0.3 * side * cosine, y + 0.3 * side * sine, 0.0, 0.0)
+        inp = at(x, y, aim, velocity=(side * speed * cosine, side * speed * sine))
+        output, state = planar_step(law, state, inp, DT)
+        assert math.hypot(*handle_force(output, inp)) <= law.force_limit * (1.0 + 1e-9)
+
+
 def test_the_joints_stops_still_push_a_stretched_arm_back():
     inp = at(0.19, 0.24)
     output, _ = run(inp)

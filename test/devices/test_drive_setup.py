@@ -142,6 +142,13 @@ def test_somebody_who_already_commands_is_named(wire, drive_end):
     assert wire.frames == []
 
 
+def test_a_second_sync_producer_is_not_taken_for_a_second_master(wire, drive_end):
+    wire.emit(0x080, "")
+    with pytest.raises(Occupied, match="already sends SYNC.*can.sync_producer should be false"):
+        configured(wire, SETTINGS._replace(listen=0.05))
+    assert wire.frames == []
+
+
 def test_second_copy_is_refused_before_anything_is_sent(wire, drive_end):
     wire.emit(0x770, "05")
     with pytest.raises(Occupied, match="master 112"):

@@ -175,6 +175,32 @@ def test_whole_range_wraps_at_2_32(wire, encoder_end):
     assert tick(wire, driver).count == -1
 
 
+@pytest.mark.parametrize(
+    ("wrap", "silent_ms", "homed"),
+    [
+        (20_000, 4, True),  # one turn of the screw: at 2 m/s half of it takes 4.8 ms
+        (20_000, 5, False),
+        (0x01000000, 60_000, True),  # longer than any travel: no turn can be lost
+        (0, 60_000, True),
+    ],
+)
+def test_a_silence_in_which_the_position_may_have_wrapped_loses_the_home(
+    wire, encoder_end, wrap, silent_ms, homed
+):
+    """Of an encoder that wraps after a turn: how many turns went by unseen cannot be told."""
+    encoder_end.objects[0x6002, 0] = wrap.to_bytes(4, "little")
+    driver = Encoder(wire.port, SETTINGS)
+    driver.configure()
+    driver.start()
+    tick(wire, driver)
+    driver.home()
+    wire.advance(silent_ms - 1)
+    encoder_end.position = 9_900
+    sample = tick(wire, driver, 2)
+    assert (sample.homed, driver.homed) == (homed, homed)
+    assert tick(wire, driver, 3).homed == homed
+
+
 # -- velocity ------------------------------------------------------------------------------------
 
 

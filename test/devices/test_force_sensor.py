@@ -533,6 +533,24 @@ def test_another_poller_is_a_fault(wire, sensor):
     assert sensor.counters.foreign_requests == 1
 
 
+@pytest.mark.parametrize(("can_id", "data"), [(0x126, "00"), (0x12C, "")])
+@pytest.mark.parametrize("calibration", [3, -1])
+def test_who_sets_its_calibration_or_restarts_it_is_a_fault(
+    wire, sensor_end, can_id, data, calibration
+):
+    """The status word shows neither, and our matrix is that of the calibration before."""
+    sensor = started(wire, SETTINGS._replace(calibration=calibration))
+    assert tick(wire, sensor) is not None and sensor.fault == ""
+    wire.emit(can_id, data)
+    assert tick(wire, sensor) is None
+    assert "somebody else" in sensor.fault and "calibration" in sensor.fault
+    assert sensor.counters.foreign_requests == 1
+    wire.frames.clear()
+    sensor.clear_fault()
+    assert len(wire.sent(0x122)) == 6, "the matrix is read anew"
+    assert tick(wire, sensor) is not None and sensor.fault == ""
+
+
 def test_other_identifiers_are_left_alone(wire, sensor, sensor_end):
     sensor_end.answers_polls = False
     sensor.request(1, wire.advance(), 0)

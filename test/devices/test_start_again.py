@@ -7,17 +7,21 @@ In each case the device may have lost what it was told: guards, limits, scale an
 from __future__ import annotations
 
 import pytest
-from running_drivers import tick_both, two_drives, watched_drive, watched_tick
+from running_drivers import tick, tick_both, two_drives, watched_drive, watched_tick
 
 from screw_module_ros.devices import drive_exit, drive_start
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import BusError, NotConfigured, NotEnabled
+from screw_module_ros.devices.errors import BusError, NotAnswering, NotConfigured, NotEnabled
+from screw_module_ros.devices.force_sensor import ForceSensor
+from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 
 DRIVE = DriveSettings(listen=0.0, sdo_timeout=0.02)
 ENCODER = EncoderSettings(listen=0.0, sdo_timeout=0.02)
+FORCE_SENSOR = ForceSensorSettings(listen=0.0, timeout=0.02, calibration=3)
+SET_CALIBRATION = 0x126
 ARMED = (b"\x14\x00", bytes.fromhex("64 00 70 00"))  # 1400:05 is 20 ms, 1016 is 112 and 100 ms
 NMT_START = 0x01
 READ_MODE = bytes.fromhex("40 61 60 00 00 00 00 00")  # a request that alters nothing
@@ -129,6 +133,54 @@ def test_an_encoder_that_was_left_has_no_home(wire, encoder_end):
     encoder.configure()
     encoder.start()
     assert encoder.configured and not encoder.homed
+
+
+def test_an_encoder_that_somebody_stopped_has_a_way_back(wire, encoder_end):
+    """By a foreign NMT command, or a restart that nobody heard: it is silent, without a fault."""
+    encoder = Encoder(wire.port, ENCODER)
+    encoder.configure()
+    encoder.start()
+    assert tick(wire, encoder) is not None
+    encoder.home()
+    encoder_end.operational = False
+    for n in range(200):
+        assert tick(wire, encoder, n) is None
+    assert encoder.silent and encoder.fault == ""
+    encoder_end.mute = True
+    with pytest.raises(NotAnswering):
+        encoder.clear_fault()
+    assert encoder.fault == "the encoder does not answer"
+    encoder_end.mute = False
+    encoder.clear_fault()
+    assert encoder.fault == "" and not encoder.silent
+    sample = tick(wire, encoder, 300)
+    assert sample is not None and not sample.homed
+
+
+def test_a_force_sensor_that_was_left_gets_its_calibration_again(wire, sensor_end):
+    """It may have restarted with its first one, and a status that nobody compares with another."""
+    sensor = ForceSensor(wire.port, FORCE_SENSOR)
+    sensor.configure()
+    sensor.start()
+    assert tick(wire, sensor) is not None
+    sensor.stop()
+    assert not sensor.configured
+    with pytest.raises(NotConfigured):
+        sensor.start()
+    wire.frames.clear()
+    sensor.configure()
+    sensor.start()
+    assert wire.sent(SET_CALIBRATION) == [b"\x03"]
+    assert tick(wire, sensor) is not None
+
+
+def test_a_force_sensor_that_nobody_watched_gets_its_calibration_again(wire, sensor_end):
+    """Minutes between the lifecycle's configure and activate."""
+    sensor = ForceSensor(wire.port, FORCE_SENSOR)
+    sensor.configure()
+    assert sensor.configured
+    wire.advance(60_000)
+    assert not sensor.configured
 
 
 # -- a restart or another client in the midst of a start -----------------------------------------

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from screw_module_ros.devices.errors import BusError
+
 MS = 1_000_000
 
 
@@ -24,3 +26,18 @@ def test_one_clear_fault_clears_what_came_behind_another_fault(bench):
     assert bench.clear_fault() == ""
     bench.ticks(20)
     assert bench.axis.drives.fault == "", "nothing has happened since"
+
+
+def test_torque_that_cannot_be_sent_is_not_shown_as_written(enabled, monkeypatch):
+    """The state would show the last command for as long as the bus fails."""
+    enabled.setpoint = (enabled.home + 0.03, 0.0)
+    enabled.seconds(0.5)
+    assert abs(enabled.axis.last.torque) > 1e-3
+
+    def fail(can_id, data):
+        raise BusError("cannot send")
+
+    monkeypatch.setattr(enabled.ports["drive"], "send", fail)
+    enabled.ticks(30)
+    assert enabled.axis.drives.reason.startswith("cannot send")
+    assert enabled.axis.last[:2] == (0.0, 0.0)

@@ -3,7 +3,12 @@
 
 from __future__ import annotations
 
-from screw_module_ros.control.gate import GateSettings
+from concurrent.futures import Future
+
+import pytest
+
+from screw_module_ros.clock import ManualClock, TimeStandsStill
+from screw_module_ros.control.gate import CLOSED, GateSettings
 from screw_module_ros.loop.gated_drives import GatedDrives
 from screw_module_ros.loop.ticker import Tick
 
@@ -45,3 +50,55 @@ def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
         tick = Tick(number, bench.now_ns, 0, 1)
         bench.axis.end_tick(tick, lambda drives, now_ns: looked.append(now_ns))
     assert len(looked) == 25
+
+
+def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
+    """Asked for while enabled, as for another node: the loop finds both in one tick."""
+    drives = enabled.axis.drives
+    drives.fault = "20 deadlines missed in a row"
+    drives._asked.put((drives._clear, Future()))
+    enabled.ticks(5)
+    assert not enabled.torque_passes
+    assert drives.faulted and drives.reason == "20 deadlines missed in a row"
+    assert enabled.clear_fault() == ""
+    assert not drives.faulted
+
+
+def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
+    enabled.permitted = False
+    enabled.ticks(5)
+    drives = enabled.axis.drives
+    assert drives.reason == "not permitted: test"
+    enabled.permitted = True
+    enabled.ticks(400)
+    enabled.rig.inject("drive", "refuse_enable", 0.0, 0.0, enabled.now_ns)
+    drives._asked.put((drives._open, Future()))
+    enabled.ticks(5)
+    assert drives.reason == "the drive is on its way to operation enabled"
+
+
+class StoppedClock(ManualClock):
+    """Simulated time that stands still, in the second wait or at once."""
+
+    def __init__(self, waits: int, tick):
+        super().__init__()
+        self.waits, self.tick = waits, tick
+
+    def wait_for(self, condition, seconds):
+        if not self.waits:
+            raise TimeStandsStill("no sim_rig runs")
+        self.waits -= 1
+        while not condition():
+            self.tick()
+        return True
+
+
+@pytest.mark.parametrize("waits", [0, 1])
+def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(bench, waits):
+    """The rig stops while somebody enables, and goes on after he was told that it failed."""
+    drives = bench.axis.drives
+    with pytest.raises(TimeStandsStill):
+        drives.enable(StoppedClock(waits, bench.tick))
+    bench.ticks(200)
+    assert not bench.torque_passes and drives.gate.phase == CLOSED
+    assert bench.enable() == ""

@@ -10,6 +10,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
 from screw_module_ros.control.vertical_state import VerticalOutput
+from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
+from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.nodes.support.flat import (
     COMMAND,
     ENCODER,
@@ -66,6 +68,47 @@ def test_force_commands(sample, values, mode, saturated):
     for name in ("force", "impedance", "gravity", "friction", "feedback", "saturated"):
         assert found[name] == told[name], name
     assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force)
+
+
+@pytest.mark.parametrize("seconds", [2**31 - 1, 2**31, 2**33])
+def test_a_system_clock_beyond_2038_ends_no_loop(seconds):
+    """The stamp's seconds have 32 bits; the control itself never uses the system clock."""
+    at_ns = seconds * S + 7
+    sample = EncoderReading(1, 2, at_ns, 3, 0.1, 0.0, True)
+    force = ForceReading(1, 2, at_ns, *[1.0] * 6, 0)
+    packed = (
+        (pack_encoder(sample), EncoderSample),
+        (pack_force(force), ForceSample),
+        (pack_command(sample, NO_FORCE, 1), ForceCommand),
+    )
+    for data, kind in packed:
+        message = deserialize_message(data, kind)
+        assert (message.stamp.sec, message.stamp.nanosec) == (2**31 - 1, 7)
+        assert (message.sequence, message.monotonic_ns) == (1, 2)
+
+
+def test_a_stamp_that_a_foreign_sender_makes_up_ends_no_loop():
+    """More than a second of nanoseconds on top of the last second that fits."""
+    foreign = EncoderSample(sequence=1, monotonic_ns=2)
+    foreign.stamp.sec, foreign.stamp.nanosec = 2**31 - 1, 2**32 - 1
+    sample = ENCODER.unpack(serialize_message(foreign))
+    assert deserialize_message(pack_command(sample, NO_FORCE, 1), ForceCommand).sequence == 1
+
+
+def garbled_count() -> int:
+    """Return the count after one garbled frame of an encoder that wraps at 2^32."""
+    unwrapper = Unwrapper(FULL_RANGE)
+    unwrapper.step(100_000)
+    return unwrapper.step(100_000 + 2**31 - 1)
+
+
+@pytest.mark.parametrize("count", [2**31 - 1, garbled_count(), -(2**31) - 1, 5 * 2**32 + 9])
+def test_a_count_beyond_the_message_wraps(count):
+    sample = deserialize_message(
+        pack_encoder(EncoderReading(1, 2, 3, count, 0.1, 0.0, True)), EncoderSample
+    )
+    assert (sample.count - count) % 2**32 == 0
+    assert sample.position == 0.1 and sample.homed
 
 
 @pytest.mark.parametrize("flat", [ENCODER, FORCE, COMMAND])

@@ -17,10 +17,10 @@ class Device:
     homed = True
 
     def __init__(self):
-        self.fault, self.asked = "somebody else sends SYNC", 0
+        self.fault, self.silent, self.asked = "somebody else sends SYNC", False, 0
 
     def clear_fault(self) -> None:
-        self.fault = ""
+        self.fault, self.silent = "", False
 
     def home(self) -> float:
         self.asked += 1
@@ -33,12 +33,13 @@ class Device:
 def home(make_node):
     """Return what the service answers when the amplifier tells these states."""
     node = make_node("encoder")
-    node.device = Device()
+    device = node.device = Device()
 
     def ask(*states: AmplifierState) -> str:
         node._torque_off = TorqueOff(inbox_with(None, *states), PatientClock(1))
         return node._carried_out(node._home, None, "~/home", always=True)
 
+    ask.device = device
     return ask
 
 
@@ -58,6 +59,12 @@ def test_while_disabled_or_silent_only_the_encoder_is_asked(home, states):
     said = home(*states)
     assert said == "the fault is cleared; this moves the origin by 57 mm"
     assert home(*states) == "homed at 0.25 m"
+
+
+def test_an_encoder_that_is_silent_without_a_fault_is_cleared_too(home):
+    home.device.fault, home.device.silent = "", True
+    assert home() == "the fault is cleared; this moves the origin by 57 mm"
+    assert not home.device.silent
 
 
 def test_the_check_raises_what_a_service_answers_with():

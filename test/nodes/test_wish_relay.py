@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -53,6 +54,19 @@ def test_a_game_that_is_cut_off_lets_the_hand_go_at_once(relay):
     assert relay.asked[2][0] == pytest.approx(0.05 + 0.2 * 0.3), "from the hand on, at its speed"
 
 
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_hand_of_unknown_position_is_let_go_as_soon_as_it_is_known(relay, allowed):
+    """endpoint_state fails together with the game: no set point at all would leave the spring."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    relay.relay(allowed, None, 12 * S)
+    relay.relay(allowed, (math.nan, math.nan, 0.2), 13 * S)
+    assert len(relay.asked) == 1, "nowhere is no place to let it go at"
+    relay.relay(allowed, HAND, 14 * S)
+    relay.relay(allowed, HAND, 15 * S)
+    assert relay.asked[1:] == [HAND]
+
+
 @pytest.mark.parametrize(("age_s", "expected"), [(0.1, HAND), (0.5, None)])
 def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
     """Else the first wish, or the release, would pull from a place that the hand has left."""
@@ -75,4 +89,6 @@ def test_a_session_begins_without_the_games_set_point(relay):
     relay.begin(WishLimits())
     assert all(value != value for value in relay.asked[-1])
     relay.relay(False, HAND, 11 * S)
-    assert len(relay.asked) == 2
+    assert relay.asked[2:] == [HAND], "nowhere alone leaves the spring"
+    relay.relay(False, HAND, 12 * S)
+    assert len(relay.asked) == 3

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
@@ -80,9 +79,9 @@ class DriveNode(DriverNode):
         for warning in drive.warnings:
             self.get_logger().warning(warning)
 
-    def follow_permission(self, inbox: Inbox, name: str) -> None:
+    def follow_permission(self, inbox: Inbox, field: str) -> None:
         """Follow this field of safety_state."""
-        self._permission = Permission(self, inbox, attrgetter(name))
+        self._permission = Permission(self, inbox, field)
 
     def permission(self, drives: GatedDrives, now_ns: int) -> None:
         """Pass the supervisor's permission to the gate; two senders close an open gate."""

@@ -19,6 +19,8 @@ from screw_module_ros.control.vertical_state import VerticalOutput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 _S = 1_000_000_000
+_LATEST = 2**31 - 1  # [s] that a stamp can hold: 19 January 2038
+_HALF_COUNT, _COUNT_MASK = 0x80000000, 0xFFFFFFFF
 _HEAD = b"\x00\x01\x00\x00"
 _HEAD_SIZE = len(_HEAD)
 _ENCODER = struct.Struct("<4siII4xqi4xdd?3x")
@@ -42,28 +44,35 @@ class Flat(NamedTuple):
 
 
 def pack_encoder(reading: EncoderReading) -> bytes:
-    """Return a serialized EncoderSample."""
+    """Return a serialized EncoderSample; a count beyond 32 bits, left by garbage, wraps."""
     sequence, monotonic_ns, stamp_ns, count, position, velocity, homed = reading
-    seconds, nanoseconds = divmod(stamp_ns, _S)
+    shown = (count + _HALF_COUNT & _COUNT_MASK) - _HALF_COUNT
     return _ENCODER.pack(
-        _HEAD, seconds, nanoseconds, sequence, monotonic_ns, count, position, velocity, homed
+        _HEAD, *_stamped(stamp_ns), sequence, monotonic_ns, shown, position, velocity, homed
     )
 
 
 def pack_force(reading: ForceReading) -> bytes:
     """Return a serialized ForceSample."""
     sequence, monotonic_ns, stamp_ns, *wrench, status = reading
-    seconds, nanoseconds = divmod(stamp_ns, _S)
-    return _FORCE.pack(_HEAD, seconds, nanoseconds, sequence, monotonic_ns, *wrench, status)
+    return _FORCE.pack(_HEAD, *_stamped(stamp_ns), sequence, monotonic_ns, *wrench, status)
 
 
 def pack_command(sample: EncoderReading, output: VerticalOutput, mode: int) -> bytes:
     """Return the serialized ForceCommand for an encoder sample."""
-    seconds, nanoseconds = divmod(sample.stamp_ns, _S)
     return _COMMAND.pack(
-        _HEAD, seconds, nanoseconds, sample.sequence, sample.monotonic_ns, output.force, mode,
+        _HEAD, *_stamped(sample.stamp_ns), sample.sequence, sample.monotonic_ns, output.force, mode,
         output.impedance, output.gravity, output.friction, output.feedback, output.saturated,
     )  # fmt: skip
+
+
+def _stamped(stamp_ns: int) -> tuple[int, int]:
+    """Return seconds and nanoseconds of a system time; a clock set beyond 2038 stays there.
+
+    The control does not use the system clock, so no setting of it may end a loop.
+    """
+    seconds, nanoseconds = divmod(stamp_ns, _S)
+    return min(seconds, _LATEST), nanoseconds
 
 
 def _unpack_encoder(data: bytes) -> EncoderReading:

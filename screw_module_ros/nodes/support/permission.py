@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import islice
 
 from screw_module_msgs.msg import SafetyState
@@ -17,15 +16,18 @@ from .module_node import ModuleNode
 from .senders import Senders
 from .topics import requested
 
+VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
+"""Fields of SafetyState."""
+
 
 class Permission:
     """Subscribes `safety_state` for the hot loop and counts its senders.
 
-    permitted: reads the axis group's permission from the message.
+    field: of the message, with the axis group's permission.
     """
 
-    def __init__(self, node: ModuleNode, inbox: Inbox, permitted: Callable[[SafetyState], bool]):
-        self._permitted = permitted
+    def __init__(self, node: ModuleNode, inbox: Inbox, field: str):
+        self._field = field
         self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, qos.PERMISSION))
         self._senders = Senders(node, [graph.SAFETY_STATE])
 
@@ -37,11 +39,25 @@ class Permission:
     def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
         """Pass new messages to the gate; two senders count as a refusal. now_ns [ns]."""
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
-            reason = safety.reasons[0] if safety.reasons else ""
-            drives.permit(self._permitted(safety), reason, now_ns)
+            drives.permit(getattr(safety, self._field), why_not(safety, self._field), now_ns)
         if self.warning:
             drives.permit(False, self.warning, now_ns)
 
     def close(self) -> None:
         """Stop counting; the inbox closes the subscription."""
         self._senders.close()
+
+
+def why_not(safety: SafetyState, field: str) -> str:
+    """Return why this field withholds the permission of its axes, empty if it does not.
+
+    The message's reasons are those against all motion: the lock and a node that is not required
+    leave the other axes alone.
+    """
+    if getattr(safety, field):
+        return ""
+    if safety.reasons:
+        return safety.reasons[0]
+    if safety.vertical_locked and field == VERTICAL:
+        return "the vertical axis is locked; pin out, then supervisor/lock_vertical with false"
+    return "the supervisor's parameter `required` does not name this node"

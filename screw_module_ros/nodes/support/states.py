@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
@@ -17,6 +18,8 @@ from screw_module_ros.loop.plane import PlaneLoop
 from screw_module_ros.samples import ForceReading
 
 from .hot_topics import fill_stamp
+
+_UNKNOWN = [math.nan, math.nan]
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
@@ -57,7 +60,7 @@ def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) ->
 
 
 def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
-    """Write the plane's state into its message."""
+    """Write the plane's state into its message; where the drives are silent, NaN as positions."""
     axes, drives, output = loop.axes, loop.axes.drives.drives, loop.axes.output
     message.homed = axes.homed
     _fill_gate(message, axes.drives)
@@ -75,6 +78,9 @@ def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
         message.force = [output.force_x, output.force_y]
         message.desired_position = [output.desired_x, output.desired_y]
         message.saturated = output.saturated
+    if not axes.measures(now_ns):
+        message.position = message.velocity = _UNKNOWN
+        message.joint_position = message.joint_velocity = _UNKNOWN
     message.stiffness, message.damping = axes.settings.stiffness, axes.settings.damping
     message.samples = loop.meter.samples
     _fill_counts(message, loop.meter, now_ns)

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is refused by `~/enable` reads why, also where the reason is none against all motion."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from screw_module_msgs.msg import SafetyState
+
+from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.nodes.support.permission import PLANAR, VERTICAL, Permission
+
+MS = 1_000_000
+
+
+def refused(field: str, safety: SafetyState) -> str:
+    """Return what `~/enable` says after this safety_state."""
+    waiting = [safety]
+    inbox = SimpleNamespace(subscribe=lambda *_: lambda: waiting.pop() if waiting else None)
+    node = SimpleNamespace(periodic=SimpleNamespace(every=lambda *_: None), clock=None)
+    drives = GatedDrives([], GateSettings(), MS)
+    Permission(node, inbox, field).pass_on(drives, MS)
+    return drives._open(drives._input(MS, MS))
+
+
+@pytest.mark.parametrize(
+    ("field", "safety", "told"),
+    [
+        (VERTICAL, SafetyState(reasons=["emergency stop"], vertical_locked=True),
+         "not permitted: emergency stop"),
+        (VERTICAL, SafetyState(motion_permitted=True, planar_permitted=True, vertical_locked=True),
+         "not permitted: the vertical axis is locked"),
+        (PLANAR, SafetyState(motion_permitted=True, vertical_locked=True),
+         "not permitted: the supervisor's parameter `required` does not name"),
+        (PLANAR, SafetyState(motion_permitted=True, planar_permitted=True, vertical_locked=True),
+         ""),
+    ],
+)  # fmt: skip
+def test_a_refused_permission_has_its_reason(field, safety, told):
+    said = refused(field, safety)
+    assert said.startswith(told) and bool(said) == bool(told)
