@@ -33,6 +33,7 @@ class PlayedRecorder:
 
     def __init__(self):
         self.asked: dict[str, list[Future]] = {}
+        self.names: list[str] = []
         self.told: list[DiagnosticStatus] = []
         log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
         self.get_logger = lambda: log
@@ -41,6 +42,8 @@ class PlayedRecorder:
         calls = self.asked[name.rpartition("/")[2]] = []
 
         def call_async(request):
+            for parameter in getattr(request, "parameters", ()):
+                self.names.append(parameter.value.string_value)
             calls.append(Future())
             return calls[-1]
 
@@ -106,6 +109,19 @@ def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recor
     assert follow(recording, 30) == "" and not recording.runs
 
 
+def test_no_name_is_left_for_a_recording_by_hand(recording, recorder):
+    begun(recording, recorder)
+    assert recorder.names == ["P-22222_clock", ""]
+
+
+def test_a_name_that_came_too_late_is_taken_back(recording, recorder):
+    recording.ask("P-22222_clock")
+    follow(recording, 1)
+    assert follow(recording, 12) == REFUSED
+    recorder.answer("set_parameters", NAMED)
+    assert recorder.names == ["P-22222_clock", ""] and recorder.asked["start"] == []
+
+
 def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
     recording.ask("P-22222_clock")
     follow(recording, 1)
@@ -115,6 +131,7 @@ def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
     recorder.answer("set_parameters", NAMED)  # to the first
     assert recorder.asked["start"] == []
     recorder.answer("set_parameters", NAMED)
+    assert recorder.names == ["P-22222_clock", "P-33333_clock"], "the second name stays"
     recorder.answer("start", DONE)
     assert follow(recording, 15) == BEGUN
 
