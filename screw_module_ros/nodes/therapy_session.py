@@ -54,6 +54,7 @@ _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
+_BY_HAND = "the therapist paused it"
 
 
 class TherapySettings(NamedTuple):
@@ -87,7 +88,7 @@ class TherapySessionNode(ModuleNode):
         self._slot: TherapySlot
         self._state: TherapyState
         self.serve(StartTherapy, "~/start", self._start)
-        self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
+        self.serve(Trigger, "~/pause", self._pause)
         self.serve(Trigger, "~/resume", self._resume)
         self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
 
@@ -294,6 +295,14 @@ class TherapySessionNode(ModuleNode):
                 return "no session has been started"
             changed = self._change(getattr(session, name), *reason)
             return "" if changed else f"the session is {session.state}"
+
+    def _pause(self, request: Trigger.Request) -> str:
+        with self._lock:
+            session = self._session
+            if session is not None and session.state == PAUSED and session.reason == _WAITS:
+                session.reason = _BY_HAND  # so that it does not begin with its recording
+                return ""
+        return self._act("pause", _BY_HAND)
 
     def _resume(self, request: Trigger.Request) -> str:
         if self._recording.waits:

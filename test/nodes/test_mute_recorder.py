@@ -17,11 +17,14 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes import therapy_session
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.recording import Status
+from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
+from screw_module_ros.therapy.session import PAUSED, Session
 
 S = 1_000_000_000
 NAMED = SetParameters.Response(results=[SetParametersResult(successful=True)])
@@ -162,6 +165,17 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
     assert len(recorder.asked["stop"]) == 1 and not recording.runs
     TherapySessionNode.end(node)
     assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_pause_while_the_recording_begins_is_kept():
+    """The answer was `the session is paused`, and a moment later the robot moved the hand."""
+    session = Session(load_protocol("clock_adaptive"))
+    session.pause(therapy_session._WAITS)
+    follows = SimpleNamespace(follow=lambda in_session, now_ns: BEGUN, message="")
+    node = SimpleNamespace(_lock=threading.Lock(), _session=session, _recording=follows)
+    assert TherapySessionNode._pause(node, Trigger.Request()) == ""
+    TherapySessionNode._follow_recorder(node, 2 * S)
+    assert (session.state, session.reason) == (PAUSED, "the therapist paused it")
 
 
 def test_a_recording_that_failed_is_reported_as_none():
