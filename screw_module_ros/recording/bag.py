@@ -107,7 +107,8 @@ class BagWriter:
         self._topics.append(topic)
         self._hashes.append(topic.type_hash or topic.definition.type_hash)
         self._qos.append(qos_yaml(topic.qos))
-        self._audits.append(TopicAudit(layout(topic.definition.text), stride_of(topic.type)))
+        stride = stride_of(topic.name, topic.type)
+        self._audits.append(TopicAudit(layout(topic.definition.text), stride))
         self._done_counts.append(0)
         return self._declare(self._file, len(self._topics) - 1)
 

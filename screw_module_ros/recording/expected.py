@@ -15,6 +15,7 @@ from ..graph import TOPICS
 from .metadata import decoded
 
 _LEAST_S = 1.0  # a shorter recording does not determine a rate
+_DECIMATED = "/decimated"  # end of the names of thinned topics, see `graph.ENCODER_DECIMATED`
 _FASTEST_HZ = 1e9  # larger rates are invalid
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
 
@@ -25,13 +26,13 @@ TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
 """Topics whose messages follow ticks, by type, as names can be remapped."""
 
 
-def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
-    """Return the ticks from one message of a type to the next, 0 if unknown.
+def stride_of(name: str, type_name: str, parameters: Parameters | None = None) -> int:
+    """Return the ticks from one message of a topic to the next, 0 if unknown.
 
     parameters: those stored in the bag; a type whose stride is a parameter needs them.
     """
     ticked = TICKED.get(type_name)
-    if ticked is None:
+    if ticked is None or name.endswith(_DECIMATED):  # of the same type, at a rate of its own
         return 0
     if isinstance(ticked.every, int):
         return ticked.every

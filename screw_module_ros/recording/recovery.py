@@ -252,8 +252,9 @@ def _counted(parts: list[_Part], repairs: list[Repair | None], noted: Noted) -> 
     for part, repair in zip(parts, repairs, strict=True):
         own: dict[int, TopicAudit] = {}
         for number, declared in part.channels.items():
-            fresh = TopicAudit(layout(declared.text), stride_of(declared.schema.name))
-            own[number] = audits.setdefault(declared.channel.topic, fresh)
+            name = declared.channel.topic
+            fresh = TopicAudit(layout(declared.text), stride_of(name, declared.schema.name))
+            own[number] = audits.setdefault(name, fresh)
         for found in chunks(part.source, part.survey):
             for message in found.messages:
                 own[message.channel].update(message.data, message.sequence)

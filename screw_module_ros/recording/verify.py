@@ -146,8 +146,8 @@ def verify(folder: Path | str) -> Report:
     for topic in noted.topics:  # a file may lack the declaration of a topic without messages
         tracks.setdefault(topic.name, _Track(topic.type, ""))
     tracks = dict(sorted(tracks.items()))
-    for track in tracks.values():
-        track.audit.stride = stride_of(track.type, notes.get(PARAMETERS))
+    for name, track in tracks.items():
+        track.audit.stride = stride_of(name, track.type, notes.get(PARAMETERS))
     counts = {name: track.audit.counts() for name, track in tracks.items()}
     counts = _with_noted(counts, noted)
     remarks = [*_uncounted(counts, tracks), *_ends(tracks), *_unexpected(tracks, notes)]

@@ -82,6 +82,19 @@ def test_recover_command(bag, capsys):
     assert "messages in the bag; no file needed repair" in capsys.readouterr().out
 
 
+def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
+    tmp_path, encoder_topic, samples
+):
+    """With another `exclude` of the recorder they are in the bag: four fifths seemed lost."""
+    writer = BagWriter(tmp_path / "thinned")
+    name = "/screw/encoder/decimated"
+    channel = writer.add_topic(encoder_topic._replace(name=name))
+    writer.write(samples(channel, range(0, 500, 5)))
+    assert writer.audit()[name].lost == 0
+    writer.close()
+    assert verify(tmp_path / "thinned").problems == []
+
+
 def test_path_that_is_no_bag(tmp_path, capsys):
     assert main(["verify", str(tmp_path)]) == 1
     assert "no bag folder" in capsys.readouterr().err
