@@ -95,11 +95,12 @@ def read_text(path: Path, limit: int) -> str:
 def files_of(folder: Path) -> list[Path]:
     """Return the MCAP files of a bag in the order of recording.
 
+    Hidden files are not its own: other systems add some when they copy, like `._NAME_0.mcap`.
     Raises BagReadError without any.
     """
     numbers = {}
     for path in folder.glob("*.mcap"):
-        number = path.stem.rpartition("_")[2]
+        number = "" if path.name.startswith(".") else path.stem.rpartition("_")[2]
         if number.isdecimal() and number.isascii() and len(number) < 10:
             numbers[path] = int(number)
     if not numbers:

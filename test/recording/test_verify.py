@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from screw_module_ros.recording import BagWriter, Counts, Message, Topic
+from screw_module_ros.recording.recovery import recover
 from screw_module_ros.recording.seal import NO_ANSWER, sealed
 from screw_module_ros.recording.verify import Gap, verify
 from screw_module_ros.session_command import main
@@ -47,6 +48,14 @@ def test_gaps_are_counted_and_placed(gappy, capsys):
     out = capsys.readouterr().out
     assert f"3 missing after {START + 99 * MS} ns" in out
     assert "\nNOT complete; 1 topics: 1 counted by ticks" in out
+
+
+def test_what_another_system_adds_to_a_copy_is_no_file_of_the_bag(bag):
+    """A stick that was in a Mac has a hidden companion of each file."""
+    (bag / "._bag_0.mcap").write_bytes(b"\x00\x05\x16\x07" + bytes(4092))
+    assert verify(bag).complete
+    assert recover(bag).files == 0
+    assert (bag / "._bag_0.mcap").stat().st_size == 4096
 
 
 def test_counts_that_differ_from_the_metadata_file(bag):
