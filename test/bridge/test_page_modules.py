@@ -166,6 +166,17 @@ def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, to
     assert title == told
 
 
+@pytest.mark.parametrize(("asked", "robot"), [
+    ("null", "/left"), ("'/right'", "/right"), ("'right'", "/right"), ("'rigth'", None),
+])  # fmt: skip
+def test_a_patients_screen_shows_no_other_robot_than_was_asked_for(result_of, asked, robot):
+    """`?robot=right` showed the left one's hand to the right one's patient."""
+    assert result_of(f"""
+        import {{ chosenRobot }} from "./js/bridge.js";
+        const result = chosenRobot(["/left", "/right"], {asked}) ?? null;
+    """) == robot
+
+
 FORM = PLAYED_DOCUMENT + """
     const { StartCard } = await import("./js/therapist/start.js");
     const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The patient's screen: shows what the session asks for; while none runs, there is a game.
 
-import { Bridge, configurationAtLast, named } from "../bridge.js";
+import { Bridge, chosenRobot, configurationAtLast, named } from "../bridge.js";
 import { fitted } from "../canvas.js";
 import { ABORTED, FINISHED, IDLE, RUNNING, SAFETY_OK } from "../states.js";
 import { ownToken } from "../token.js";
@@ -160,7 +160,11 @@ async function main() {
   const token = ownToken();
   config = await configurationAtLast(token, (sentence) => { world.sentence = sentence; });
   const asked = new URLSearchParams(location.search).get("robot");
-  robot = config.robots.includes(asked) ? asked : config.robots[0];
+  robot = chosenRobot(config.robots, asked);
+  if (!robot) {
+    world.sentence = `There is no robot ${asked} here: ask for the right address.`;
+    return;
+  }
   bridge = new Bridge(token, (isOpen, sentence) => {
     Object.assign(world, { isOpen, sentence });
     if (!isOpen) seen.miss();
