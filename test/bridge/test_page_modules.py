@@ -177,6 +177,21 @@ def test_a_patients_screen_shows_no_other_robot_than_was_asked_for(result_of, as
     """) == robot
 
 
+@pytest.mark.parametrize(("height", "is_drawn"), [("0.2", True), ("null", False)])
+def test_the_elevators_car_is_seen_though_the_plane_is_not_homed(result_of, height, is_drawn):
+    """A session up and down needs no plane: it ran, but the patient did not see the hand."""
+    assert result_of(f"""
+        import {{ drawElevator }} from "./js/patient/elevator.js";
+        const drawn = [];
+        const draws = (_, name) => () => drawn.push(name);
+        const ctx = new Proxy({{}}, {{ get: draws, set: () => true }});
+        const state = {{ start: {{ z: 0.18 }}, target: {{ z: 0.32 }}, phase: 2 }};
+        const hand = {{ x: null, y: null, z: {height}, isKnown: false }};
+        drawElevator({{ ctx, width: 800, height: 600 }}, {{ state, hand }});
+        const result = drawn.includes("roundRect");
+    """) == is_drawn
+
+
 FORM = PLAYED_DOCUMENT + """
     const { StartCard } = await import("./js/therapist/start.js");
     const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];

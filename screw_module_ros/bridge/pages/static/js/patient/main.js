@@ -24,7 +24,8 @@ const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const sound = new Sound();
 const world = {
-  hand: { x: 0, y: 0, z: 0, isKnown: false }, force: { x: 0, y: 0, z: 0 },
+  hand: { x: 0, y: 0, z: null, isKnown: false }, // isKnown: in the plane; z: null where it is not
+  force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
   heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, trials: 0,
 };
