@@ -121,3 +121,11 @@ def test_the_export_tells_targets_and_what_its_columns_mean(bag, tmp_path):
     columns = {row["column"]: row for row in csv.DictReader((folder / "columns.csv").open())}
     assert float(columns["path_error"]["factor"]) == 1e3 and columns["path_error"]["unit"] == "mm"
     assert set(columns) <= set(first)
+
+
+@pytest.mark.parametrize(("command", "name"), [("export", "trials.csv"), ("report", "report.html")])
+def test_what_cannot_be_written_is_said_so(bag, tmp_path, command, name, capsys):
+    """A full disk, too, gave a traceback."""
+    (tmp_path / "P-7K3QX" / name).mkdir(parents=True)
+    assert main([command, "--out", str(tmp_path), str(bag)]) == 1
+    assert f"--out {tmp_path}: " in capsys.readouterr().err
