@@ -132,7 +132,8 @@ def verify(folder: Path | str) -> Report:
     problems: list[str] = []
     noted, unreadable = _noted(folder)
     inside: Sections | None = None
-    for path in files_of(folder):
+    files = files_of(folder)
+    for path in files:
         with Source(path) as source:
             found = survey(source, bool(noted.state))
             _walk(source, found, noted, tracks)
@@ -155,6 +156,7 @@ def verify(folder: Path | str) -> Report:
     problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
     problems += _suspect(tracks, notes)
     if not unreadable:
+        problems += _unlisted(files, noted, folder)
         problems += _compared(counts, noted)
         problems += broken(notes, inside)
         problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
@@ -258,6 +260,14 @@ def _suspect(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
             yield f"{name}: its sequence jumped {count.restarts} times, too far to count losses"
         elif why := track.wrong_rate(notes.get(PARAMETERS, {})):
             yield f"{name}: {why}"
+
+
+def _unlisted(files: list[Path], noted: Noted, folder: Path) -> Iterator[str]:
+    """Yield a sentence if metadata.yaml lists other files: readers open those that it lists."""
+    names = tuple(path.name for path in files)
+    if noted.files != names:
+        listed = f"lists {', '.join(noted.files) or 'none'}, but there are {', '.join(names)}"
+        yield f"{METADATA_FILE} {listed}; run: session recover {folder}"
 
 
 def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:

@@ -64,6 +64,17 @@ def test_counts_that_differ_from_the_metadata_file(bag):
     assert "metadata.yaml states 5001 messages, the files contain 5000" in verify(bag).problems[0]
 
 
+def test_a_renamed_file_is_found(bag):
+    """The bag was called complete, though no reader could open it."""
+    (bag / "bag_0.mcap").rename(bag / "mine_0.mcap")
+    (problem,) = verify(bag).problems
+    assert problem == (
+        f"metadata.yaml lists bag_0.mcap, but there are mine_0.mcap; run: session recover {bag}"
+    )
+    recover(bag)
+    assert not any("lists" in problem for problem in verify(bag).problems)
+
+
 def test_torn_file(bag):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
