@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -121,4 +122,5 @@ def _writing(root: Path) -> Iterator[None]:
 
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
-    return in_order([session for bag in bags for session in _read(bag)])
+    once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
+    return in_order([session for bag in once for session in _read(bag)])
