@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from ..graph import TOPICS
+from ..graph import THERAPY_STATE, TOPICS
+from .audit import NO_SEQUENCE, layout
 from .metadata import decoded
 
 _LEAST_S = 1.0  # a shorter recording does not determine a rate
@@ -24,6 +25,15 @@ Parameters = Mapping[str, str]  # per node, its parameters as JSON
 
 TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
 """Topics whose messages follow ticks, by type, as names can be remapped."""
+
+
+_HEARD = (TOPICS[THERAPY_STATE].type,)
+"""Types with the tick number of what their node has heard: it repeats and skips without a loss."""
+
+
+def layout_of(type_name: str, definition: str) -> int:
+    """Return where messages of a type have the number that counts them, as `audit.layout`."""
+    return NO_SEQUENCE if type_name in _HEARD else layout(definition)
 
 
 def stride_of(name: str, type_name: str, parameters: Parameters | None = None) -> int:

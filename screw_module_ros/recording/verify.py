@@ -15,11 +15,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .audit import Counts, TopicAudit, layout, monotonic_of, sequence_of
+from .audit import Counts, TopicAudit, monotonic_of, sequence_of
 from .bag import CLOSED, METADATA_FILE, REFUSED
 from .catalogue import resolved
 from .errors import BagReadError
-from .expected import TICKED, absent, stride_of, wrong_rate
+from .expected import TICKED, absent, layout_of, stride_of, wrong_rate
 from .files import Source, files_of
 from .noted import Noted, own, read_noted
 from .seal import PARAMETERS, Sections, broken, disowned
@@ -87,7 +87,7 @@ class _Track:
 
     def __init__(self, type_name: str, definition: str):
         self.type = type_name
-        self.where = layout(definition)
+        self.where = layout_of(type_name, definition)
         self.audit = TopicAudit(self.where)
         self.numbered = False
         self.first = self.last = 0

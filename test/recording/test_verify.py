@@ -115,6 +115,25 @@ def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
     assert verify(tmp_path / "thinned").problems == []
 
 
+def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
+    tmp_path, codec, definitions
+):
+    """Its `sequence` is that of the newest sample of the hand: it seemed to have lost messages."""
+    kind = "screw_module_msgs/msg/TherapyState"
+    writer = BagWriter(tmp_path / "told")
+    channel = writer.add_topic(Topic("/therapy/state", kind, definitions.find(kind)))
+    heard = [*range(0, 1000, 50), *[950] * 20, *range(2000, 3000, 50)]
+    writer.write(
+        Message(channel, START + n * MS, START, n + 1, codec.encode(kind, {"sequence": number}))
+        for n, number in enumerate(heard)
+    )
+    assert writer.audit()["/therapy/state"].complete
+    writer.close()
+    report = verify(tmp_path / "told")
+    assert report.problems == []
+    assert report.verdict.endswith("1 topics: 1 counted by message numbers")
+
+
 def test_path_that_is_no_bag(tmp_path, capsys):
     assert main(["verify", str(tmp_path)]) == 1
     assert "no bag folder" in capsys.readouterr().err
