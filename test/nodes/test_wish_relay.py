@@ -70,9 +70,23 @@ def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
 
 
 def test_a_session_begins_without_the_games_set_point(relay):
+    """NaN alone leaves the spring where it is, and it pulled until the recording had begun."""
     relay.wishes.append(wish(0.1))
     relay.relay(True, HAND, 10 * S)
     relay.begin(WishLimits())
     assert all(value != value for value in relay.asked[-1])
-    relay.relay(False, HAND, 11 * S)
-    assert len(relay.asked) == 2
+    for second in (11, 12):
+        relay.relay(False, HAND, second * S)
+    assert relay.asked[2:] == [HAND]
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_a_hand_that_is_not_known_is_released_when_it_is(relay, allowed):
+    """A game that reads the hand's position falls silent with it, and its spring stayed."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    relay.relay(allowed, None, 12 * S)
+    assert len(relay.asked) == 1
+    relay.relay(allowed, HAND, 60 * S)
+    relay.relay(allowed, HAND, 61 * S)
+    assert relay.asked[1:] == [HAND]
