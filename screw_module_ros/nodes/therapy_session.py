@@ -125,12 +125,14 @@ class TherapySessionNode(ModuleNode):
                 self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
-        """End a running session, so that the slot fades out, and its recording."""
+        """End a running session, so that the slot fades out, its recording, and a game's pull."""
         with self._lock:
+            now_ns = self.clock.now_ns()
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
-                self._send(self.clock.now_ns())
+                self._send(now_ns)
             self._recording.close()
+            self._relay_wishes(now_ns, ends=True)
 
     # Loop ----------------------------------------------------------------------------------
 
@@ -247,9 +249,9 @@ class TherapySessionNode(ModuleNode):
             return 0
         return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
 
-    def _relay_wishes(self, now_ns: int) -> None:
+    def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
         running = self._session is not None and self._session.state in (RUNNING, PAUSED)
-        allowed = not running and self.parameters.read(TherapySettings).allow_wishes
+        allowed = not (running or ends) and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, None if self._silent(now_ns) else self._sample.position, now_ns)
 
     # Services ------------------------------------------------------------------------------

@@ -160,7 +160,10 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
         begun(recording, recorder)
     else:
         recording.ask("P-22222_clock")
-    node = SimpleNamespace(_lock=threading.Lock(), _session=None, _recording=recording)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=None, _recording=recording, clock=recording.clock,
+        _relay_wishes=lambda now_ns, ends: None,
+    )  # fmt: skip
     TherapySessionNode.end(node)
     assert len(recorder.asked["stop"]) == 1 and not recording.runs
     TherapySessionNode.end(node)

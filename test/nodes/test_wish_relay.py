@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import threading
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
 from screw_module_msgs.msg import EndpointSetpoint
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.wishes import WishLimits
@@ -89,4 +92,19 @@ def test_a_hand_that_is_not_known_is_released_when_it_is(relay, allowed):
     assert len(relay.asked) == 1
     relay.relay(allowed, HAND, 60 * S)
     relay.relay(allowed, HAND, 61 * S)
+    assert relay.asked[1:] == [HAND]
+
+
+def test_the_sessions_node_takes_a_games_pull_with_it(relay):
+    """Nobody would ever let the hand go: the controllers keep the newest set point."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    recording = SimpleNamespace(close=lambda: None)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=None, _recording=recording, _wishes=relay,
+        clock=ManualClock(10 * S), _silent=lambda now_ns: False,
+        _sample=SimpleNamespace(position=HAND),
+    )  # fmt: skip
+    node._relay_wishes = partial(TherapySessionNode._relay_wishes, node)
+    TherapySessionNode.end(node)
     assert relay.asked[1:] == [HAND]
