@@ -19,6 +19,11 @@ from .support.topics import requested
 BEGUN, REFUSED, LOST = "begun", "refused", "lost"
 """What `follow` returns."""
 _HEARS_NS = 1_000_000_000  # from the recorder's answer until its subscriptions hear everybody
+_LATEST_NS = 5_000_000_000  # from there until it must have subscribed to what a session needs
+_NEEDED = (
+    graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
+)  # fmt: skip
+"""Topics without which a bag has no session: each message counts, the first one most."""
 _OFF, _ASKED, _ON = range(3)
 
 
@@ -27,7 +32,7 @@ class SessionRecording:
 
     def __init__(self, node: Node, clock: Clock):
         self.message = ""
-        self._client = RecorderClient(node, clock)
+        self._node, self._client = node, RecorderClient(node, clock)
         self._watch = RecorderWatch()
         self._phase = _OFF
         self._ended_ns: int | None = None
@@ -88,11 +93,32 @@ class SessionRecording:
         if self._client.refused:
             self._phase = _OFF
             return REFUSED
-        if self._client.since(now_ns) < _HEARS_NS:
+        since_ns = self._client.since(now_ns)
+        if since_ns < _HEARS_NS:
             return ""
+        if missing := self._not_taken():
+            return "" if since_ns < _LATEST_NS else self._useless(missing)
         self._phase = _ON
         self._watch.begin(now_ns)
         return BEGUN
+
+    def _not_taken(self) -> str:
+        """Return the names of the topics of a session that the recorder does not subscribe to."""
+        here = RECORDER, self._node.get_namespace()
+        taken = self._node.get_subscriptions_info_by_topic
+        return ", ".join(
+            name for name in _NEEDED
+            if here not in [(each.node_name, each.node_namespace) for each in taken(name)]
+        )  # fmt: skip
+
+    def _useless(self, missing: str) -> str:
+        self._phase = _OFF
+        self.message = (
+            f"not recorded: the session_recorder does not take {missing}: see its parameters "
+            "topics and exclude"
+        )
+        self._client.stop()
+        return REFUSED
 
     def _recorded(self, now_ns: int) -> str:
         problem = self._watch.lost(now_ns) if self._phase == _ON else ""

@@ -40,6 +40,8 @@ class PlayedRecorder:
         self.told: list[DiagnosticStatus] = []
         log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
         self.get_logger = lambda: log
+        self.get_namespace = lambda: "/"
+        self.left_out: set[str] = set()
 
     def create_client(self, kind, name):
         calls = self.asked[name.rpartition("/")[2]] = []
@@ -51,6 +53,11 @@ class PlayedRecorder:
             return calls[-1]
 
         return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+
+    def get_subscriptions_info_by_topic(self, name):
+        other = SimpleNamespace(node_name="web_bridge", node_namespace="/")
+        own = SimpleNamespace(node_name="session_recorder", node_namespace="/")
+        return [other] if name in self.left_out else [other, own]
 
     def subscribe(self, kind, name, profile):
         return lambda: self.told.pop(0) if self.told else None
@@ -100,6 +107,31 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     assert follow(recording, 12) == REFUSED
     assert "does not answer" in recording.message
     assert not recording.waits and recording.hindrance(12 * S) == ""
+
+
+def test_a_recorder_that_leaves_a_sessions_topics_out_records_none(recording, recorder):
+    """Its parameters `topics` and `exclude` may do so; the session was said to be recorded."""
+    recorder.left_out = {"therapy/trial"}
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert [follow(recording, second) for second in (2, 4)] == ["", ""]
+    assert follow(recording, 6) == REFUSED and not recording.runs
+    assert "does not take therapy/trial: see its parameters topics" in recording.message
+    assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_session_begins_only_once_the_recorder_hears_it(recording, recorder):
+    """On a busy machine that takes longer; only a session's first state has the protocol."""
+    recorder.left_out = {"therapy/state"}
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert follow(recording, 3) == ""
+    recorder.left_out = set()
+    assert follow(recording, 4) == BEGUN
 
 
 def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recorder):
