@@ -187,6 +187,7 @@ class TherapySessionNode(ModuleNode):
         """Begin once the recording hears us, and do not go on unrecorded without being told to."""
         session = self._session
         if session is None:
+            self._recording.listen(now_ns)
             return
         news = self._recording.follow(session.state in (RUNNING, PAUSED), now_ns)
         if news == REFUSED:
@@ -269,9 +270,15 @@ class TherapySessionNode(ModuleNode):
                 return f"a session of {self._patient} is {running.state}: end it first"
             if self._sampled_ns is None:
                 return "no endpoint_state has come yet"
-            if hindrance := self._recording.hindrance(self.clock.now_ns()):
+            now_ns = self.clock.now_ns()
+            if hindrance := self._recording.hindrance(now_ns):
                 return hindrance
-            self._attendance.begin(self.clock.now_ns())
+            if not request.record and (owner := self._recording.of_another(patient, now_ns)):
+                return (
+                    f"session_recorder still records a session of {owner}, whose bag would hold "
+                    "this one too: stop it first (session_recorder/stop)"
+                )
+            self._attendance.begin(now_ns)
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
             self._session, self._sent, self._wish = Session(protocol), None, None

@@ -66,8 +66,8 @@ class PlayedRecorder:
         """Answer the oldest call."""
         self.asked[service].pop(0).set_result(response)
 
-    def report(self, recording):
-        values = [KeyValue(key="recording", value=str(recording))]
+    def report(self, recording, bag=""):
+        values = [KeyValue(key="recording", value=str(recording)), KeyValue(key="bag", value=bag)]
         self.told.append(DiagnosticStatus(values=values))
 
 
@@ -183,6 +183,21 @@ def test_a_recording_that_has_ended_is_not_ended_again(recording, recorder):
     recorder.report(recording=False)
     assert follow(recording, 3) == LOST
     assert recorder.asked["stop"] == []
+
+
+@pytest.mark.parametrize(("bag", "owner"), [
+    ("/bags/P-22222_clock_2026_01_05-12_00_00", "P-22222"),
+    ("/bags/P-33333_clock_2026_01_05-12_00_00", ""),
+    ("/bags/session_2026_01_05-12_00_00", ""),  # somebody records the whole day
+])  # fmt: skip
+def test_a_recording_that_a_killed_node_left_is_noticed(recording, recorder, bag, owner):
+    recorder.report(True, bag)
+    recording.listen(S)
+    assert recording.of_another("P-33333", 2 * S) == owner
+    assert recording.of_another("P-33333", 9 * S) == "", "the recorder has gone as well"
+    recorder.report(False, bag)
+    recording.listen(2 * S)
+    assert recording.of_another("P-33333", 2 * S) == ""
 
 
 @pytest.mark.parametrize("answered", [True, False])
