@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 
 from ..clock import Clock
 from .client import Client, CutOff, Gateway
@@ -222,7 +222,7 @@ class Server:
     async def _read(self, connection: Connection) -> None:
         async for message in connection.socket:
             if message.type is not WSMsgType.TEXT:
-                await self._cut_off(connection, "JSON texts are wanted, no binary messages")
+                await self._cut_off(connection, self._unwanted(message))
                 return
             try:
                 connection.client.take(message.data, self._clock.now_ns())
@@ -230,6 +230,14 @@ class Server:
             except CutOff as error:
                 await self._cut_off(connection, str(error))
                 return
+
+    def _unwanted(self, message: WSMessage) -> str:
+        """Return what is wrong with a message that is no text."""
+        if message.type is not WSMsgType.ERROR:
+            return "JSON texts are wanted, no binary messages"
+        if getattr(message.data, "code", None) == WSCloseCode.MESSAGE_TOO_BIG:
+            return f"a message had more than the {self.limits.size} bytes that are allowed"
+        return f"it does not keep to the websocket protocol: {message.data}"
 
     async def _cut_off(self, connection: Connection, sentence: str) -> None:
         """Send a client the reason of its disconnection, if it reads, and close."""

@@ -55,12 +55,12 @@ def new_message(name: str) -> Any:
 
 
 class PolledTopic:
-    """A polled subscription with its newest message; `kept`: number of earlier ones to keep."""
+    """A polled subscription with its newest message; kept: whether to keep earlier ones (JSON)."""
 
     def __init__(
         self, node: Node, name: str, kind: str, profile: QoSProfile, group: HotGroup, kept: bool
     ):
-        self.kept: deque[Any] = deque(maxlen=_MOST_KEPT if kept else 0)
+        self.kept: deque[str] = deque(maxlen=_MOST_KEPT if kept else 0)
         self.kind = found_type(kind)
         self.subscription = node.create_subscription(
             self.kind, name, never, profile, callback_group=group
@@ -75,7 +75,8 @@ class PolledTopic:
             count = self._newest[0] if self._newest else 0
             self._newest = (count + 1, taken[0])
             self._arrived_ns = taken[1]["received_timestamp"]  # it may have waited for a client
-            self.kept.append(taken[0])
+            if self.kept.maxlen:  # now, as a thousand at once would hold up every client
+                self.kept.append(_text(taken[0]))
 
     def newest(self, stamp_ns: int) -> tuple[int, str] | None:
         """Return the newest message as JSON, with its number from 1; None if it is old.
@@ -92,7 +93,7 @@ class PolledTopic:
 
     def history(self) -> list[str]:
         """Return the last messages as JSON."""
-        return [_text(message) for message in tuple(self.kept)]
+        return list(self.kept)
 
 
 def _text(message: Any) -> str:

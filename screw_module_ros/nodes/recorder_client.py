@@ -21,7 +21,7 @@ _CLOSING_NS = 10_000_000_000  # after which a recorder that does not answer is w
 
 
 class RecorderClient:
-    """Sets the name of the bag, then starts the recording.
+    """Sets the name of the bag, then starts the recording, and takes the name back.
 
     message: the recorder's answer, for diagnostics; refused: it does not record.
     """
@@ -56,9 +56,7 @@ class RecorderClient:
         """Request a recording under a name; the log shows the result."""
         self.refused, self._started_ns, self._due_ns = False, None, None
         self._request += 1
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
-        request = SetParameters.Request(parameters=[Parameter(name="name", value=value)])
-        self._unsent = self._clock.now_ns() + _FOUND_NS, request
+        self._unsent = self._clock.now_ns() + _FOUND_NS, _naming(name)
         self.message = "asked for"
 
     def look(self, now_ns: int) -> None:
@@ -78,6 +76,7 @@ class RecorderClient:
 
     def _named(self, number: int, future) -> None:
         if number != self._request:
+            self._unname()
             return
         answer = future.result()
         if answer is None or not all(result.successful for result in answer.results):
@@ -98,6 +97,15 @@ class RecorderClient:
             self._node.get_logger().info(self.message)
         else:
             self._refuse(f"not recorded: {answer.message if answer else 'no answer'}")
+        self._unname()
+
+    def _unname(self) -> None:
+        """Take the name back: a recording that is started by hand later is somebody else's.
+
+        Not while another request is under way, whose name the recorder may have already.
+        """
+        if self._unsent is None and self._due_ns is None:
+            self._parameters.call_async(_naming(""))
 
     def _stopped(self, future) -> None:
         answer = future.result()
@@ -113,3 +121,9 @@ class RecorderClient:
         self.message, self.refused, self._due_ns = problem, True, None
         self._request += 1
         self._node.get_logger().warning(problem)
+
+
+def _naming(name: str) -> SetParameters.Request:
+    """Return the request that names the recorder's next bag; empty: by date and time."""
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=name)
+    return SetParameters.Request(parameters=[Parameter(name="name", value=value)])

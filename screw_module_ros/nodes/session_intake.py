@@ -72,7 +72,7 @@ class _Tap:
         self.numbered = True
         self.newest = b""
         fields = kind.get_fields_and_field_types()
-        self.has_calibration = "calibration" in fields
+        self.has_calibration = fields.get("calibration") == "string"  # others may mean another
         self.is_stamped = next(iter(fields.values()), "") in _STAMPS
         self.hop: Hop | None = None
         self.subscription: Any = None

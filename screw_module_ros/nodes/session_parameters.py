@@ -26,7 +26,8 @@ _PATIENCE = 5  # calls of `ask` until a node that does not answer is asked again
 class NodeParameters:
     """Parameters of the nodes of the graph, collected by the executor's thread.
 
-    values: per node, its parameters as JSON with sorted names, or NO_ANSWER.
+    values: per node, its parameters as JSON with sorted names, null for one that the node does not
+    tell; or NO_ANSWER.
     """
 
     def __init__(self, node: Node, leave_out: Callable[[str], bool] = lambda name: False):
@@ -73,7 +74,13 @@ class NodeParameters:
         )
 
     def _on_values(self, name: str, names: list[str], answer: Future) -> None:
-        values = map(parameter_value_to_python, answer.result().values)
+        try:
+            values = [parameter_value_to_python(value) for value in answer.result().values]
+        except RuntimeError as error:  # of a type that rclpy does not know
+            self._node.get_logger().warning(f"the parameters of {name} are not noted: {error}")
+            return
+        if len(values) != len(names):  # rclcpp tells none of them where one has no value
+            values = [None] * len(names)
         self._keep(name, dict(zip(names, values, strict=True)))
 
     def _keep(self, name: str, values: dict) -> None:

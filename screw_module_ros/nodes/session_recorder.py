@@ -253,7 +253,8 @@ class SessionRecorder(ModuleNode):
             folder = self._parent()
         except ValueError as error:
             return str(error)
-        there = next(path for path in (folder, *folder.parents) if path.exists())
+        # `Path.exists` raises below a folder that this user may not enter.
+        there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
         if not there.is_dir():
             return f"cannot record to {folder}: {there} is no folder"
         if not os.access(there, os.W_OK | os.X_OK):

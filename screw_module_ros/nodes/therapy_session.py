@@ -54,6 +54,7 @@ _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
+_BY_HAND = "the therapist paused it"
 
 
 class TherapySettings(NamedTuple):
@@ -87,7 +88,7 @@ class TherapySessionNode(ModuleNode):
         self._slot: TherapySlot
         self._state: TherapyState
         self.serve(StartTherapy, "~/start", self._start)
-        self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
+        self.serve(Trigger, "~/pause", self._pause)
         self.serve(Trigger, "~/resume", self._resume)
         self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
 
@@ -124,12 +125,14 @@ class TherapySessionNode(ModuleNode):
                 self._wishes.limit(self.parameters.read(WishLimits, "wish"))
 
     def end(self) -> None:
-        """End a running session, so that the slot fades out, and its recording."""
+        """End a running session, so that the slot fades out, its recording, and a game's pull."""
         with self._lock:
+            now_ns = self.clock.now_ns()
             if self._session is not None:
                 self._change(self._session.abort, "the node was stopped")
-                self._send(self.clock.now_ns())
+                self._send(now_ns)
             self._recording.close()
+            self._relay_wishes(now_ns, ends=True)
 
     # Loop ----------------------------------------------------------------------------------
 
@@ -184,6 +187,7 @@ class TherapySessionNode(ModuleNode):
         """Begin once the recording hears us, and do not go on unrecorded without being told to."""
         session = self._session
         if session is None:
+            self._recording.listen(now_ns)
             return
         news = self._recording.follow(session.state in (RUNNING, PAUSED), now_ns)
         if news == REFUSED:
@@ -246,9 +250,9 @@ class TherapySessionNode(ModuleNode):
             return 0
         return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
 
-    def _relay_wishes(self, now_ns: int) -> None:
+    def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
         running = self._session is not None and self._session.state in (RUNNING, PAUSED)
-        allowed = not running and self.parameters.read(TherapySettings).allow_wishes
+        allowed = not (running or ends) and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, None if self._silent(now_ns) else self._sample.position, now_ns)
 
     # Services ------------------------------------------------------------------------------
@@ -266,9 +270,15 @@ class TherapySessionNode(ModuleNode):
                 return f"a session of {self._patient} is {running.state}: end it first"
             if self._sampled_ns is None:
                 return "no endpoint_state has come yet"
-            if hindrance := self._recording.hindrance(self.clock.now_ns()):
+            now_ns = self.clock.now_ns()
+            if hindrance := self._recording.hindrance(now_ns):
                 return hindrance
-            self._attendance.begin(self.clock.now_ns())
+            if not request.record and (owner := self._recording.of_another(patient, now_ns)):
+                return (
+                    f"session_recorder still records a session of {owner}, whose bag would hold "
+                    "this one too: stop it first (session_recorder/stop)"
+                )
+            self._attendance.begin(now_ns)
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
             self._session, self._sent, self._wish = Session(protocol), None, None
@@ -294,6 +304,14 @@ class TherapySessionNode(ModuleNode):
                 return "no session has been started"
             changed = self._change(getattr(session, name), *reason)
             return "" if changed else f"the session is {session.state}"
+
+    def _pause(self, request: Trigger.Request) -> str:
+        with self._lock:
+            session = self._session
+            if session is not None and session.state == PAUSED and session.reason == _WAITS:
+                session.reason = _BY_HAND  # so that it does not begin with its recording
+                return ""
+        return self._act("pause", _BY_HAND)
 
     def _resume(self, request: Trigger.Request) -> str:
         if self._recording.waits:

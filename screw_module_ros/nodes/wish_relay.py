@@ -45,18 +45,17 @@ class WishRelay:
     def relay(self, allowed: bool, hand: Point | None, now_ns: int) -> None:
         """Pass on the newest wish, if any; release the hand when a game is silent or cut off.
 
-        allowed: whether a game may pull now. hand: its position [m], None if unknown. now_ns [ns].
+        allowed: whether a game may pull now. hand: its position [m], None if unknown: it is
+        released as soon as it is known, as NaN would leave the spring where it is. now_ns [ns].
         """
         message = self._take()
-        place = _NOWHERE if hand is None else hand
-        if not allowed:
-            if (point := self._gate.cut_off(place)) is not None:
-                self._ask_for(point)
-        elif message is not None:
+        if allowed and message is not None:
             wish = (message.position.x, message.position.y, message.position.z)
-            self._ask_for(self._gate.passed(wish, place, now_ns))
-        elif (point := self._gate.released(place, now_ns)) is not None:
-            self._ask_for(point)
+            self._ask_for(self._gate.passed(wish, hand or _NOWHERE, now_ns))
+        elif hand is not None:
+            let_go = self._gate.released(hand, now_ns) if allowed else self._gate.cut_off(hand)
+            if let_go is not None:
+                self._ask_for(let_go)
 
     def _ask_for(self, point: Point) -> None:
         position = self._message.position

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from .audit import Counts, TopicAudit, layout
+from .audit import Counts, TopicAudit
 from .definitions import Definition
 from .errors import BagExistsError, BagFolderError, BagWriteError
-from .expected import stride_of
+from .expected import layout_of, stride_of
 from .files import write_atomically
 from .mcap_file import McapFile, Message
 from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
@@ -107,7 +107,8 @@ class BagWriter:
         self._topics.append(topic)
         self._hashes.append(topic.type_hash or topic.definition.type_hash)
         self._qos.append(qos_yaml(topic.qos))
-        self._audits.append(TopicAudit(layout(topic.definition.text), stride_of(topic.type)))
+        stride = stride_of(topic.name, topic.type)
+        self._audits.append(TopicAudit(layout_of(topic.type, topic.definition.text), stride))
         self._done_counts.append(0)
         return self._declare(self._file, len(self._topics) - 1)
 

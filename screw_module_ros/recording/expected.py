@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from ..graph import TOPICS
+from ..graph import THERAPY_STATE, TOPICS
+from .audit import NO_SEQUENCE, layout
 from .metadata import decoded
 
 _LEAST_S = 1.0  # a shorter recording does not determine a rate
+_DECIMATED = "/decimated"  # end of the names of thinned topics, see `graph.ENCODER_DECIMATED`
 _FASTEST_HZ = 1e9  # larger rates are invalid
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
 
@@ -25,13 +27,22 @@ TICKED = {topic.type: topic for topic in TOPICS.values() if topic.clock}
 """Topics whose messages follow ticks, by type, as names can be remapped."""
 
 
-def stride_of(type_name: str, parameters: Parameters | None = None) -> int:
-    """Return the ticks from one message of a type to the next, 0 if unknown.
+_HEARD = (TOPICS[THERAPY_STATE].type,)
+"""Types with the tick number of what their node has heard: it repeats and skips without a loss."""
+
+
+def layout_of(type_name: str, definition: str) -> int:
+    """Return where messages of a type have the number that counts them, as `audit.layout`."""
+    return NO_SEQUENCE if type_name in _HEARD else layout(definition)
+
+
+def stride_of(name: str, type_name: str, parameters: Parameters | None = None) -> int:
+    """Return the ticks from one message of a topic to the next, 0 if unknown.
 
     parameters: those stored in the bag; a type whose stride is a parameter needs them.
     """
     ticked = TICKED.get(type_name)
-    if ticked is None:
+    if ticked is None or name.endswith(_DECIMATED):  # of the same type, at a rate of its own
         return 0
     if isinstance(ticked.every, int):
         return ticked.every

@@ -20,6 +20,7 @@ from types import TracebackType
 from .errors import BagBusyError, BagReadError
 
 _BLOCK = 2**20  # B copied at a time
+_OWNER_ONLY = 0o600  # mode of a file: a recording is a person's health data
 
 
 class Source:
@@ -95,11 +96,12 @@ def read_text(path: Path, limit: int) -> str:
 def files_of(folder: Path) -> list[Path]:
     """Return the MCAP files of a bag in the order of recording.
 
+    Hidden files are not its own: other systems add some when they copy, like `._NAME_0.mcap`.
     Raises BagReadError without any.
     """
     numbers = {}
     for path in folder.glob("*.mcap"):
-        number = path.stem.rpartition("_")[2]
+        number = "" if path.name.startswith(".") else path.stem.rpartition("_")[2]
         if number.isdecimal() and number.isascii() and len(number) < 10:
             numbers[path] = int(number)
     if not numbers:
@@ -154,7 +156,7 @@ def keep_beside(source: Source, start: int, end: int, name: str) -> Path:
     for number in count(1):
         target = source.path.with_name(f"{name}_{number}" if number > 1 else name)
         try:
-            file = target.open("xb")
+            file = open(target, "xb", opener=owner_only)
             break
         except FileExistsError:
             if _holds(target, source, start, end):  # from an earlier recovery that failed later
@@ -183,6 +185,11 @@ def _holds(target: Path, source: Source, start: int, end: int) -> bool:
         return False
 
 
+def owner_only(path: str, flags: int) -> int:
+    """Open a file, an opener for `open`; a new one is the owner's alone, whatever the umask."""
+    return os.open(path, flags, _OWNER_ONLY)
+
+
 def write_all(descriptor: int, data: bytes, offset: int) -> None:
     """Write `data` at `offset`. Raises OSError, for instance on a full disk."""
     view = memoryview(data)
@@ -206,7 +213,7 @@ def write_atomically(path: Path, text: str) -> None:
     temporary = path.with_name(f".{path.name}.new")
     temporary.unlink(missing_ok=True)  # never write through an existing file or link
     try:
-        with temporary.open("x", encoding="utf-8") as file:
+        with open(temporary, "x", encoding="utf-8", opener=owner_only) as file:
             file.write(text)
         os.replace(temporary, path)
     except OSError:

@@ -33,7 +33,7 @@ from mcap.records import (
 )
 
 from .errors import BagBusyError
-from .files import write_all
+from .files import owner_only, write_all
 from .mcap_records import MAGIC, chunk_length, encoded, message_indexes, summary_section
 from .storage import StorageSettings
 
@@ -75,7 +75,7 @@ class McapFile:
         self._settings = settings
         self._zstd = zstandard.ZstdCompressor(level=settings.compression_level)
         flags = os.O_RDWR | (os.O_CREAT | os.O_EXCL if create else 0)
-        self.descriptor = os.open(path, flags, 0o644)
+        self.descriptor = owner_only(str(path), flags)
         self._lock()
         self.counts: dict[int, int] = {}
         self.start_time = 0

@@ -17,11 +17,11 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
-from .audit import Counts, TopicAudit, layout
+from .audit import Counts, TopicAudit
 from .bag import AUDIT, CLOSED, METADATA_FILE, RECOVERED, STATE
 from .catalogue import Declarations, resolved
 from .errors import BagError, BagReadError, BagWriteError
-from .expected import stride_of
+from .expected import layout_of, stride_of
 from .files import Source, check_at_rest, files_of, keep_beside, sync_folder, write_atomically
 from .metadata import FileLine, TopicLine, document, information
 from .noted import Noted, noted_from, parsed, read_noted
@@ -252,8 +252,9 @@ def _counted(parts: list[_Part], repairs: list[Repair | None], noted: Noted) -> 
     for part, repair in zip(parts, repairs, strict=True):
         own: dict[int, TopicAudit] = {}
         for number, declared in part.channels.items():
-            fresh = TopicAudit(layout(declared.text), stride_of(declared.schema.name))
-            own[number] = audits.setdefault(declared.channel.topic, fresh)
+            name, kind = declared.channel.topic, declared.schema.name
+            fresh = TopicAudit(layout_of(kind, declared.text), stride_of(name, kind))
+            own[number] = audits.setdefault(name, fresh)
         for found in chunks(part.source, part.survey):
             for message in found.messages:
                 own[message.channel].update(message.data, message.sequence)

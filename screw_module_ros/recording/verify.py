@@ -15,11 +15,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .audit import Counts, TopicAudit, layout, monotonic_of, sequence_of
+from .audit import Counts, TopicAudit, monotonic_of, sequence_of
 from .bag import CLOSED, METADATA_FILE, REFUSED
 from .catalogue import resolved
 from .errors import BagReadError
-from .expected import TICKED, absent, stride_of, wrong_rate
+from .expected import TICKED, absent, layout_of, stride_of, wrong_rate
 from .files import Source, files_of
 from .noted import Noted, own, read_noted
 from .seal import PARAMETERS, Sections, broken, disowned
@@ -87,7 +87,7 @@ class _Track:
 
     def __init__(self, type_name: str, definition: str):
         self.type = type_name
-        self.where = layout(definition)
+        self.where = layout_of(type_name, definition)
         self.audit = TopicAudit(self.where)
         self.numbered = False
         self.first = self.last = 0
@@ -132,7 +132,8 @@ def verify(folder: Path | str) -> Report:
     problems: list[str] = []
     noted, unreadable = _noted(folder)
     inside: Sections | None = None
-    for path in files_of(folder):
+    files = files_of(folder)
+    for path in files:
         with Source(path) as source:
             found = survey(source, bool(noted.state))
             _walk(source, found, noted, tracks)
@@ -146,8 +147,8 @@ def verify(folder: Path | str) -> Report:
     for topic in noted.topics:  # a file may lack the declaration of a topic without messages
         tracks.setdefault(topic.name, _Track(topic.type, ""))
     tracks = dict(sorted(tracks.items()))
-    for track in tracks.values():
-        track.audit.stride = stride_of(track.type, notes.get(PARAMETERS))
+    for name, track in tracks.items():
+        track.audit.stride = stride_of(name, track.type, notes.get(PARAMETERS))
     counts = {name: track.audit.counts() for name, track in tracks.items()}
     counts = _with_noted(counts, noted)
     remarks = [*_uncounted(counts, tracks), *_ends(tracks), *_unexpected(tracks, notes)]
@@ -155,6 +156,7 @@ def verify(folder: Path | str) -> Report:
     problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
     problems += _suspect(tracks, notes)
     if not unreadable:
+        problems += _unlisted(files, noted, folder)
         problems += _compared(counts, noted)
         problems += broken(notes, inside)
         problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
@@ -258,6 +260,14 @@ def _suspect(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
             yield f"{name}: its sequence jumped {count.restarts} times, too far to count losses"
         elif why := track.wrong_rate(notes.get(PARAMETERS, {})):
             yield f"{name}: {why}"
+
+
+def _unlisted(files: list[Path], noted: Noted, folder: Path) -> Iterator[str]:
+    """Yield a sentence if metadata.yaml lists other files: readers open those that it lists."""
+    names = tuple(path.name for path in files)
+    if noted.files != names:
+        listed = f"lists {', '.join(noted.files) or 'none'}, but there are {', '.join(names)}"
+        yield f"{METADATA_FILE} {listed}; run: session recover {folder}"
 
 
 def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import argparse
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..recording.errors import BagError
@@ -61,11 +64,16 @@ def _report(options: argparse.Namespace) -> int:
     sessions = _in_order(options.bags)
     replays = [replayed(session) for session in sessions]
     try:
-        folder = _folder(options.out, patient_of(sessions))
+        patient = patient_of(sessions)
     except ValueError as error:
         raise BagError(str(error)) from None
-    print(write_page(folder / "report.html", sessions, replays))
-    print(write_pdf(folder / "report.pdf", sessions, replays))
+    with _writing(options.out):
+        folder = patient_folder(options.out, patient)
+        files = (
+            write_page(folder / "report.html", sessions, replays),
+            write_pdf(folder / "report.pdf", sessions, replays),
+        )
+    print(*files, sep="\n")
     return 0
 
 
@@ -74,9 +82,10 @@ def _export(options: argparse.Namespace) -> int:
     for session in _in_order(options.bags):
         rows.setdefault(session.patient, []).extend(_exported(session))
     for patient, own in rows.items():
-        folder = _folder(options.out, patient)
-        write_private(folder / "trials.csv", csv_text(own, _FIRST).encode())
-        write_private(folder / "columns.csv", definitions_text(DEFINITIONS).encode())
+        with _writing(options.out):
+            folder = patient_folder(options.out, patient)
+            write_private(folder / "trials.csv", csv_text(own, _FIRST).encode())
+            write_private(folder / "columns.csv", definitions_text(DEFINITIONS).encode())
         print(folder / "trials.csv")
     return 0
 
@@ -103,12 +112,15 @@ def _read(bag: Path) -> list[Recorded]:
         raise BagError(str(error)) from None
 
 
-def _folder(root: Path, patient: str) -> Path:
+@contextmanager
+def _writing(root: Path) -> Iterator[None]:
+    """State what prevents writing below `root`, like a full disk. Raises BagError."""
     try:
-        return patient_folder(root, patient)
+        yield
     except (OSError, ValueError) as error:
         raise BagError(f"--out {root}: {error}") from None
 
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
-    return in_order([session for bag in bags for session in _read(bag)])
+    once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
+    return in_order([session for bag in once for session in _read(bag)])

@@ -128,8 +128,8 @@ class Protocol(NamedTuple):
         if self.adaptation is not None:
             _check_adaptation(self)
         for block in self.blocks:
-            if block.kind != REACH and block.duration <= 0.0:
-                raise ValueError(f"block {block.title!r}: duration: a {block.kind} needs some time")
+            if block.kind != REACH:
+                _check_other(block)
             for point in (self.centre, *points(self, block)):
                 _check_point(block, point)
             if block.kind != HOLD:
@@ -197,6 +197,17 @@ def _check_adaptation(protocol: Protocol) -> None:
             raise ValueError(
                 f"guidance.{name} = {value:g}: outside what adaptation allows, {low:g} to {high:g}"
             )
+
+
+def _check_other(block: Block) -> None:
+    """Raise ValueError for a trial that is no reach without time, or with a reach's assistance.
+
+    There is no way along which walls could guide it, nor one that the adaptation could judge.
+    """
+    if block.duration <= 0.0:
+        raise ValueError(f"block {block.title!r}: duration: a {block.kind} needs some time")
+    if block.assisted:
+        raise ValueError(f"block {block.title!r}: assisted: only a reach is, a {block.kind} is not")
 
 
 def _check_ways(protocol: Protocol, block: Block) -> None:

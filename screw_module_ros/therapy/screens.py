@@ -21,16 +21,29 @@ def protocols_for_screens(
     space, number of trials, centre, targets [m], and those of each block by its title (`blocks`).
 
     folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
-    error of an invalid file, which is omitted.
+    error of an invalid file, or of one with the name of another protocol, which is omitted.
     """
     found = [_described(name, load_protocol(name)) for name in SHIPPED]
     files = sorted(folder.glob("*.yaml"))[:_MOST] if folder is not None else ()
     for file in files:
         try:
-            found.append(_described(file.name, load_protocol(file)))
+            own = _described(file.name, load_protocol(file))
+            _check_name(own, found)
         except ProtocolError as error:
             on_problem(str(error))
+        else:
+            found.append(own)
     return found
+
+
+def _check_name(own: dict[str, Any], found: list[dict[str, Any]]) -> None:
+    """Raise ProtocolError if another protocol has its name, by which screens tell them apart."""
+    for other in found:
+        if own["protocol"] == other["protocol"]:
+            raise ProtocolError(
+                f"protocol {own['name']}: name = {own['protocol']!r} is that of {other['name']}, "
+                "whose targets the pages would show: give it a name of its own"
+            )
 
 
 def _described(name: str, protocol: Protocol) -> dict[str, Any]:

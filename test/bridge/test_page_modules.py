@@ -166,6 +166,32 @@ def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, to
     assert title == told
 
 
+@pytest.mark.parametrize(("asked", "robot"), [
+    ("null", "/left"), ("'/right'", "/right"), ("'right'", "/right"), ("'rigth'", None),
+])  # fmt: skip
+def test_a_patients_screen_shows_no_other_robot_than_was_asked_for(result_of, asked, robot):
+    """`?robot=right` showed the left one's hand to the right one's patient."""
+    assert result_of(f"""
+        import {{ chosenRobot }} from "./js/bridge.js";
+        const result = chosenRobot(["/left", "/right"], {asked}) ?? null;
+    """) == robot
+
+
+@pytest.mark.parametrize(("height", "is_drawn"), [("0.2", True), ("null", False)])
+def test_the_elevators_car_is_seen_though_the_plane_is_not_homed(result_of, height, is_drawn):
+    """A session up and down needs no plane: it ran, but the patient did not see the hand."""
+    assert result_of(f"""
+        import {{ drawElevator }} from "./js/patient/elevator.js";
+        const drawn = [];
+        const draws = (_, name) => () => drawn.push(name);
+        const ctx = new Proxy({{}}, {{ get: draws, set: () => true }});
+        const state = {{ start: {{ z: 0.18 }}, target: {{ z: 0.32 }}, phase: 2 }};
+        const hand = {{ x: null, y: null, z: {height}, isKnown: false }};
+        drawElevator({{ ctx, width: 800, height: 600 }}, {{ state, hand }});
+        const result = drawn.includes("roundRect");
+    """) == is_drawn
+
+
 FORM = PLAYED_DOCUMENT + """
     const { StartCard } = await import("./js/therapist/start.js");
     const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];

@@ -31,17 +31,23 @@ CONFIG = {"robots": ["/"], "protocols": []}
 DEADLINE_S = 20.0
 
 
-def make_server(gateway, limits=None, **listening):
+def make_server(gateway, limits=None, log=print, **listening):
     rights = Rights(["/"])
     return Server(
         Listening(port=0, **listening), limits or Limits(), TOKENS, rights, gateway, WallClock(),
-        CONFIG,
+        CONFIG, log,
     )  # fmt: skip
 
 
 @pytest.fixture
-def server(gateway):
-    server = make_server(gateway, limits=Limits(clients=4, patience=0.3))
+def said():
+    """What the server has logged."""
+    return []
+
+
+@pytest.fixture
+def server(gateway, said):
+    server = make_server(gateway, limits=Limits(clients=4, patience=0.3), log=said.append)
     server.start()
     yield server
     server.close()
@@ -199,7 +205,7 @@ def test_a_flooding_client_is_cut_off_with_a_sentence(server, gateway):
 
 
 @pytest.mark.parametrize("payload", ["x" * 20_000, "[" * 20_000])
-def test_a_message_too_large_ends_the_connection(server, payload):
+def test_a_message_too_large_ends_the_connection(server, said, payload):
     async def send():
         async with aiohttp.ClientSession() as session:
             page = await session.ws_connect(f"{server.address}/ws?token={THERAPIST}")
@@ -209,6 +215,10 @@ def test_a_message_too_large_ends_the_connection(server, payload):
             return page.close_code
 
     assert run(send()) == 1009
+    run(until(server, lambda: said))
+    assert said == [
+        "cut off a therapist's page: a message had more than the 16384 bytes that are allowed"
+    ]
 
 
 def test_binary_messages_are_refused(server):

@@ -17,11 +17,14 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes import therapy_session
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.recording import Status
+from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
+from screw_module_ros.therapy.session import PAUSED, Session
 
 S = 1_000_000_000
 NAMED = SetParameters.Response(results=[SetParametersResult(successful=True)])
@@ -33,18 +36,28 @@ class PlayedRecorder:
 
     def __init__(self):
         self.asked: dict[str, list[Future]] = {}
+        self.names: list[str] = []
         self.told: list[DiagnosticStatus] = []
         log = SimpleNamespace(info=lambda text: None, warning=lambda text: None)
         self.get_logger = lambda: log
+        self.get_namespace = lambda: "/"
+        self.left_out: set[str] = set()
 
     def create_client(self, kind, name):
         calls = self.asked[name.rpartition("/")[2]] = []
 
         def call_async(request):
+            for parameter in getattr(request, "parameters", ()):
+                self.names.append(parameter.value.string_value)
             calls.append(Future())
             return calls[-1]
 
         return SimpleNamespace(service_is_ready=lambda: True, call_async=call_async)
+
+    def get_subscriptions_info_by_topic(self, name):
+        other = SimpleNamespace(node_name="web_bridge", node_namespace="/")
+        own = SimpleNamespace(node_name="session_recorder", node_namespace="/")
+        return [other] if name in self.left_out else [other, own]
 
     def subscribe(self, kind, name, profile):
         return lambda: self.told.pop(0) if self.told else None
@@ -53,8 +66,8 @@ class PlayedRecorder:
         """Answer the oldest call."""
         self.asked[service].pop(0).set_result(response)
 
-    def report(self, recording):
-        values = [KeyValue(key="recording", value=str(recording))]
+    def report(self, recording, bag=""):
+        values = [KeyValue(key="recording", value=str(recording)), KeyValue(key="bag", value=bag)]
         self.told.append(DiagnosticStatus(values=values))
 
 
@@ -96,6 +109,31 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     assert not recording.waits and recording.hindrance(12 * S) == ""
 
 
+def test_a_recorder_that_leaves_a_sessions_topics_out_records_none(recording, recorder):
+    """Its parameters `topics` and `exclude` may do so; the session was said to be recorded."""
+    recorder.left_out = {"therapy/trial"}
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert [follow(recording, second) for second in (2, 4)] == ["", ""]
+    assert follow(recording, 6) == REFUSED and not recording.runs
+    assert "does not take therapy/trial: see its parameters topics" in recording.message
+    assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_session_begins_only_once_the_recorder_hears_it(recording, recorder):
+    """On a busy machine that takes longer; only a session's first state has the protocol."""
+    recorder.left_out = {"therapy/state"}
+    recording.ask("P-22222_clock")
+    assert follow(recording, 1) == ""
+    recorder.answer("set_parameters", NAMED)
+    recorder.answer("start", DONE)
+    assert follow(recording, 3) == ""
+    recorder.left_out = set()
+    assert follow(recording, 4) == BEGUN
+
+
 def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recorder):
     recording.ask("P-22222_clock")
     follow(recording, 1)
@@ -104,6 +142,19 @@ def test_a_recording_that_begins_after_it_was_given_up_is_ended(recording, recor
     recorder.answer("start", DONE)
     assert len(recorder.asked["stop"]) == 1
     assert follow(recording, 30) == "" and not recording.runs
+
+
+def test_no_name_is_left_for_a_recording_by_hand(recording, recorder):
+    begun(recording, recorder)
+    assert recorder.names == ["P-22222_clock", ""]
+
+
+def test_a_name_that_came_too_late_is_taken_back(recording, recorder):
+    recording.ask("P-22222_clock")
+    follow(recording, 1)
+    assert follow(recording, 12) == REFUSED
+    recorder.answer("set_parameters", NAMED)
+    assert recorder.names == ["P-22222_clock", ""] and recorder.asked["start"] == []
 
 
 def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
@@ -115,6 +166,7 @@ def test_a_late_answer_is_not_that_of_the_next_session(recording, recorder):
     recorder.answer("set_parameters", NAMED)  # to the first
     assert recorder.asked["start"] == []
     recorder.answer("set_parameters", NAMED)
+    assert recorder.names == ["P-22222_clock", "P-33333_clock"], "the second name stays"
     recorder.answer("start", DONE)
     assert follow(recording, 15) == BEGUN
 
@@ -133,6 +185,21 @@ def test_a_recording_that_has_ended_is_not_ended_again(recording, recorder):
     assert recorder.asked["stop"] == []
 
 
+@pytest.mark.parametrize(("bag", "owner"), [
+    ("/bags/P-22222_clock_2026_01_05-12_00_00", "P-22222"),
+    ("/bags/P-33333_clock_2026_01_05-12_00_00", ""),
+    ("/bags/session_2026_01_05-12_00_00", ""),  # somebody records the whole day
+])  # fmt: skip
+def test_a_recording_that_a_killed_node_left_is_noticed(recording, recorder, bag, owner):
+    recorder.report(True, bag)
+    recording.listen(S)
+    assert recording.of_another("P-33333", 2 * S) == owner
+    assert recording.of_another("P-33333", 9 * S) == "", "the recorder has gone as well"
+    recorder.report(False, bag)
+    recording.listen(2 * S)
+    assert recording.of_another("P-33333", 2 * S) == ""
+
+
 @pytest.mark.parametrize("answered", [True, False])
 def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
     """Else it would hold the next patient's movements in a bag of this one's name."""
@@ -140,11 +207,25 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
         begun(recording, recorder)
     else:
         recording.ask("P-22222_clock")
-    node = SimpleNamespace(_lock=threading.Lock(), _session=None, _recording=recording)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=None, _recording=recording, clock=recording.clock,
+        _relay_wishes=lambda now_ns, ends: None,
+    )  # fmt: skip
     TherapySessionNode.end(node)
     assert len(recorder.asked["stop"]) == 1 and not recording.runs
     TherapySessionNode.end(node)
     assert len(recorder.asked["stop"]) == 1
+
+
+def test_a_pause_while_the_recording_begins_is_kept():
+    """The answer was `the session is paused`, and a moment later the robot moved the hand."""
+    session = Session(load_protocol("clock_adaptive"))
+    session.pause(therapy_session._WAITS)
+    follows = SimpleNamespace(follow=lambda in_session, now_ns: BEGUN, message="")
+    node = SimpleNamespace(_lock=threading.Lock(), _session=session, _recording=follows)
+    assert TherapySessionNode._pause(node, Trigger.Request()) == ""
+    TherapySessionNode._follow_recorder(node, 2 * S)
+    assert (session.state, session.reason) == (PAUSED, "the therapist paused it")
 
 
 def test_a_recording_that_failed_is_reported_as_none():

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 from screw_module_msgs.msg import TherapyState
 
+from screw_module_ros.nodes import bridge_gateway
 from screw_module_ros.nodes.bridge_gateway import PolledTopic
 from screw_module_ros.nodes.support import qos
 
@@ -51,3 +52,17 @@ def test_a_result_stays():
     topic = polled([(TherapyState(), 100 * S)], kept=True)
     topic.poll()
     assert topic.newest(3700 * S)[0] == 1 and len(topic.history()) == 1
+
+
+def test_who_asks_for_the_history_again_and_again_holds_nobody_up(monkeypatch):
+    """Each request converted up to 1100 messages in the server's thread, 0.1 s long."""
+    converted = []
+    text = bridge_gateway._text
+    monkeypatch.setattr(
+        bridge_gateway, "_text", lambda message: converted.append(1) or text(message)
+    )
+    topic = polled([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3)], kept=True)
+    topic.poll()
+    histories = [topic.history() for _ in range(10)]
+    assert [json.loads(each)["trial"] for each in histories[-1]] == [1, 2, 3]
+    assert len(converted) == 3, "once each"

@@ -60,6 +60,8 @@ def test_a_recorder_that_appears_records(served, wait_until):
     recorder.create_service(Trigger, "~/start", record)
     wait_until(lambda: client.look(2 * S) or client.message == "recording to P-22222")
     assert client.since(2 * S) == S
+    # Else a recording by hand would be refused, or be another person's under this name.
+    wait_until(lambda: recorder.get_parameter("name").value == "", what="the name is taken back")
 
 
 def test_without_a_recorder_it_is_refused_after_a_while(served):

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Without a session `therapy/state` says nothing about an earlier one."""
 
-from screw_module_msgs.msg import TherapyState
+from screw_module_msgs.msg import EndpointState, TherapyState
+from screw_module_msgs.srv import StartTherapy
 
 S = 1_000_000_000
 
@@ -22,3 +23,20 @@ def test_a_node_that_was_deactivated_forgets_the_patient(make_node):
     idle = TherapyState(state=TherapyState.IDLE)
     idle.header.frame_id = "manus_base"
     assert state == idle
+
+
+def test_an_unrecorded_session_does_not_begin_in_the_bag_of_another(make_node):
+    """After a kill of this node the recorder goes on, with the name of the patient before."""
+    node = make_node("therapy_session")
+    node.connect()
+    node.begin()
+    node._take_sample(EndpointState(sequence=5), node.clock.now_ns())
+    node._recording.of_another = lambda patient, now_ns: "P-33333"
+    request = StartTherapy.Request(protocol="evaluation", patient="P-22222")
+    answer = node._start(request)
+    node._recording.of_another = lambda patient, now_ns: ""
+    begun = node._start(request)
+    node.disconnect()
+    node.close_topics()
+    assert "still records a session of P-33333" in answer and "session_recorder/stop" in answer
+    assert begun == ""

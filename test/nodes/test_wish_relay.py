@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import math
+import threading
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
 from screw_module_msgs.msg import EndpointSetpoint
 
+from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.nodes.wish_relay import WishRelay
 from screw_module_ros.therapy.wishes import WishLimits
@@ -84,11 +87,26 @@ def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
 
 
 def test_a_session_begins_without_the_games_set_point(relay):
+    """NaN alone leaves the spring where it is, and it pulled until the recording had begun."""
     relay.wishes.append(wish(0.1))
     relay.relay(True, HAND, 10 * S)
     relay.begin(WishLimits())
     assert all(value != value for value in relay.asked[-1])
-    relay.relay(False, HAND, 11 * S)
-    assert relay.asked[2:] == [HAND], "nowhere alone leaves the spring"
-    relay.relay(False, HAND, 12 * S)
-    assert len(relay.asked) == 3
+    for second in (11, 12):
+        relay.relay(False, HAND, second * S)
+    assert relay.asked[2:] == [HAND]
+
+
+def test_the_sessions_node_takes_a_games_pull_with_it(relay):
+    """Nobody would ever let the hand go: the controllers keep the newest set point."""
+    relay.wishes.append(wish(0.1))
+    relay.relay(True, HAND, 10 * S)
+    recording = SimpleNamespace(close=lambda: None)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=None, _recording=recording, _wishes=relay,
+        clock=ManualClock(10 * S), _silent=lambda now_ns: False,
+        _sample=SimpleNamespace(position=HAND),
+    )  # fmt: skip
+    node._relay_wishes = partial(TherapySessionNode._relay_wishes, node)
+    TherapySessionNode.end(node)
+    assert relay.asked[1:] == [HAND]

@@ -8,7 +8,7 @@ from rclpy.duration import Infinite
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from screw_module_ros.nodes.session_intake import Selection
+from screw_module_ros.nodes.session_intake import Selection, _Tap
 from screw_module_ros.nodes.session_qos import offered_by, recorded_class, satisfying
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.recording import BagError, Qos
@@ -84,3 +84,11 @@ def test_what_is_refused_is_noted_in_the_bag():
     intake.refused["/odd"] = "its type is not installed"
     SessionRecorder._note(recorder, session, intake)
     assert noted["not recorded"] == intake.refused
+
+
+@pytest.mark.parametrize(("kind", "is_noted"), [("string", True), ("uint8", False)])
+def test_a_calibration_is_noted_only_where_it_is_a_text(kind, is_noted):
+    """A number in a message of somebody else could not be hashed: no bag was ever closed."""
+    fields = {"header": "std_msgs/Header", "calibration": kind}
+    tap = _Tap("/other", SimpleNamespace(get_fields_and_field_types=lambda: fields), 1)
+    assert tap.has_calibration is is_noted

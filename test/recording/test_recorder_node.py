@@ -13,12 +13,15 @@ import pytest
 import rclpy
 import screw_module_msgs.msg as messages
 from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from screw_module_ros.recording.reader import columns, metadata, topics
+from screw_module_ros.recording.seal import NO_ANSWER
 from screw_module_ros.recording.verify import verify
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -283,3 +286,32 @@ def test_parameters_of_every_node_are_noted(graph, recorder, tmp_path):
     assert own["name"] == "bag"
     assert own["storage.compression"] == "zstd"
     assert json.loads(report.notes["parameters"]["/recorder_test"])["use_sim_time"] is False
+
+
+@pytest.mark.parametrize(("values", "noted"), [
+    ([], '{"a": null, "b": null}'),  # rclcpp, where one of the parameters has no value yet
+    ([ParameterValue(type=77), ParameterValue()], NO_ANSWER),
+])  # fmt: skip
+def test_a_node_that_answers_oddly_does_not_end_the_recording(
+    graph, recorder, tmp_path, values, noted
+):
+    """The recorder ended, and with it the recording, as soon as such a node was asked."""
+
+    def names(request, response):
+        response.result.names = ["a", "b"]
+        return response
+
+    def tell(request, response):
+        response.values = values
+        return response
+
+    graph.node.create_service(ListParameters, "/other/list_parameters", names)
+    graph.node.create_service(GetParameters, "/other/get_parameters", tell)
+    recorder()
+    assert graph.call("start").success
+
+    def told():
+        return metadata(tmp_path / "bag").get("parameters", {}).get("/other") == noted
+
+    graph.until(told, "the parameters in the bag")
+    assert graph.call("stop").success

@@ -18,6 +18,8 @@ from std_srvs.srv import Trigger
 from screw_module_ros.nodes import session_recorder
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 
+_NOBODY = 65534  # id of a user without rights
+
 
 class SameSecond:
     """A system clock that stands."""
@@ -85,6 +87,20 @@ def test_a_recorder_that_cannot_record_is_not_well(recorder, tmp_path):
     assert f"{tmp_path / 'bags'} is no folder" in health.message
     (tmp_path / "bags").unlink()
     assert recorder.health().level == DiagnosticStatus.OK
+
+
+def test_a_folder_in_another_users_home_is_told(recorder, tmp_path):
+    """Its state could not be reported, so that the node ended."""
+    closed = tmp_path / "bags"
+    closed.mkdir(mode=0)
+    recorder._parent = lambda: closed / "mine"
+    user = os.geteuid()
+    if user == 0:  # root may enter every folder
+        os.setresuid(_NOBODY, _NOBODY, user)
+    try:
+        assert "no permission to write into" in recorder.health().message
+    finally:
+        os.setresuid(user, user, user)
 
 
 def test_without_descriptors_the_answer_is_a_sentence(recorder, tmp_path):

@@ -5,7 +5,7 @@ import os
 
 import pytest
 from bag_counts import sequences
-from bag_damage import old
+from bag_damage import CHUNK, alter, old, place_of
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -97,6 +97,20 @@ def test_metadata_file_is_written_anew(bag, content):
     (bag / "metadata.yaml").write_text(content)
     recover(bag)
     assert sequences(bag) == list(range(5000))
+
+
+def test_what_recovery_writes_is_the_owners_alone(bag):
+    """With the umask of most shells the parts with a patient's movements were for all to read."""
+    alter(bag, lambda data: data.__setitem__(place_of(data, CHUNK, 3) + 500, 0))
+    for path in bag.iterdir():
+        path.chmod(0o600)
+    umask = os.umask(0o022)
+    try:
+        recover(bag)
+    finally:
+        os.umask(umask)
+    assert len(list(bag.iterdir())) == 4  # also the part cut out, and the old metadata.yaml
+    assert {path.stat().st_mode & 0o777 for path in bag.iterdir()} == {0o600}
 
 
 def test_bag_without_metadata_file_is_torn(bag):

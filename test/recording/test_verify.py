@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from screw_module_ros.recording import BagWriter, Counts, Message, Topic
+from screw_module_ros.recording.recovery import recover
 from screw_module_ros.recording.seal import NO_ANSWER, sealed
 from screw_module_ros.recording.verify import Gap, verify
 from screw_module_ros.session_command import main
@@ -49,10 +50,29 @@ def test_gaps_are_counted_and_placed(gappy, capsys):
     assert "\nNOT complete; 1 topics: 1 counted by ticks" in out
 
 
+def test_what_another_system_adds_to_a_copy_is_no_file_of_the_bag(bag):
+    """A stick that was in a Mac has a hidden companion of each file."""
+    (bag / "._bag_0.mcap").write_bytes(b"\x00\x05\x16\x07" + bytes(4092))
+    assert verify(bag).complete
+    assert recover(bag).files == 0
+    assert (bag / "._bag_0.mcap").stat().st_size == 4096
+
+
 def test_counts_that_differ_from_the_metadata_file(bag):
     path = bag / "metadata.yaml"
     path.write_text(path.read_text().replace("message_count: 5000", "message_count: 5001"))
     assert "metadata.yaml states 5001 messages, the files contain 5000" in verify(bag).problems[0]
+
+
+def test_a_renamed_file_is_found(bag):
+    """The bag was called complete, though no reader could open it."""
+    (bag / "bag_0.mcap").rename(bag / "mine_0.mcap")
+    (problem,) = verify(bag).problems
+    assert problem == (
+        f"metadata.yaml lists bag_0.mcap, but there are mine_0.mcap; run: session recover {bag}"
+    )
+    recover(bag)
+    assert not any("lists" in problem for problem in verify(bag).problems)
 
 
 def test_torn_file(bag):
@@ -80,6 +100,38 @@ def test_recover_command(bag, capsys):
     capsys.readouterr()
     assert main(["recover", str(bag)]) == 0
     assert "messages in the bag; no file needed repair" in capsys.readouterr().out
+
+
+def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
+    tmp_path, encoder_topic, samples
+):
+    """With another `exclude` of the recorder they are in the bag: four fifths seemed lost."""
+    writer = BagWriter(tmp_path / "thinned")
+    name = "/screw/encoder/decimated"
+    channel = writer.add_topic(encoder_topic._replace(name=name))
+    writer.write(samples(channel, range(0, 500, 5)))
+    assert writer.audit()[name].lost == 0
+    writer.close()
+    assert verify(tmp_path / "thinned").problems == []
+
+
+def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
+    tmp_path, codec, definitions
+):
+    """Its `sequence` is that of the newest sample of the hand: it seemed to have lost messages."""
+    kind = "screw_module_msgs/msg/TherapyState"
+    writer = BagWriter(tmp_path / "told")
+    channel = writer.add_topic(Topic("/therapy/state", kind, definitions.find(kind)))
+    heard = [*range(0, 1000, 50), *[950] * 20, *range(2000, 3000, 50)]
+    writer.write(
+        Message(channel, START + n * MS, START, n + 1, codec.encode(kind, {"sequence": number}))
+        for n, number in enumerate(heard)
+    )
+    assert writer.audit()["/therapy/state"].complete
+    writer.close()
+    report = verify(tmp_path / "told")
+    assert report.problems == []
+    assert report.verdict.endswith("1 topics: 1 counted by message numbers")
 
 
 def test_path_that_is_no_bag(tmp_path, capsys):

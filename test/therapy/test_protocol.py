@@ -174,6 +174,15 @@ def test_a_trial_without_a_way_on_its_axes_is_refused(kind, space, targets):
         parse_protocol(yaml.safe_dump(wrong), "own")
 
 
+@pytest.mark.parametrize(("block", "kind"), [(1, "circle"), (2, "hold"), (4, "strength")])
+def test_only_a_reach_is_assisted(block, kind):
+    """A circle was pushed to its begin, and holding changed the assistance of the reaches."""
+    wrong = content("evaluation")
+    change(wrong, ("blocks", block, "assisted"), True)
+    with pytest.raises(ProtocolError, match=f"assisted: only a reach is, a {kind} is not"):
+        parse_protocol(yaml.safe_dump(wrong), "own")
+
+
 def test_a_hand_may_be_held_where_it_is():
     own = content()
     own["blocks"] = [{

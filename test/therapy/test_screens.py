@@ -27,10 +27,21 @@ def test_the_package_protocols_are_offered_with_their_targets():
 
 
 def test_protocols_of_ones_own_are_offered_and_bad_ones_told(tmp_path):
-    (tmp_path / "mine.yaml").write_text(protocol_text("elevator"))
+    mine = protocol_text("elevator").replace("name: elevator", "name: mine")
+    (tmp_path / "mine.yaml").write_text(mine)
     (tmp_path / "bad.yaml").write_text("dance: true")
     told = []
     names = [each["name"] for each in protocols_for_screens(tmp_path, told.append)]
     assert names == [*SHIPPED, "mine.yaml"]
     assert len(told) == 1 and "bad.yaml" in told[0]
     assert len(protocols_for_screens(tmp_path / "nowhere")) == len(SHIPPED)
+
+
+def test_a_copy_that_kept_its_name_is_told_and_not_offered(tmp_path):
+    """The patient's screen showed another protocol's picture: that of the first with the name."""
+    copy = protocol_text("elevator").replace("name: elevator", "name: clock_adaptive")
+    (tmp_path / "mine.yaml").write_text(copy)
+    told = []
+    assert len(protocols_for_screens(tmp_path, told.append)) == len(SHIPPED)
+    (sentence,) = told
+    assert "mine.yaml" in sentence and "'clock_adaptive'" in sentence

@@ -121,3 +121,20 @@ def test_the_export_tells_targets_and_what_its_columns_mean(bag, tmp_path):
     columns = {row["column"]: row for row in csv.DictReader((folder / "columns.csv").open())}
     assert float(columns["path_error"]["factor"]) == 1e3 and columns["path_error"]["unit"] == "mm"
     assert set(columns) <= set(first)
+
+
+def test_a_bag_that_is_named_twice_counts_once(bag, tmp_path):
+    """Two patterns of a shell may have it both: its trials counted double in every median."""
+    (tmp_path / "link").symlink_to(bag)
+    bags = [str(bag), f"{bag}/", str(tmp_path / "link")]
+    assert main(["export", "--out", str(tmp_path), *bags]) == 0
+    rows = list(csv.DictReader((tmp_path / "P-7K3QX" / "trials.csv").open()))
+    assert [int(row["trial"]) for row in rows] == list(range(1, 9))
+
+
+@pytest.mark.parametrize(("command", "name"), [("export", "trials.csv"), ("report", "report.html")])
+def test_what_cannot_be_written_is_said_so(bag, tmp_path, command, name, capsys):
+    """A full disk, too, gave a traceback."""
+    (tmp_path / "P-7K3QX" / name).mkdir(parents=True)
+    assert main([command, "--out", str(tmp_path), str(bag)]) == 1
+    assert f"--out {tmp_path}: " in capsys.readouterr().err

@@ -137,6 +137,12 @@ export async function configurationAtLast(token, told) {
   }
 }
 
+// Returns which of the robots an address asks for, as right or /right; the first if for none, undefined
+// if for one that is not there: another one's hand would be shown.
+export function chosenRobot(robots, asked) {
+  return asked ? robots.find((robot) => [robot, robot.slice(1)].includes(asked)) : robots[0];
+}
+
 export function named(robot, name) {
   return `${robot === "/" ? "" : robot}/${name}`;
 }

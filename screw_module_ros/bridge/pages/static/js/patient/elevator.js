@@ -22,7 +22,7 @@ export function drawElevator({ ctx, width, height }, world) {
   const goal = state.phase === PREPARE ? state.start : state.target;
   const half = Math.max(0.1 * shaft, at(0) - at(state.hit_radius || 0.01));
   drawFloor(ctx, left, shaft, at(goal.z), half, state);
-  if (hand.isKnown) drawCar(ctx, left + 0.2 * shaft, at(hand.z), 0.6 * shaft, half, at(HIGH));
+  if (hand.z !== null) drawCar(ctx, left + 0.2 * shaft, at(hand.z), 0.6 * shaft, half, at(HIGH));
 }
 
 function drawFloor(ctx, left, shaft, y, half, state) {

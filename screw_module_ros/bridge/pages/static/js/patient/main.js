@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The patient's screen: shows what the session asks for; while none runs, there is a game.
 
-import { Bridge, configurationAtLast, named } from "../bridge.js";
+import { Bridge, chosenRobot, configurationAtLast, named } from "../bridge.js";
 import { fitted } from "../canvas.js";
 import { ABORTED, FINISHED, IDLE, RUNNING, SAFETY_OK } from "../states.js";
 import { ownToken } from "../token.js";
@@ -24,7 +24,8 @@ const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const sound = new Sound();
 const world = {
-  hand: { x: 0, y: 0, z: 0, isKnown: false }, force: { x: 0, y: 0, z: 0 },
+  hand: { x: 0, y: 0, z: null, isKnown: false }, // isKnown: in the plane; z: null where it is not
+  force: { x: 0, y: 0, z: 0 },
   state: null, protocol: null, safety: SAFETY_OK, isOpen: false, sentence: "",
   heardAt: -Infinity, stateAt: -Infinity, toldAt: -Infinity, trials: 0,
 };
@@ -160,7 +161,11 @@ async function main() {
   const token = ownToken();
   config = await configurationAtLast(token, (sentence) => { world.sentence = sentence; });
   const asked = new URLSearchParams(location.search).get("robot");
-  robot = config.robots.includes(asked) ? asked : config.robots[0];
+  robot = chosenRobot(config.robots, asked);
+  if (!robot) {
+    world.sentence = `There is no robot ${asked} here: ask for the right address.`;
+    return;
+  }
   bridge = new Bridge(token, (isOpen, sentence) => {
     Object.assign(world, { isOpen, sentence });
     if (!isOpen) seen.miss();
