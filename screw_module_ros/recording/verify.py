@@ -161,7 +161,8 @@ def verify(folder: Path | str) -> Report:
         problems += broken(notes, inside)
         problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
     gaps = {name: list(islice(track.gaps(), _SHOWN)) for name, track in tracks.items()}
-    return Report(counts, {n: g for n, g in gaps.items() if g}, problems, notes, remarks)
+    gaps = {name: found for name, found in gaps.items() if found and counts[name].lost}
+    return Report(counts, gaps, problems, notes, remarks)
 
 
 def _noted(folder: Path) -> tuple[Noted, str]:

@@ -115,6 +115,27 @@ def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
     assert verify(tmp_path / "thinned").problems == []
 
 
+def test_a_state_that_shows_a_sample_twice_and_skips_the_next_has_lost_nothing(
+    tmp_path, codec, definitions
+):
+    """A node that shows the newest sample at a rate of its own does so by a little jitter."""
+    kind = "screw_module_msgs/msg/EndpointState"
+    shown = [5 * number for number in range(200)]
+    for late in (20, 60, 61, 150):
+        shown[late] = shown[late - 1]
+    for name, numbers, lost in (("jitter", shown, 0), ("gap", shown[:90] + shown[93:], 3)):
+        writer = BagWriter(tmp_path / name)
+        channel = writer.add_topic(Topic("/endpoint_state", kind, definitions.find(kind)))
+        writer.write(
+            Message(channel, START + n * MS, START, n + 1, codec.encode(kind, {"sequence": number}))
+            for n, number in enumerate(numbers)
+        )
+        writer.close()
+        report = verify(tmp_path / name)
+        assert report.topics["/endpoint_state"].lost == lost
+        assert bool(report.gaps) is bool(report.problems) is bool(lost)
+
+
 def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
     tmp_path, codec, definitions
 ):
