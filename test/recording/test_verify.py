@@ -75,6 +75,19 @@ def test_a_renamed_file_is_found(bag):
     assert not any("lists" in problem for problem in verify(bag).problems)
 
 
+def test_a_bag_that_is_being_recorded_is_not_called_badly_closed(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "live")
+    writer.write(samples(writer.add_topic(encoder_topic), range(10)))
+    writer.flush()
+    (problem,) = verify(tmp_path / "live").problems
+    file = tmp_path / "live" / "live_0.mcap"
+    assert problem == (
+        f"{file} is being written by another process: verify the bag when it is closed"
+    )
+    writer.close()
+    assert verify(tmp_path / "live").complete
+
+
 def test_torn_file(bag):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
