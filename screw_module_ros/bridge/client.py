@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from . import rosbridge
 from .budget import Budget
 from .conversion import ConversionError
-from .rights import Denied, Rights
+from .rights import STOP, Denied, Rights
 from .settings import Limits
 
 _MOST_ANSWERS = 64
@@ -138,7 +138,8 @@ class Client:
         try:
             place, kind = self._rights.asks(self.role, wish.service, wish.arguments)
             _check_kind(wish.kind, kind, wish.service)
-            if len(self._calls) >= _MOST_CALLS:
+            # Calls that wait for a node that hangs must not prevent the stop.
+            if place.name != STOP and len(self._calls) >= _MOST_CALLS:
                 raise Denied(f"{_MOST_CALLS} calls are under way: wait for their answers")
             call = object()
             self._calls.add(call)

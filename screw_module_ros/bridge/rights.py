@@ -27,6 +27,8 @@ KEPT = (graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE)
 """Topics of which the last messages are kept, for a page that is opened or reloaded."""
 SENT = {name: graph.TOPICS[name].type for name in (WISH, ATTENDANCE)}
 """Topics that the bridge publishes, with their types."""
+STOP = "supervisor/estop"
+"""The software stop."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"
 ASKED = {
     "therapy_session/start": "screw_module_msgs/srv/StartTherapy",
@@ -37,7 +39,7 @@ ASKED = {
     "therapy_session/get_parameters": _PARAMETERS + "GetParameters",
     "therapy_session/set_parameters": _PARAMETERS + "SetParameters",
     "session_recorder/stop": _TRIGGER,
-    "supervisor/estop": _TRIGGER,
+    STOP: _TRIGGER,
 }
 """Services that the bridge calls, with their types; only for the therapist."""
 ATTENDED = ("therapy_session/start", "therapy_session/resume")

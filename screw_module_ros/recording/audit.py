@@ -31,7 +31,7 @@ class Counts(NamedTuple):
     stride: ticks from one message to the next, known or else estimated; 0 without a sequence or
         without a period.
     gaps: number of gaps in the sequence.
-    lost: messages missing in the gaps, at that stride.
+    lost: messages missing in the gaps, at that stride; less the duplicates if it is estimated.
     duplicates: messages with the tick number of the previous one.
     out_of_order: messages older than an earlier one.
     restarts: steps too large for a gap (node restarted with another period, clock reset).
@@ -155,6 +155,7 @@ class TopicAudit:
         forward = {step: n for step, n in self._steps.items() if step}
         stride = (self.stride if forward else 0) or _learned(forward)
         gaps = lost = 0
+        duplicates = self._steps.get(0, 0)
         if stride:
             for step, n in forward.items():
                 missing = (2 * step + stride) // (2 * stride) - 1
@@ -165,9 +166,10 @@ class TopicAudit:
             messages=self.messages,
             stride=stride,
             gaps=gaps,
-            # A late message was first counted as lost.
-            lost=max(0, lost - self._late),
-            duplicates=self._steps.get(0, 0),
+            # A late message was first counted as lost. Without a stride of its own a topic may show
+            # the newest sample heard: by a little jitter one comes twice, and the next is skipped.
+            lost=max(0, lost - self._late - (0 if self.stride else duplicates)),
+            duplicates=duplicates,
             out_of_order=self._late,
             restarts=self._restarts,
             missed=self._missed if self.single_publisher else -1,

@@ -117,8 +117,10 @@ def check_at_rest(source: Source, quiet: float) -> None:
     try:
         fcntl.flock(source.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         fcntl.flock(source.descriptor, fcntl.LOCK_UN)
-    except OSError:
+    except BlockingIOError:
         raise BagBusyError(f"{source.path} is being written by another process") from None
+    except OSError:
+        pass  # NFS locks only what is open for writing, as `McapFile` opens it; others nothing
     if _open_for_writing(source.descriptor):
         raise BagBusyError(f"{source.path} is being written by another process: still copied?")
     for path in (source.path, source.path.parent):

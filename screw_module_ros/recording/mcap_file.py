@@ -98,8 +98,10 @@ class McapFile:
     def _lock(self) -> None:
         try:
             fcntl.flock(self.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except OSError as error:
             os.close(self.descriptor)
+            if not isinstance(error, BlockingIOError):
+                raise  # a file system without locks
             raise BagBusyError(f"{self.path} is being written by another process") from None
 
     @property

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 from .audit import Counts, TopicAudit, monotonic_of, sequence_of
 from .bag import CLOSED, METADATA_FILE, REFUSED
 from .catalogue import resolved
-from .errors import BagReadError
+from .errors import BagBusyError, BagReadError
 from .expected import TICKED, absent, layout_of, stride_of, wrong_rate
-from .files import Source, files_of
+from .files import Source, check_at_rest, files_of
 from .noted import Noted, own, read_noted
 from .seal import PARAMETERS, Sections, broken, disowned
 from .survey import Survey, chunks, survey
@@ -132,13 +132,14 @@ def verify(folder: Path | str) -> Report:
     problems: list[str] = []
     noted, unreadable = _noted(folder)
     inside: Sections | None = None
-    files = files_of(folder)
+    files, busy = files_of(folder), ""
     for path in files:
         with Source(path) as source:
+            busy = busy or _in_use(source)
             found = survey(source, bool(noted.state))
             _walk(source, found, noted, tracks)
         inside = own(found.metadata) if found.complete else None
-        problems += _damage(found, folder)
+        problems += () if busy else _damage(found, folder)
     if unreadable:
         problems.append(
             f"{METADATA_FILE} cannot be read ({unreadable}); run: session recover {folder}"
@@ -155,13 +156,16 @@ def verify(folder: Path | str) -> Report:
     counts = _with_numbers(counts, tracks)
     problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
     problems += _suspect(tracks, notes)
-    if not unreadable:
+    if busy:
+        problems.append(f"{busy}: verify the bag when it is closed")
+    elif not unreadable:
         problems += _unlisted(files, noted, folder)
         problems += _compared(counts, noted)
         problems += broken(notes, inside)
         problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
     gaps = {name: list(islice(track.gaps(), _SHOWN)) for name, track in tracks.items()}
-    return Report(counts, {n: g for n, g in gaps.items() if g}, problems, notes, remarks)
+    gaps = {name: found for name, found in gaps.items() if found and counts[name].lost}
+    return Report(counts, gaps, problems, notes, remarks)
 
 
 def _noted(folder: Path) -> tuple[Noted, str]:
@@ -170,6 +174,15 @@ def _noted(folder: Path) -> tuple[Noted, str]:
         return read_noted(folder), ""
     except BagReadError as error:
         return Noted(), str(error)
+
+
+def _in_use(source: Source) -> str:
+    """Return that another process writes the file, empty if none does."""
+    try:
+        check_at_rest(source, 0.0)
+    except BagBusyError as error:
+        return str(error)
+    return ""
 
 
 def _walk(source: Source, found: Survey, noted: Noted, tracks: dict[str, _Track]) -> None:

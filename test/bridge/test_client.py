@@ -124,6 +124,15 @@ def test_calls_without_answers_are_bounded(gateway):
     assert len(gateway.calls) == 9
 
 
+def test_the_software_stop_needs_no_answers_to_other_calls(gateway):
+    """A therapist presses Pause again and again as the session's node hangs, and then the stop."""
+    page = client(gateway)
+    for _ in range(20):
+        page.take(text("call_service", service="/therapy_session/pause"), 0)
+    page.take(text("call_service", service="/supervisor/estop"), 0)
+    assert gateway.calls[-1][0] == "/supervisor/estop"
+
+
 def test_wrong_content_is_told_and_frees_the_call(gateway):
     page = client(gateway)
     for _ in range(20):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A torn file (power failure) is completed in place without losing a whole chunk."""
 
+import errno
+import fcntl
 import os
 
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from screw_module_ros.recording import BagBusyError, BagReadError, BagWriter
+from screw_module_ros.recording import BagBusyError, BagFolderError, BagReadError, BagWriter
 from screw_module_ros.recording.files import Source
 from screw_module_ros.recording.reader import metadata
 from screw_module_ros.recording.recovery import is_torn, recover, recover_all
@@ -126,6 +128,33 @@ def test_recovering_twice_changes_nothing(bag):
     before = (bag / "bag_0.mcap").read_bytes()
     assert recover(bag).files == 0
     assert (bag / "bag_0.mcap").read_bytes() == before
+
+
+def without_locks(monkeypatch, number, can_write):
+    """Play a file system on which a lock fails with this error; can_write: only of a reader."""
+    flock = fcntl.flock
+
+    def refused(descriptor, operation):
+        if can_write and fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_RDWR:
+            return flock(descriptor, operation)
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refused)
+
+
+def test_a_bag_on_nfs_is_repaired(bag, monkeypatch):
+    """There an exclusive lock needs a descriptor for writing, flock(2): it seemed in use."""
+    without_locks(monkeypatch, errno.EBADF, can_write=True)
+    cut(bag, 30_000)
+    assert recover(bag).files == 1
+
+
+def test_a_folder_without_locks_is_told_and_nothing_is_left(tmp_path, monkeypatch):
+    """The answer was that another process writes a file that had just been made."""
+    without_locks(monkeypatch, errno.ENOLCK, can_write=False)
+    with pytest.raises(BagFolderError, match="cannot write a bag to .*: No locks available"):
+        BagWriter(tmp_path / "bag")
+    assert not (tmp_path / "bag").exists()
 
 
 def test_bag_being_recorded_is_left_alone(tmp_path):

@@ -75,6 +75,19 @@ def test_a_renamed_file_is_found(bag):
     assert not any("lists" in problem for problem in verify(bag).problems)
 
 
+def test_a_bag_that_is_being_recorded_is_not_called_badly_closed(tmp_path, encoder_topic, samples):
+    writer = BagWriter(tmp_path / "live")
+    writer.write(samples(writer.add_topic(encoder_topic), range(10)))
+    writer.flush()
+    (problem,) = verify(tmp_path / "live").problems
+    file = tmp_path / "live" / "live_0.mcap"
+    assert problem == (
+        f"{file} is being written by another process: verify the bag when it is closed"
+    )
+    writer.close()
+    assert verify(tmp_path / "live").complete
+
+
 def test_torn_file(bag):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
@@ -113,6 +126,27 @@ def test_a_thinned_topic_is_not_counted_by_the_ticks_of_the_full_one(
     assert writer.audit()[name].lost == 0
     writer.close()
     assert verify(tmp_path / "thinned").problems == []
+
+
+def test_a_state_that_shows_a_sample_twice_and_skips_the_next_has_lost_nothing(
+    tmp_path, codec, definitions
+):
+    """A node that shows the newest sample at a rate of its own does so by a little jitter."""
+    kind = "screw_module_msgs/msg/EndpointState"
+    shown = [5 * number for number in range(200)]
+    for late in (20, 60, 61, 150):
+        shown[late] = shown[late - 1]
+    for name, numbers, lost in (("jitter", shown, 0), ("gap", shown[:90] + shown[93:], 3)):
+        writer = BagWriter(tmp_path / name)
+        channel = writer.add_topic(Topic("/endpoint_state", kind, definitions.find(kind)))
+        writer.write(
+            Message(channel, START + n * MS, START, n + 1, codec.encode(kind, {"sequence": number}))
+            for n, number in enumerate(numbers)
+        )
+        writer.close()
+        report = verify(tmp_path / name)
+        assert report.topics["/endpoint_state"].lost == lost
+        assert bool(report.gaps) is bool(report.problems) is bool(lost)
 
 
 def test_a_session_that_heard_nothing_for_a_while_has_told_all_its_states(
