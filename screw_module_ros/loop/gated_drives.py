@@ -119,8 +119,7 @@ class GatedDrives:
         """Carry out an `enable`; return why it is refused, empty when the gate is opening."""
         state, refused = gate.enable(self._settings, self.gate, inp)
         if refused:
-            detail = self._why(state._replace(reason=self._refused_for(state, inp)))
-            return detail or refused
+            return self._detailed(refused, inp)
         if state is self.gate:
             return ""
         try:
@@ -133,14 +132,13 @@ class GatedDrives:
         self.gate, self._closed_because = state, ""
         return ""
 
-    def _refused_for(self, state: GateState, inp: GateInput) -> int:
+    def _detailed(self, refused: str, inp: GateInput) -> str:
+        """Return the gate's refusal to open, with the drive's or the supervisor's own reason."""
         if inp.drive_faulted:
-            return gate.DRIVE_FAULT
-        if state.latched:
-            return state.reason
-        if not inp.permitted:
-            return gate.NO_PERMISSION
-        return gate.PASSING
+            return self._why(self.gate._replace(reason=gate.DRIVE_FAULT))
+        if refused == gate.REASONS[gate.NO_PERMISSION]:
+            return self._why(self.gate._replace(reason=gate.NO_PERMISSION))
+        return refused
 
     def _disable(self, inp: GateInput) -> str:
         self.close(inp.now_ns)

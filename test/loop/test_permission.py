@@ -102,3 +102,24 @@ def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(benc
     bench.ticks(200)
     assert not bench.torque_passes and drives.gate.phase == CLOSED
     assert bench.enable() == ""
+
+
+def refusal(drives: GatedDrives, now_ns: int) -> str:
+    """Return what `~/enable` says to a drive with fresh commands."""
+    return drives._open(drives._input(now_ns, now_ns))
+
+
+def test_without_a_supervisor_enabling_is_not_refused_in_its_name():
+    drives = GatedDrives([], GateSettings(), MS)
+    assert refusal(drives, MS) == "no fresh safety_state", "it has never said anything"
+    drives.permit(False, "encoder: not seen yet", 2 * MS)
+    assert refusal(drives, 3 * MS) == "not permitted: encoder: not seen yet"
+    assert refusal(drives, 500 * MS) == "no fresh safety_state", "it has gone since"
+
+
+def test_a_latched_stop_whose_cause_is_over_tells_the_way_out(enabled):
+    enabled.commanding = False
+    enabled.ticks(12)
+    enabled.commanding = True
+    enabled.ticks(20)
+    assert enabled.enable() == "no fresh command is latched: call ~/clear_fault first"

@@ -108,3 +108,13 @@ def test_the_lock_goes_with_its_holder():
     with pytest.raises(AlreadyRunning, match="drive on virtual x"):
         lock_device("virtual", "x", 1, "drive")
     held.release()
+
+
+def test_a_device_is_locked_whatever_udp_port_its_bus_does_not_use():
+    held = lock_device("socketcan", "can0", 43114, "drive node 1")
+    with pytest.raises(AlreadyRunning, match="drive node 1 on socketcan can0 is already driven"):
+        lock_device("socketcan", "can0", 43214, "drive node 1")
+    held.release()
+    held = lock_device("udp_multicast", "239.74.163.9", 43114, "drive node 1")
+    lock_device("udp_multicast", "239.74.163.9", 43214, "drive node 1").release()
+    held.release()

@@ -44,11 +44,15 @@ def lock_node(full_name: str) -> Lock:
 
 
 def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
-    """Lock one device of one bus: two SDO clients on a device would disturb each other."""
+    """Lock one device of one bus: two SDO clients on a device would disturb each other.
+
+    port: of UDP; any other interface is one bus, whatever the parameter says there.
+    """
+    bus = f"{interface} {channel}" + (f" port {port}" if interface == "udp_multicast" else "")
     return Lock(
-        f"device/{interface}/{channel}/{port}/{device}",
-        f"{device} on {interface} {channel} port {port} is already driven by another process of "
-        "this machine: stop that one first",
+        f"device/{bus}/{device}",
+        f"{device} on {bus} is already driven by another process of this machine: stop that one "
+        "first",
     )
 
 
