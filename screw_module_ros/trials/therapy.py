@@ -52,7 +52,7 @@ def command(
     if folder is not None:
         extra += ["-p", f"session_recorder:folder:={json.dumps(str(folder.resolve()))}"]
     try:
-        with GraphRun(extra=extra) as graph:
+        with GraphRun(extra=extra, composed=True) as graph:
             ours: list[bringup.Process] = []
             try:
                 bridge = bridge_arguments(graph, port, file_games)
