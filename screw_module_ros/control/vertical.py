@@ -38,6 +38,7 @@ from .observer import least_damping, observer_at, observer_step, remembered
 from .outflow import feeds, outflow_step
 from .presliding import presliding_step, ratio_step, trusted
 from .setpoint import Range, SetPoint, follow
+from .standstill import standstill_step
 from .vertical_blend import Blend, blended
 from .vertical_settings import VerticalSettings
 from .vertical_state import (
@@ -110,7 +111,10 @@ def vertical_step(
     spring = _pull(
         settings, blend, setpoint, inp, observer.velocity, damper_share(guard), free_share(held)
     )
-    pull = (1.0 - inp.slot_weight) * spring + inp.slot_force
+    at_rest, fastest = standstill_step(
+        blend.observer * settings.rest_damping, state.fastest, observer.velocity, dt
+    )
+    pull = (1.0 - inp.slot_weight) * (spring + at_rest) + inp.slot_force
     desired = clamp(pull, -settings.force_down, settings.force_up)
     impedance = blend.base * desired
     share = settings.observer_inertia * guard.share * blend.observer
@@ -151,7 +155,7 @@ def vertical_step(
     observer = remembered(observer, force)
     return output, VerticalState(
         setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
-        error_lowpass, speed_lowpass, guard, outflow, held,
+        error_lowpass, speed_lowpass, guard, outflow, held, fastest,
     )  # fmt: skip
 
 

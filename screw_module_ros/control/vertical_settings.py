@@ -95,6 +95,9 @@ class VerticalSettings(NamedTuple):
         Setting("damper where a friction model works and nobody holds the handle", "Ns/m",
                 0.0, 100.0),
     ] = 8.0
+    rest_damping: Annotated[
+        float, Setting("damper of a handle at rest in OBSERVER, 0 = none", "Ns/m", 0.0, 80.0)
+    ] = 40.0
     fade_time: Annotated[
         float, Setting("time in which a part of the force fades in or out", "s", 0.05, 10.0)
     ] = 0.5

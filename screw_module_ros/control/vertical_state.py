@@ -62,7 +62,8 @@ class VerticalState(NamedTuple):
     position: of the last sample, where there was one [m]; friction: modelled, at full size [N];
     ratio: of friction found to it; observer; error_lowpass: of the force error that OBSERVER feeds
     back; speed_lowpass: of the estimated velocity, for the mass that is carried; guard: of the
-    force gains; outflow: of power at the handle; held: largest recent handle force [N].
+    force gains; outflow: of power at the handle; held: largest recent handle force [N]; fastest:
+    largest recent speed of the nut [m/s].
     """
 
     setpoint: SetPoint
@@ -79,6 +80,7 @@ class VerticalState(NamedTuple):
     guard: GuardState
     outflow: OutflowState
     held: float
+    fastest: float
 
 
 def initial_state(settings: VerticalSettings) -> VerticalState:
@@ -97,7 +99,7 @@ def idle_state(
     return VerticalState(
         setpoint_at(settings, position), blend, lowpass, 0.0, True, position, 0.0, 1.0,
         observer_at(position), LowpassState(0.0, 0.0), LowpassState(0.0, 0.0), guard,
-        NO_OUTFLOW, 0.0,
+        NO_OUTFLOW, 0.0, 0.0,
     )  # fmt: skip
 
 
@@ -106,7 +108,7 @@ def unplaced(state: VerticalState) -> VerticalState:
     return VerticalState(
         state.setpoint, state.blend, state.lowpass, state.force, False, state.position,
         state.friction, state.ratio, state.observer, state.error_lowpass, state.speed_lowpass,
-        state.guard, state.outflow, state.held,
+        state.guard, state.outflow, state.held, state.fastest,
     )  # fmt: skip
 
 

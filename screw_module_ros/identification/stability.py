@@ -10,6 +10,7 @@ comparison with the prediction.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -69,11 +70,11 @@ def run(lab: Lab, settings: Settings) -> Result:
     quantities, data, notes = [], {}, []
     for name, (text, environment) in ENVIRONMENTS.items():
         loops = (
-            ("feedback", feedback),
-            ("observer", _observer(usual)),
+            ("feedback", (feedback,)),
+            ("observer", _observers(usual)),
         )
-        for law_name, law in loops:
-            gain = largest_gain(mechanism, environment, sampling, law)
+        for law_name, variants in loops:
+            gain, law = weakest(mechanism, environment, sampling, variants)
             quantities.append(
                 Quantity(f"{law_name}_{name}", gain, math.nan, "",
                          f"largest stable gain predicted, {law_name}, {text}")
@@ -90,7 +91,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
-    observer = _observer(usual)
+    observer, _ = _observers(usual)
     laws = (feedback, observer, observer._replace(inertia=0.0))
     data |= _curves(mechanism, sampling, dict(zip(CURVES, laws, strict=True)))
     notes.append(
@@ -132,6 +133,18 @@ def limits(
     return {
         name: min(largest_gain(*loop, most=1000.0), 1000.0) / now for name, loop in without.items()
     }
+
+
+def weakest(
+    mechanism: Mechanism,
+    environment: Environment,
+    sampling: Sampling,
+    laws: Sequence[Feedback | Observer],
+) -> tuple[float, Feedback | Observer]:
+    """Return the smallest of the largest stable gains of some laws, and the law that has it."""
+    gains = [largest_gain(mechanism, environment, sampling, law) for law in laws]
+    least = min(gains)
+    return least, laws[gains.index(least)]
 
 
 def hand_formula(
@@ -208,11 +221,13 @@ def _law(lab: Lab) -> VerticalSettings:
         return law
 
 
-def _observer(law: VerticalSettings) -> Observer:
-    return Observer(
+def _observers(law: VerticalSettings) -> tuple[Observer, Observer]:
+    """Return OBSERVER in motion and at rest, where it has another damper."""
+    moving = Observer(
         law.observer_gain, law.observer_cutoff, law.observer_bandwidth, law.mass,
         law.observer_delay, law.stiffness, law.least_damping, law.observer_inertia,
     )  # fmt: skip
+    return moving, moving._replace(damping=moving.damping + law.rest_damping)
 
 
 def _costs_text(costs: dict[str, float]) -> str:

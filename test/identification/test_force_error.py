@@ -122,13 +122,13 @@ def test_unknown_case_is_named():
     assert len({case.name for case in CASES}) == len(CASES)
 
 
-def on_drawn_rig(seed, mode, case):
+def on_drawn_rig(seed, mode, case, law=DEFAULT):
     """Metric of a case on a rig with play of 0.1 to 0.2 mm and 1.0 to 1.7 ms of delay."""
     draw = random.Random(f"study10 {seed}")
     world = load_world(None, seed)
     world = world._replace(vertical=world.vertical._replace(play=draw.uniform(1e-4, 2e-4)))
     loop = LoopSettings(rate=1000.0, command_delay=draw.uniform(1.0e-3, 1.7e-3))
-    one = job(case_of(case), mode, with_damping(DEFAULT, mode))
+    one = job(case_of(case), mode, with_damping(law, mode))
     part = one.reduce(one.trial, InProcessBench(world, loop, seed).record(one.trial, nothing))
     return ErrorOf(**{name: float(value) for name, value in part.items()})
 
@@ -142,6 +142,14 @@ def test_a_friction_model_that_is_right_lets_a_released_handle_rest(seed):
     """It swung by 2, 8 and 12 mm on these rigs, without a damper where nobody holds the handle."""
     error = on_drawn_rig(seed, modes.COMBINED, "released")
     assert error.travel < 0.1e-3
+
+
+@pytest.mark.parametrize("seed", [6003, 6015, 7002, 9004])
+def test_observer_lets_a_held_handle_rest(seed):
+    """It hunted by 0.3 to 0.7 mm on these rigs, without a damper at rest."""
+    still = on_drawn_rig(seed, modes.OBSERVER, "holding")
+    hunting = on_drawn_rig(seed, modes.OBSERVER, "holding", DEFAULT._replace(rest_damping=0.0))
+    assert still.travel < 0.05e-3 < 0.2e-3 < hunting.travel
 
 
 def test_the_guard_ends_a_slow_oscillation_that_the_robot_feeds():

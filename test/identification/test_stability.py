@@ -136,6 +136,22 @@ def test_carried_mass_leaves_the_margin_of_the_default_gain():
             assert largest_gain(light, environment, Sampling(), law) > margin * law.gain
 
 
+@pytest.mark.parametrize("rest_damping", [40.0, 80.0])
+def test_damper_at_rest_costs_hardly_any_gain(rest_damping):
+    """Default and largest value of the parameter; 30 is the largest gain of the law."""
+    most = VerticalSettings(rest_damping=rest_damping)
+    moving, resting = stability._observers(most)
+    assert resting.damping == moving.damping + rest_damping
+    for soft in (1e6, 20e6):
+        for name, least in (("hand", 0.94), ("heavy_arm", 0.99), ("wall", 1.0)):
+            _, on = stability.ENVIRONMENTS[name]
+            given = (Mechanism(contact_stiffness=soft), on, Sampling())
+            assert largest_gain(*given, resting) >= least * largest_gain(*given, moving)
+            assert stability.weakest(*given, (moving, resting))[0] <= largest_gain(*given, moving)
+        released = (Mechanism(contact_stiffness=soft), Environment(0.0, 0.0, 0.0), Sampling())
+        assert largest_gain(*released, resting) > 30.0
+
+
 def test_what_limits_is_what_helps_most_when_taken_away():
     slow = Sampling(1000.0, 6e-3)
     costs = stability.limits(Mechanism(), Environment(1.0, 300.0, 5.0), slow, Feedback(1.0))
