@@ -7,8 +7,8 @@ import { el } from "../elements.js";
 const SECONDS = 20;
 const MOST = 1400; // points
 const FONT = 0.85 * parseFloat(getComputedStyle(document.documentElement).fontSize); // [pixel]
-const LOW = 11 * FONT, TALL = 16 * FONT; // of a plot [pixel]; tall beside the views (therapist.css)
-const BESIDE = matchMedia("(min-width: 1700px)");
+const LOW = 11 * FONT, TALL = 16 * FONT; // of a plot [pixel]
+const WIDE = 1700; // page on which traces stand beside the views, as in therapist.css [pixel]
 const COLOURS = [BLUE, VERMILLION, GREEN];
 const DASHES = [[], [8, 4], [2, 3]];
 
@@ -45,7 +45,7 @@ export class Traces {
 
   resize() {
     const width = this.element.clientWidth - 32;
-    const height = BESIDE.matches && !this.element.closest(".several") ? TALL : LOW;
+    const height = innerWidth >= WIDE && !this.element.closest(".several") ? TALL : LOW;
     if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height });
   }
 
