@@ -7,8 +7,6 @@ import { el } from "../elements.js";
 const SECONDS = 20;
 const MOST = 1400; // points
 const FONT = 0.85 * parseFloat(getComputedStyle(document.documentElement).fontSize); // [pixel]
-const LOW = 11 * FONT, TALL = 16 * FONT; // of a plot [pixel]
-const WIDE = 1700; // page on which traces stand beside the views, as in therapist.css [pixel]
 const COLOURS = [BLUE, VERMILLION, GREEN];
 const DASHES = [[], [8, 4], [2, 3]];
 
@@ -32,7 +30,7 @@ export class Traces {
       label, stroke: COLOURS[i], width: 2, dash: DASHES[i], value: (_, v) => v?.toFixed(1) ?? "–",
     }));
     const options = {
-      width: 300, height: LOW, series: [{ label: "s", value: (_, v) => v?.toFixed(1) ?? "–" }, ...series],
+      width: 300, height: 11 * FONT, series: [{ label: "s", value: (_, v) => v?.toFixed(1) ?? "–" }, ...series],
       scales: {
         x: { time: false },
         y: { range: (_, low, high) => [Math.min(range[0], low ?? 0), Math.max(range[1], high ?? 0)] },
@@ -45,8 +43,7 @@ export class Traces {
 
   resize() {
     const width = this.element.clientWidth - 32;
-    const height = innerWidth >= WIDE && !this.element.closest(".several") ? TALL : LOW;
-    if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height });
+    if (width > 50) for (const { plot } of this.plots) plot.setSize({ width, height: 11 * FONT });
   }
 
   take({ header, position, force }) {
