@@ -16,7 +16,7 @@ from screw_module_ros.settings import Setting
 
 from .support.driver import RateSettings
 from .support.flat import pack_force
-from .support.health import Health
+from .support.health import OK, WARN, Health
 from .support.runtime import main as run_node
 from .support.sensor_node import SensorNode
 from .support.serving_node import Done
@@ -94,8 +94,14 @@ class ForceSensorNode(SensorNode):
 
     def health(self) -> Health:
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""
-        voltages = {f"{name} [ADC counts]": n for name, n in self.device.voltages.items()}
-        return self.sensor_health({"bias": _bias_text(self.device.bias), **voltages})
+        device = self.device
+        voltages = {f"{name} [ADC counts]": n for name, n in device.voltages.items()}
+        health = self.sensor_health({"bias": _bias_text(device.bias), **voltages})
+        if health.level == OK and not any(device.bias):
+            # Force feedback would press with a multiple of it.
+            text = "not tared: the handle's weight counts as the patient's force; call ~/tare"
+            return health._replace(level=WARN, message=text)
+        return health
 
 
 def _bias_text(bias: tuple) -> str:

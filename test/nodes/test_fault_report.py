@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.nodes.support.health import OK, WARN, Health
 from screw_module_ros.nodes.support.timers import Timers
 
 S = 1_000_000_000
@@ -28,3 +29,16 @@ def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
     fault[0] = "late"
     node.periodic.run()
     assert len(entries) == 3
+
+
+@pytest.mark.parametrize(
+    ("bias", "level"), [((0.0,) * 6, WARN), ((0.0, 0.0, 9.8, 0.0, 0.0, 0.0), OK)]
+)
+def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, level):
+    """With force feedback the handle's weight would press on the hand, several times over."""
+    node = make_node("force_sensor")
+    node.device = SimpleNamespace(bias=bias, voltages={})
+    monkeypatch.setattr(node, "sensor_health", lambda shown: Health(OK, "sampling", shown))
+    health = node.health()
+    assert health.level == level
+    assert ("~/tare" in health.message) == (level == WARN)
