@@ -89,7 +89,7 @@ class VerticalSettings(NamedTuple):
     ] = 1.2
     chatter_damping: Annotated[
         float, Setting("damper that replaces the gains reduced by the guard", "Ns/m", 0.0, 200.0)
-    ] = 80.0
+    ] = 160.0
     free_damping: Annotated[
         float,
         Setting("damper where a friction model works and nobody holds the handle", "Ns/m",

@@ -144,17 +144,26 @@ def test_a_friction_model_that_is_right_lets_a_released_handle_rest(seed):
     assert error.travel < 0.1e-3
 
 
-@pytest.mark.parametrize("seed", [6003, 6015, 7002, 9004])
-def test_observer_lets_a_held_handle_rest(seed):
-    """It hunted by 0.3 to 0.7 mm on these rigs, without a damper at rest."""
-    still = on_drawn_rig(seed, modes.OBSERVER, "holding")
-    hunting = on_drawn_rig(seed, modes.OBSERVER, "holding", DEFAULT._replace(rest_damping=0.0))
-    assert still.travel < 0.05e-3 < 0.2e-3 < hunting.travel
+def test_observer_lets_a_held_handle_rest():
+    """It hunts by 0.2 to 0.7 mm on some of these rigs, not always the same, without its damper."""
+    rigs = (6003, 6015, 7001, 7002, 7026, 9004, 9017, 11017)
+    hunting, still = (
+        [on_drawn_rig(seed, modes.OBSERVER, "holding", law).travel for seed in rigs]
+        for law in (DEFAULT._replace(rest_damping=0.0), DEFAULT)
+    )
+    assert max(hunting) > 0.2e-3
+    assert max(still) < 0.05e-3
 
 
 def test_the_guard_ends_a_slow_oscillation_that_the_robot_feeds():
     """It shook for 0.69 s: 3 to 6 Hz, as a tremor."""
     assert on_drawn_rig(6012, modes.OBSERVER, "wall_1e3_badly").shaking < 0.5
+
+
+@pytest.mark.parametrize("seed", [7021, 9029])
+def test_what_grows_before_the_guard_acts_dies_away_soon(seed):
+    """It shook for 0.65 s on the second rig, with a guard's damper of 80 Ns/m."""
+    assert on_drawn_rig(seed, modes.OBSERVER, "wall_1e4_badly").shaking < 0.5
 
 
 @pytest.mark.parametrize(("seed", "case"), [(6007, "fast"), (6007, "tremor"), (6013, "tremor")])
