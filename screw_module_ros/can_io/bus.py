@@ -8,6 +8,7 @@ group only. `virtual` works inside one process only (tests). Every other interfa
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 from typing import Annotated, NamedTuple
@@ -116,6 +117,11 @@ def _cannot_open(settings: BusSettings, error: BaseException) -> str:
         way_out = (
             f"is it there and up? sudo ip link set {settings.channel} up type can "
             f"bitrate {settings.bitrate}"
+        )
+    elif getattr(cause, "errno", None) == errno.EADDRINUSE:
+        way_out = (
+            "another program's socket has this UDP port: start again, or give sim_rig and the "
+            "nodes other ports (bringup --first-port)"
         )
     elif settings.interface == "udp_multicast":
         way_out = (

@@ -59,6 +59,7 @@ class Options(NamedTuple):
     params: str | None
     node_logs: bool
     strict: bool
+    composed: bool
     wall_clock: bool
 
 
@@ -73,6 +74,7 @@ class Options(NamedTuple):
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--node-logs", is_flag=True, help="Show the nodes' logs on the terminal too.")
+@click.option("--composed", is_flag=True, help="Encoder to amplifier in one process.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
 def command(**values) -> None:
@@ -111,7 +113,8 @@ def record_session(
     extra += ["-p", "session_recorder:name:=session"]
     if not options.node_logs:
         extra.append("--disable-stdout-logs")
-    with GraphRun(options.params, extra, wall_clock=options.wall_clock) as graph:
+    modes = {"composed": options.composed, "wall_clock": options.wall_clock}
+    with GraphRun(options.params, extra, **modes) as graph:
         try:
             with Robot("demo", watch=graph.watch, simulated=not options.wall_clock) as robot:
                 make_ready(robot, graph, console)

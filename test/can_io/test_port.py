@@ -199,6 +199,13 @@ def test_bus_that_cannot_be_opened_is_named_with_the_way_out(settings, text):
         open_bus(settings)
 
 
+def test_a_port_that_another_programs_socket_has_is_told(can_port_base):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("", can_port_base))
+        with pytest.raises(BusError, match="another program's socket has this UDP port"):
+            open_bus(BusSettings(port=can_port_base))
+
+
 @pytest.mark.parametrize(
     ("field", "value"), [("port", 0), ("port", 65536), ("bitrate", 123456)]
 )

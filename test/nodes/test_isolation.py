@@ -12,8 +12,7 @@ from screw_module_ros.nodes.support.single import AlreadyRunning
 @pytest.fixture
 def ports(can_port_base, monkeypatch):
     """Let places begin at this test's own ports, with two to choose from."""
-    monkeypatch.setattr(isolation, "FIRST_PORT", can_port_base)
-    monkeypatch.setattr(isolation, "_SHIFTS", (0, 4))
+    monkeypatch.setattr(isolation, "_FIRST_PORTS", (can_port_base, can_port_base + 4))
     return can_port_base
 
 
@@ -58,6 +57,12 @@ def test_two_runs_do_not_share_ports_and_a_third_is_told(ports, places):
     assert [place.first_port for place in places] == [ports, ports + 4]
     with pytest.raises(AlreadyRunning, match="CAN port"):
         isolation.own_place()
+
+
+def test_no_port_of_a_run_is_one_that_the_kernel_gives_to_any_socket():
+    """The middleware's sockets of other nodes got one between the choice and the rig's start."""
+    ports = [first + number for first in isolation._FIRST_PORTS for number in range(4)]
+    assert min(ports) > 60_999 and max(ports) < 65_536  # ip_local_port_range ends at 60 999
 
 
 def test_released_ports_are_free_again(ports, places):

@@ -15,7 +15,7 @@ import tempfile
 from typing import NamedTuple
 
 from screw_module_ros.domain import domain_id
-from screw_module_ros.graph import BUSES, FIRST_PORT
+from screw_module_ros.graph import BUSES
 
 from .kept import STATE_VARIABLE
 from .single import AlreadyRunning, Lock
@@ -24,7 +24,9 @@ DOMAIN_VARIABLE, RANGE_VARIABLE = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANG
 _DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
 _DDS_PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
 _FIRST_PARTICIPANT = 10
-_SHIFTS = range(0, 1000, 10)
+_FIRST_PORTS = range(65_050, 65_530, 10)
+"""First CAN ports of runs: above Linux's ephemeral ones, of which any socket may get one, also the
+middleware's of the same run: then a bus could not be opened. Tests have 61 000 to 65 039."""
 
 
 class Place(NamedTuple):
@@ -84,7 +86,7 @@ def own_place() -> Place:
         locks.append(lock)
         os.environ[DOMAIN_VARIABLE] = str(domain)
     port, lock = _first_free(
-        [FIRST_PORT + shift for shift in _SHIFTS],
+        _FIRST_PORTS,
         "CAN port",
         lambda first: range(first, first + len(BUSES)),
     )
