@@ -140,13 +140,17 @@ class Motion:
         self._apply({**trial.settings._asdict(), "mode": trial.mode})
 
     def _apply(self, wanted: dict[str, Any]) -> None:
-        """Set the parameters that differ; for those fixed in operation, clean the controller up."""
+        """Set the parameters that differ; for those fixed in operation, clean the controller up.
+
+        It comes back in mode OFF, which every law permits: settings and mode may fit each other
+        only when all are set, and then they are set together.
+        """
         robot = self._experiment.robot
         now = parameters(robot, CONTROLLER, wanted)
         fixed = {n: v for n, v in wanted.items() if n not in {*_LIVE, "mode"} and v != now[n]}
         if fixed:
             bring(robot, CONTROLLER, UNCONFIGURED)
-            robot.set_parameters(CONTROLLER, fixed)
+            robot.set_parameters(CONTROLLER, {**fixed, "mode": OFF})
             bring(robot, CONTROLLER, ACTIVE)
             now = parameters(robot, CONTROLLER, wanted)  # a calibration may have set its gravity
         changed = {name: value for name, value in wanted.items() if value != now[name]}
