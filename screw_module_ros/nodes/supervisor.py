@@ -116,7 +116,10 @@ class SupervisorNode(ModuleNode):
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
-        """Start the ticks."""
+        """Start the ticks; what was heard before a pause of this node says nothing now."""
+        for newest in self._sources.values():
+            newest.forget()
+        self._state = self._state._replace(enabled=False)
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
     def disconnect(self) -> None:
