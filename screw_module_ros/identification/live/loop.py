@@ -177,11 +177,14 @@ class LiveLoop:
             self._source.halt()
         self._recording = None
 
-    def leave_place(self) -> None:
-        """Stop sending commands and remove their publishers."""
+    def leave_place(self, met: Callable[[Callable[[], bool], float], bool]) -> None:
+        """Stop sending commands and remove their publishers.
+
+        met: waits as `Robot.met` does, which also outlasts a rig that pauses.
+        """
         self._source = None
         seen = self._passes  # after two more passes the loop no longer uses the source
-        self._clock.wait_for(lambda: self._passes >= seen + 2, _PASS_S)
+        met(lambda: self._passes >= seen + 2, _PASS_S)
         self._close_outlets()
 
     def _close_outlets(self) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
 
+from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
@@ -124,18 +125,21 @@ class Takeover:
         def attempt(what: str, action: Callable[[], None]) -> None:
             try:
                 action()
-            except RobotError as error:
+            except (RobotError, TimeStandsStill) as error:  # what comes next may still succeed
                 left.append(f"{what}: {error}")
 
         attempt("amplifier not stopped", lambda: bring(self._robot, AMPLIFIER, UNCONFIGURED))
         attempt("amplifier's settings not restored", self._restore)
         if self.source is not None:
-            self._loop.leave_place()
             self.source = None
+            attempt("the controller's place not left", self._leave_place)
         attempt("amplifier not restarted", lambda: bring(self._robot, AMPLIFIER, ACTIVE))
         attempt("controller not restarted", lambda: bring(self._robot, CONTROLLER, ACTIVE))
         self._begun = False
         return left
+
+    def _leave_place(self) -> None:
+        self._loop.leave_place(self._robot.met)
 
     def _restore(self) -> None:
         self._robot.set_parameters(AMPLIFIER, self._found)
