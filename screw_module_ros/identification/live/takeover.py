@@ -69,6 +69,7 @@ class Takeover:
             self._found = parameters(
                 self._robot, AMPLIFIER, ("linearize", "command_up", "command_down", "command_rate")
             )
+            _check_own(self._found)
             self._begun = True
             bring(self._robot, CONTROLLER, UNCONFIGURED)
             self.source = self._loop.take_place(watch, period_ns)
@@ -146,6 +147,19 @@ class Takeover:
         now = parameters(self._robot, AMPLIFIER, self._found)
         if now != self._found:
             raise RobotError(f"{self._found} was wanted, they are {now}")
+
+
+def _check_own(found: dict[str, object]) -> None:
+    """Raise NotPossible if these settings of the amplifier are those of a torque trial.
+
+    An experiment whose process was killed cannot restore them; the next one must not take them for
+    the robot's own.
+    """
+    if not found["linearize"] and found["command_rate"] >= _FASTEST:
+        raise NotPossible(
+            "the amplifier still has the wide limits of a torque trial, whose process was killed: "
+            "start amplifier and impedance_controller anew"
+        )
 
 
 def check_disabled(robot: Robot) -> None:

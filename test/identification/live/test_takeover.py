@@ -14,6 +14,7 @@ from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.live import takeover
 from screw_module_ros.identification.live.graph import ACTIVE
 from screw_module_ros.identification.live.takeover import AMPLIFIER, CONTROLLER, Takeover
+from screw_module_ros.identification.trials import NotPossible
 
 OWN = {"linearize": True, "command_up": 95.0, "command_down": 75.0, "command_rate": 4000.0}
 
@@ -83,6 +84,14 @@ def test_what_was_found_is_given_back(robot):
     assert not loop.taken
     assert robot.values == OWN
     assert robot.states == {AMPLIFIER: ACTIVE, CONTROLLER: ACTIVE}
+
+
+def test_limits_that_a_killed_experiment_left_are_not_taken_for_the_robot_s_own(robot):
+    """The next experiment "restored" them: 150 N and no limit of the rate, for every sender."""
+    take(robot, Loop())  # and killed
+    robot.states[CONTROLLER] = ACTIVE  # by the operator
+    with pytest.raises(NotPossible, match="amplifier.* killed.*start .* anew"):
+        take(robot, Loop())
 
 
 def test_a_rig_that_pauses_keeps_nothing_from_being_given_back(robot):
