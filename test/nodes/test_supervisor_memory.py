@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.control.supervision import ALL_NODES
+from screw_module_ros.control.supervision import ALL_NODES, EARLIER
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support.kept import Kept
 
@@ -94,6 +94,17 @@ def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor):
     node.close()
     node = supervisor()
     assert node._state.estopped and not node._state.latched
+
+
+def test_a_cleanup_is_no_end_the_latched_stop_stays(supervisor):
+    """It was forgotten when the process was killed before it was configured again."""
+    node = supervisor()
+    node._state = node._state._replace(latched=("encoder: index pulse lost",))
+    node._publish(1)
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    node = supervisor()
+    assert node._state.latched == (EARLIER + "encoder: index pulse lost",)
 
 
 def test_activated_again_it_does_not_blame_nodes_for_its_own_pause(supervisor):
