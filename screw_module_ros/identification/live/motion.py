@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
@@ -109,6 +110,10 @@ class Motion:
             recording = experiment.recording(trial.duration)
             deadline = 1.5 * trial.duration + _SPARE_S
             experiment.wait(recording, lambda: recording.full, deadline, watch)
+        except Exception:  # the torque may be why somebody cancels: off before the hand rests
+            with experiment.unhurried(), contextlib.suppress(RobotError):  # tried again later
+                experiment.torque_off()
+            raise
         finally:
             experiment.loop.record(None)
             with experiment.unhurried():

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller's settings in a motion trial: taken whole, and put back whole."""
+"""The controller's settings and its torque in a motion trial, without a graph."""
 
 from __future__ import annotations
 
+import contextlib
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +13,7 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.live import motion
 from screw_module_ros.identification.live.graph import ACTIVE, UNCONFIGURED
-from screw_module_ros.identification.trials import MotionTrial
+from screw_module_ros.identification.trials import Cancelled, MotionTrial
 from screw_module_ros.operator.client import RobotError
 
 CERTIFIED_CUTOFF = 50.0  # [Hz]
@@ -93,3 +94,28 @@ def test_a_robot_in_observer_does_a_trial_of_another_mode(beside):
     assert controller.values == {**wanted.settings._asdict(), "mode": modes.FORCE_FEEDBACK}
     assert trials.put_back() == []
     assert (controller.values, controller.state) == (found, ACTIVE)
+
+
+@pytest.mark.parametrize("error", [Cancelled("cancelled"), RobotError("the encoder is silent")])
+def test_the_torque_goes_off_before_the_hand_comes_to_rest(error):
+    """It stayed on for more than a second after a cancellation, until the hand was at rest."""
+    done = []
+
+    def waiting(*_: Any) -> None:
+        raise error
+
+    experiment = SimpleNamespace(
+        fixture=SimpleNamespace(
+            hand_moves=lambda trial: None, hand_rests=lambda centre: done.append("hand at rest")
+        ),
+        loop=SimpleNamespace(record=lambda recording: None),
+        say=lambda text: None,
+        recording=lambda seconds: SimpleNamespace(full=False),
+        wait=waiting,
+        unhurried=contextlib.nullcontext,
+        torque_off=lambda: done.append("torque off"),
+    )
+    trial = MotionTrial(modes.FORCE_FEEDBACK, VerticalSettings())
+    with pytest.raises(type(error)):
+        motion.Motion(experiment)._moved(trial, lambda share: None)
+    assert done == ["torque off", "hand at rest"]
