@@ -100,7 +100,8 @@ class EndpointStateNode(ModuleNode):
             bool(plane and plane.enabled), bool(amplifier and amplifier.enabled)
         ]
         message.safety = safety.level if safety else SafetyState.UNKNOWN
-        message.vertical_locked = bool(safety and safety.vertical_locked)
+        last = self._safety.message  # the pin stays in, also without a supervisor
+        message.vertical_locked = bool(last and last.vertical_locked)
         self._publish(message)
         self._ticks += 1
         if tick.sequence % _JOINTS_EVERY == 0:

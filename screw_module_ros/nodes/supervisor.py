@@ -9,6 +9,7 @@ survive a restart of the process. A latched stop also does, unless the process e
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -116,14 +117,23 @@ class SupervisorNode(ModuleNode):
         self._send = self.outlet(*offered(graph.SAFETY_STATE))
 
     def begin(self) -> None:
-        """Start the ticks."""
+        """Start the ticks; what was heard before a pause of this node says nothing now."""
+        for newest in self._sources.values():
+            newest.forget()
+        self._state = self._state._replace(enabled=False)
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
-    def disconnect(self) -> None:
-        """Remove the topics; without safety_state the drives stop."""
-        if self._inbox is not None:
-            with self._changing:  # at the end of a graph the last node sees the others missing
-                self._keep(self._state._replace(latched=()))
+    def close(self, ended: Callable[[], None] = lambda: None) -> None:
+        """End in order: without safety_state the drives stop, and no latched stop is kept."""
+        was_connected = self._inbox is not None
+
+        def left() -> None:
+            if was_connected:
+                with self._changing:  # at a graph's end the last node sees the others missing
+                    self._keep(self._state._replace(latched=()))
+            ended()
+
+        super().close(left)
 
     def step(self) -> None:
         """Decide and publish the decision."""

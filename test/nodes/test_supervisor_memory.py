@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 from std_srvs.srv import SetBool, Trigger
 
+from screw_module_ros.control.supervision import ALL_NODES, EARLIER
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support.kept import Kept
 
@@ -93,6 +94,44 @@ def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor):
     node.close()
     node = supervisor()
     assert node._state.estopped and not node._state.latched
+
+
+def test_a_cleanup_is_no_end_the_latched_stop_stays(supervisor):
+    """It was forgotten when the process was killed before it was configured again."""
+    node = supervisor()
+    node._state = node._state._replace(latched=("encoder: index pulse lost",))
+    node._publish(1)
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    node = supervisor()
+    assert node._state.latched == (EARLIER + "encoder: index pulse lost",)
+
+
+def test_activated_again_it_does_not_blame_nodes_for_its_own_pause(supervisor):
+    """It took its last messages of before the pause for nodes that had fallen silent."""
+    node = supervisor()
+    now = node.clock.now_ns()
+    heard(node, now, enabled=True)
+    node._publish(now)
+    assert node._state.enabled
+    node.trigger_deactivate()
+    node.trigger_activate()
+    later = now + 60_000_000_000
+    node._publish(later)
+    assert node._publisher.told[-1][2] == [f"{name}: not seen yet" for name in ALL_NODES]
+    heard(node, later)
+    node._publish(later)
+    assert node._publisher.told[-1][2] == []
+    assert not node._state.latched
+
+
+def heard(node, now, enabled=False):
+    """Stand for a message of every node; enabled: of the drives."""
+    for name, newest in node._sources.items():
+        newest.arrival_ns = now
+        newest.message = SimpleNamespace(
+            faulted=False, enabled=enabled and name in ("amplifier", "manus"), reason=""
+        )
 
 
 def test_nothing_is_written_while_there_is_nothing_to_keep(supervisor, folder):

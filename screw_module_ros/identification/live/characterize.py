@@ -150,7 +150,8 @@ class CharacterizeNode(ModuleNode):
             return self._experiment(goal)
         except Exception as error:
             self.get_logger().error(traceback.format_exc())
-            return _failed(f"{request.experiment}: {type(error).__name__}: {error}")
+            said = f"{request.experiment}: {type(error).__name__}: {error}"
+            return _failed("; ".join([said, *_left(error)]))
         finally:
             self._doing = ""
             self.clock.leave()
@@ -165,7 +166,7 @@ class CharacterizeNode(ModuleNode):
             experiment, settings, folder = _checked(request, root)
             kept = f"what was finished is kept in {folder}"
             result, left = self._measured(goal, experiment, settings, folder)
-            files = [str(path) for path in result.save(folder)]
+            files = [str(path) for path in _saved(result, folder, left)]
             text = result.as_yaml()
             message = f"{request.experiment} is done: {folder}"
         except Cancelled as error:
@@ -258,6 +259,15 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
         if not (folder / f"{need}.yaml").is_file():
             raise ValueError(f"{experiment.name} needs the result of {need} in {folder}")
     return experiment, settings, folder
+
+
+def _saved(result: Result, folder: Path, left: list[str]) -> list[Path]:
+    """Write a result; return its files. After an error, `left` is in its attribute `left`."""
+    try:
+        return result.save(folder)
+    except Exception as error:
+        error.left = left
+        raise
 
 
 def _failed(message: str) -> Outcome:

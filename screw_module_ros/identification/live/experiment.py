@@ -154,9 +154,15 @@ class Experiment:
         robot.enable()
 
     def check_enabled(self) -> None:
-        """Raise RobotError with the reason if the torque is off."""
-        state = self.robot.state(AmplifierState)
-        if state is not None and not state.enabled:
+        """Raise RobotError with the reason if the torque is off, or if nobody says that it is on.
+
+        A killed amplifier's drive is off, by its own guards.
+        """
+        robot = self.robot
+        if not robot.met(lambda: robot.state(AmplifierState) is not None, _SILENT_S):
+            raise RobotError(f"the amplifier is silent{robot.complaints_text()}")
+        state = robot.newest(AmplifierState)
+        if not state.enabled:
             raise RobotError(f"the amplifier switched the torque off: {state.reason}")
 
     def torque_off(self) -> None:

@@ -103,14 +103,16 @@ class LiveLoop:
         newest = None
         while (sample := take()) is not None:
             newest = sample
-            if self._recording is not None:
-                note(self._recording, sample)
+            recording = self._recording  # once: the experiment's thread may end it meanwhile
+            if recording is not None:
+                note(recording, sample)
         return newest
 
     def _take_commands(self) -> None:
         while (command := self._takes[2]()) is not None:
-            if self._recording is not None and self._source is None:
-                self._recording.note_command(command)
+            recording = self._recording
+            if recording is not None and self._source is None:
+                recording.note_command(command)
 
     def _publish_command(self, sample: EncoderSample, output: Output, mode: int) -> None:
         command = self._command
@@ -118,8 +120,9 @@ class LiveLoop:
         command.sequence, command.monotonic_ns = sample.sequence, sample.monotonic_ns
         command.force = output.force
         self._outlets[0].publish(command)
-        if self._recording is not None:
-            self._recording.note_command(command)
+        recording = self._recording
+        if recording is not None:
+            recording.note_command(command)
 
     def _publish_state(self, now_ns: int) -> None:
         source = self._source
@@ -173,15 +176,19 @@ class LiveLoop:
 
     def halt(self) -> None:
         """Command zero from the next sample on, and stop recording."""
-        if self._source is not None:
-            self._source.halt()
+        source = self._source
+        if source is not None:
+            source.halt()
         self._recording = None
 
-    def leave_place(self) -> None:
-        """Stop sending commands and remove their publishers."""
+    def leave_place(self, met: Callable[[Callable[[], bool], float], bool]) -> None:
+        """Stop sending commands and remove their publishers.
+
+        met: waits as `Robot.met` does, which also outlasts a rig that pauses.
+        """
         self._source = None
         seen = self._passes  # after two more passes the loop no longer uses the source
-        self._clock.wait_for(lambda: self._passes >= seen + 2, _PASS_S)
+        met(lambda: self._passes >= seen + 2, _PASS_S)
         self._close_outlets()
 
     def _close_outlets(self) -> None:

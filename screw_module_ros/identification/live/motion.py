@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
@@ -109,6 +110,10 @@ class Motion:
             recording = experiment.recording(trial.duration)
             deadline = 1.5 * trial.duration + _SPARE_S
             experiment.wait(recording, lambda: recording.full, deadline, watch)
+        except Exception:  # the torque may be why somebody cancels: off before the hand rests
+            with experiment.unhurried(), contextlib.suppress(RobotError):  # tried again later
+                experiment.torque_off()
+            raise
         finally:
             experiment.loop.record(None)
             with experiment.unhurried():
@@ -140,13 +145,17 @@ class Motion:
         self._apply({**trial.settings._asdict(), "mode": trial.mode})
 
     def _apply(self, wanted: dict[str, Any]) -> None:
-        """Set the parameters that differ; for those fixed in operation, clean the controller up."""
+        """Set the parameters that differ; for those fixed in operation, clean the controller up.
+
+        It comes back in mode OFF, which every law permits: settings and mode may fit each other
+        only when all are set, and then they are set together.
+        """
         robot = self._experiment.robot
         now = parameters(robot, CONTROLLER, wanted)
         fixed = {n: v for n, v in wanted.items() if n not in {*_LIVE, "mode"} and v != now[n]}
         if fixed:
             bring(robot, CONTROLLER, UNCONFIGURED)
-            robot.set_parameters(CONTROLLER, fixed)
+            robot.set_parameters(CONTROLLER, {**fixed, "mode": OFF})
             bring(robot, CONTROLLER, ACTIVE)
             now = parameters(robot, CONTROLLER, wanted)  # a calibration may have set its gravity
         changed = {name: value for name, value in wanted.items() if value != now[name]}

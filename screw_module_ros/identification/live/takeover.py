@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
 
+from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
@@ -68,6 +69,7 @@ class Takeover:
             self._found = parameters(
                 self._robot, AMPLIFIER, ("linearize", "command_up", "command_down", "command_rate")
             )
+            _check_own(self._found)
             self._begun = True
             bring(self._robot, CONTROLLER, UNCONFIGURED)
             self.source = self._loop.take_place(watch, period_ns)
@@ -124,24 +126,40 @@ class Takeover:
         def attempt(what: str, action: Callable[[], None]) -> None:
             try:
                 action()
-            except RobotError as error:
+            except (RobotError, TimeStandsStill) as error:  # what comes next may still succeed
                 left.append(f"{what}: {error}")
 
         attempt("amplifier not stopped", lambda: bring(self._robot, AMPLIFIER, UNCONFIGURED))
         attempt("amplifier's settings not restored", self._restore)
         if self.source is not None:
-            self._loop.leave_place()
             self.source = None
+            attempt("the controller's place not left", self._leave_place)
         attempt("amplifier not restarted", lambda: bring(self._robot, AMPLIFIER, ACTIVE))
         attempt("controller not restarted", lambda: bring(self._robot, CONTROLLER, ACTIVE))
         self._begun = False
         return left
+
+    def _leave_place(self) -> None:
+        self._loop.leave_place(self._robot.met)
 
     def _restore(self) -> None:
         self._robot.set_parameters(AMPLIFIER, self._found)
         now = parameters(self._robot, AMPLIFIER, self._found)
         if now != self._found:
             raise RobotError(f"{self._found} was wanted, they are {now}")
+
+
+def _check_own(found: dict[str, object]) -> None:
+    """Raise NotPossible if these settings of the amplifier are those of a torque trial.
+
+    An experiment whose process was killed cannot restore them; the next one must not take them for
+    the robot's own.
+    """
+    if not found["linearize"] and found["command_rate"] >= _FASTEST:
+        raise NotPossible(
+            "the amplifier still has the wide limits of a torque trial, whose process was killed: "
+            "start amplifier and impedance_controller anew"
+        )
 
 
 def check_disabled(robot: Robot) -> None:

@@ -29,6 +29,10 @@ class Newest:
             self.arrival_ns = getattr(self._take, "arrived_ns", now_ns)
         return message
 
+    def forget(self) -> None:
+        """Be as before the first message."""
+        self.message, self.arrival_ns = None, 0
+
     def fresh(self, now_ns: int) -> Any:
         """Take the waiting message; return the newest one while it is fresh, else None."""
         self.update(now_ns)

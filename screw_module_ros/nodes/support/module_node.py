@@ -168,15 +168,39 @@ class ModuleNode(ServingNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Lifecycle deactivate."""
-        with self.working():
-            self._leave_step()
-            self.end()
+        """Lifecycle deactivate; the node stays active while its loop waits for simulated time."""
+        try:
+            with self.working():
+                self._leave_step()
+        except TimeStandsStill as error:
+            self.get_logger().error(f"cannot deactivate: {error}")
+            self._active.set()
+            return TransitionCallbackReturn.FAILURE
+        try:
+            with self.working():
+                self.end()
+        except Exception as error:
+            self._fail("deactivate", error)
+            return TransitionCallbackReturn.ERROR
         self._phase = "inactive"
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle cleanup."""
+        try:
+            self.disconnect()
+            self.close_topics()
+        except Exception as error:
+            self._fail("clean up", error)
+            return TransitionCallbackReturn.ERROR
+        self._phase = "unconfigured"
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After an error in a transition: everything closed, as rcl has the node unconfigured.
+
+        A drive that could not be switched off notices the missing heartbeat and switches off.
+        """
         self.disconnect()
         self.close_topics()
         self._phase = "unconfigured"

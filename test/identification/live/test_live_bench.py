@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from screw_module_msgs.action import RunExperiment
+from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.clock import ManualClock, WallClock
 from screw_module_ros.control import modes
@@ -38,6 +39,7 @@ from screw_module_ros.identification.trials import (
     NotPossible,
     TorqueTrial,
 )
+from screw_module_ros.operator.client import RobotError
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
@@ -292,6 +294,22 @@ def test_an_enabled_drive_is_refused_with_the_whole_command():
     assert words == [
         "ros2", "service", "call", "/left/amplifier/enable", "std_srvs/srv/SetBool", "{data: false}"
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("state", "said"),
+    [(None, "the amplifier is silent; boom"), (AmplifierState(reason="drive"), "off: drive")],
+)
+def test_a_trial_ends_when_its_amplifier_has_ended(state, said):
+    """A trial went on to its end after the amplifier was killed: silence counted as torque."""
+    robot = SimpleNamespace(
+        state=lambda kind: state,
+        newest=lambda kind: state,
+        met=lambda condition, patience: condition(),
+        complaints_text=lambda: "; boom",
+    )
+    with pytest.raises(RobotError, match=said):
+        live_session.Experiment.check_enabled(SimpleNamespace(robot=robot))
 
 
 def test_a_nut_that_the_graph_does_not_have_is_refused():
