@@ -38,10 +38,12 @@ class Person(NamedTuple):
 
 # A hand of 3 kg moves some 9 kg with the arm. 500 N/m and 20 Ns/m, damped by 0.15, pass a target
 # 0.14 m away by 30 mm in 0.9 s; a practised hand, damped by 0.5, by a few millimetres in 1.1 s.
+# A weak arm of 500 N/m held the hand where it stopped: with 8 N against a wall that takes all of a
+# trial's time to become that stiff, and the assistance brought it to no target.
 PEOPLE = {
     HEALTHY: Person("active", 1.1, stiffness=800.0, damping=80.0),
     TREMOR: Person("tremor", 1.2),
-    WEAK: Person("weak", 2.6, reach=0.8),
+    WEAK: Person("weak", 2.6, stiffness=200.0, reach=0.8),
 }
 
 
