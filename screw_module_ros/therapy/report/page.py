@@ -218,7 +218,8 @@ def _reasons(recorded: Recorded) -> str:
 
 
 def _details(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    summary_line = f"<summary>{len(rows)} changes in the latest session, with reasons</summary>"
+    count = "1 change" if len(rows) == 1 else f"{len(rows)} changes"
+    summary_line = f"<summary>{count} in the latest session, with reasons</summary>"
     return f"<details>{summary_line}{_table(heads, rows, {})}</details>"
 
 
