@@ -162,9 +162,10 @@ class Encoder:
         It may be lost if the encoder is silent: it restarted unheard, or another master stopped it.
         Raises as `configure`; then the fault stays latched.
         """
-        if self.silent:
+        silent = self.silent
+        if silent:
             self._latch("the encoder does not answer")
-        stopped = not self._running or self.silent
+        stopped = silent or not self._running
         if stopped:
             self.configure()
         self._foreign_sync = self._port.counters.foreign_sync

@@ -20,10 +20,10 @@ from .friction_form import branch_of, friction_along, held_force, speed_factor
 from .friction_refine import Fitted, fit_maps
 from .lab import Lab
 from .results import Quantity, Result
+from .trials import DIRECTIONS
 
 NAME = "friction_model"
 WITHIN = 2.0  # "in most cases the error is between -2 and +2 N" (5.2.5)
-_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
@@ -52,7 +52,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     fitted = fit_maps(z, speeds, friction["up"], friction["down"], settings.flip_gain)
     model = _model(fitted, speeds, weight, settings)
     data = {"centres": z, "speeds": speeds, **_as_data(model)}
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         data[f"force_{direction}"] = maps[direction]
         data[f"residual_{direction}"] = beyond(model, data, direction)
     thesis = thesis_friction()
@@ -69,7 +69,7 @@ def friction_model_of(result: Result) -> FrictionModel:
             tuple(map(float, result.data[f"{direction}_ripple"])),
             *map(float, result.data[f"{direction}_shape"]),
         )
-        for direction, _ in _DIRECTIONS
+        for direction, _ in DIRECTIONS
     )
     return FrictionModel(low, high, fastest, ramp, lead, phase, weight, *branches)
 
@@ -88,7 +88,7 @@ def _model(
 def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
     """Return the model as arrays; `friction_model_of` reads them."""
     data = {"common": np.array(model[:7])}
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         trend, ripple, *shape = getattr(model, direction)
         data[f"{direction}_trend"], data[f"{direction}_ripple"] = np.array(trend), np.array(ripple)
         data[f"{direction}_shape"] = np.array(shape)
@@ -97,7 +97,7 @@ def _as_data(model: FrictionModel) -> dict[str, np.ndarray]:
 
 def beyond(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
     """Return measured minus modelled force [N] of a model on the maps of this result."""
-    velocity = dict(_DIRECTIONS)[direction] * data["speeds"]
+    velocity = dict(DIRECTIONS)[direction] * data["speeds"]
     return data[f"force_{direction}"] - held_force(model, *np.meshgrid(data["centres"], velocity))
 
 
@@ -125,7 +125,7 @@ def _quantities(
         ("", "our fit", model),
         ("_thesis", "the thesis's coefficients on this module", thesis),
     ):
-        left = {direction: beyond(judged, data, direction) for direction, _ in _DIRECTIONS}
+        left = {direction: beyond(judged, data, direction) for direction, _ in DIRECTIONS}
         left = {"": np.concatenate(list(left.values())), **left}
         for direction, residual in left.items():
             end = (f"_{direction}" if direction else "") + label
@@ -134,13 +134,13 @@ def _quantities(
                 Quantity(f"within{end}", share_within(residual), nan, "", f"within 2 N, {where}"),
                 Quantity(f"rms{end}", rms(residual), nan, "N", f"rms residual, {where}"),
             ]
-    ramped = np.concatenate([_ramped(model, data, direction) for direction, _ in _DIRECTIONS])
+    ramped = np.concatenate([_ramped(model, data, direction) for direction, _ in DIRECTIONS])
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
         Quantity("phase", model.phase, fitted.phase_error, "rad", "phase of the ripple"),
     ]
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         found += _of_branch(model, data, direction)
     return tuple(found)
 
@@ -173,7 +173,7 @@ def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], direction: str
 
 def _ramped(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> np.ndarray:
     """Return the residual of the controller's model, with its ramp at low speed [N]."""
-    velocity = dict(_DIRECTIONS)[direction] * data["speeds"] / 1e3
+    velocity = dict(DIRECTIONS)[direction] * data["speeds"] / 1e3
     friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
     return data[f"force_{direction}"] - model.gravity - friction
 
@@ -188,7 +188,7 @@ def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]
         " one half of the screw and rises in the other.",
         "Standard errors assume independent residuals, but neighbouring bins are correlated.",
     ]
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         if getattr(model, direction).flip_below < 0.0:
             notes.append(f"Direction {direction}: a ripple flip has no benefit and is not used.")
     return tuple(notes)

@@ -12,11 +12,10 @@ from ..settings import Setting, validated
 from .friction_bins import period_of, steady_part, turn_rate_hz
 from .lab import Job, Lab, Part
 from .results import Quantity, Result
-from .trials import Samples, StageTrial
+from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
 ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
-_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
 _LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
 _HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
@@ -49,13 +48,13 @@ def run(lab: Lab, settings: Settings) -> Result:
     if settings.high - settings.low < 0.08:
         raise ValueError("high must lie above low by 0.08 m or more: four turns of the screw")
     jobs = []
-    for direction, sign in _DIRECTIONS:
+    for direction, sign in DIRECTIONS:
         ends = (float(settings.low), float(settings.high))[:: int(sign)]
         jobs.append(Job(direction, StageTrial(sign * float(settings.speed), *ends), spectrum))
     parts = lab.run(NAME, jobs)
     data, quantities, notes = {}, [], []
     turn = turn_rate_hz(settings.speed)
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         frequency, amplitude = parts[direction]["frequency"], parts[direction]["amplitude"]
         found = modes(frequency, amplitude, turn)
         data[f"frequency_{direction}"], data[f"amplitude_{direction}"] = frequency, amplitude

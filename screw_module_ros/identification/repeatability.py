@@ -11,11 +11,10 @@ from ..settings import Setting, validated
 from .friction_bins import CENTRES_MM, binned
 from .lab import Job, Lab
 from .results import Quantity, Result
-from .trials import StageTrial
+from .trials import DIRECTIONS, StageTrial
 
 NAME = "repeatability"
 _WHOLE = 0.9  # least share of a bin's samples for the comparison
-_DIRECTIONS = (("up", 1.0), ("down", -1.0))
 
 
 class Settings(NamedTuple):
@@ -40,12 +39,12 @@ def run(lab: Lab, settings: Settings) -> Result:
         raise ValueError("high must lie above low by 0.03 m or more")
     jobs = [
         _job(settings, direction, sign, number)
-        for direction, sign in _DIRECTIONS for number in (1, 2)
+        for direction, sign in DIRECTIONS for number in (1, 2)
     ]  # fmt: skip
     parts = lab.run(NAME, jobs)
     data = {"centres": CENTRES_MM}
     quantities = []
-    for direction, _ in _DIRECTIONS:
+    for direction, _ in DIRECTIONS:
         first, second = (parts[f"{direction}_{number}"] for number in (1, 2))
         data[direction] = np.array([first["force"], second["force"]])
         quantities += _compared(direction, first, second)

@@ -22,6 +22,8 @@ from ..control.linearization import Linearization
 from ..control.planar_settings import PlanarSettings
 from ..control.vertical_settings import VerticalSettings
 
+DIRECTIONS = (("up", 1.0), ("down", -1.0))
+"""Name and sign of both directions along the screw."""
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
 
 OnProgress = Callable[[float], None]

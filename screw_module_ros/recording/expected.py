@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from ..graph import THERAPY_STATE, TOPICS
+from ..graph import ENCODER_DECIMATED, THERAPY_STATE, TOPICS
 from .audit import NO_SEQUENCE, layout
 from .metadata import decoded
 
 _LEAST_S = 1.0  # a shorter recording does not determine a rate
-_DECIMATED = "/decimated"  # end of the names of thinned topics, see `graph.ENCODER_DECIMATED`
+_DECIMATED = "/" + ENCODER_DECIMATED.rpartition("/")[2]  # end of the names of thinned topics
 _FASTEST_HZ = 1e9  # larger rates are invalid
 _TOLERANCE = 0.05  # of the rate; ticks are exact, the ends of the recording are not
 

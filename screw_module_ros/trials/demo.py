@@ -113,8 +113,9 @@ def record_session(
     extra += ["-p", "session_recorder:name:=session"]
     if not options.node_logs:
         extra.append("--disable-stdout-logs")
-    modes = {"composed": options.composed, "wall_clock": options.wall_clock}
-    with GraphRun(options.params, extra, **modes) as graph:
+    with GraphRun(
+        options.params, extra, composed=options.composed, wall_clock=options.wall_clock
+    ) as graph:
         try:
             with Robot("demo", watch=graph.watch, simulated=not options.wall_clock) as robot:
                 make_ready(robot, graph, console)
