@@ -13,9 +13,11 @@ import json
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
@@ -39,7 +41,8 @@ from .support.timers import Timers
 _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
-_FOUND_NS = 3_000_000_000  # time in which the middleware discovers a new service
+_FOUND_NS = 5_000_000_000  # the middleware repeats lost announcements each 3 s
+_AT_ONCE = Duration(nanoseconds=5_000_000)  # most acknowledgements come within it
 
 
 def found_type(name: str) -> type:
@@ -100,6 +103,26 @@ def _text(message: Any) -> str:
     return json.dumps(plain(message), allow_nan=False, separators=(",", ":"))
 
 
+@dataclass
+class _Unsent:
+    """A call that its node cannot receive yet; due_ns: when it is given up [ns].
+
+    attended: whether the page's attendance has been published ahead of it.
+    """
+
+    due_ns: int
+    service: str
+    send: Callable[[], None]
+    answered: Callable[[Any, bool], None]
+    attended: bool = False
+
+
+def _not_found(call: _Unsent) -> str:
+    if call.attended:
+        return f"not every subscriber of {ATTENDANCE} receives it: is one frozen? Try again"
+    return f"nobody offers {call.service}: is its node running?"
+
+
 class BridgeGateway:
     """Topics and services of the robots that `rights` names; see `bridge.client.Gateway`.
 
@@ -113,7 +136,7 @@ class BridgeGateway:
         self._publishers: dict[str, Any] = {}
         self._clients: dict[str, Any] = {}
         self._waiting: dict[Any, tuple[int, Callable[[], None]]] = {}
-        self._unsent: list[tuple[int, str, Callable[[], None], Callable[[Any, bool], None]]] = []
+        self._unsent: list[_Unsent] = []
         self._changing = threading.Lock()
         group = HotGroup()
         for place, kind in rights.places(HEARD):
@@ -170,25 +193,33 @@ class BridgeGateway:
         """Call a service. Raises ConversionError."""
         client = self._clients[service]
         request = fill(client.srv_type.Request(), arguments, new_message)
-        if self._is_found(service):
-            self._send(service, request, answered)
+        send = partial(self._send, service, request, answered)
+        unsent = _Unsent(self._clock.now_ns() + _FOUND_NS, service, send, answered)
+        if self._is_found(unsent):
+            send()
             return
         with self._changing:
-            due_ns = self._clock.now_ns() + _FOUND_NS
-            send = partial(self._send, service, request, answered)
-            self._unsent.append((due_ns, service, send, answered))
+            self._unsent.append(unsent)
 
-    def _is_found(self, service: str) -> bool:
-        """Return whether a node offers it, and hears that the page attends."""
-        heard = self._attendance.get(service)
-        ready = is_served(self._node, self._clients[service])
-        return ready and (heard is None or heard.get_subscription_count() > 0)
+    def _is_found(self, call: _Unsent) -> bool:
+        """Return whether a node offers the service, and has received that the page attends.
+
+        Else a session would not miss a page that is lost at once.
+        """
+        if not is_served(self._node, self._clients[call.service]):
+            return False
+        publisher = self._attendance.get(call.service)
+        if publisher is None:
+            return True
+        if not call.attended:
+            if not publisher.get_subscription_count():
+                return False
+            publisher.publish(publisher.msg_type())
+            call.attended = True
+        return publisher.wait_for_all_acked(_AT_ONCE)
 
     def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
         client = self._clients[service]
-        if service in self._attendance:  # else a page that is lost at once would not be missed
-            publisher = self._attendance[service]
-            publisher.publish(publisher.msg_type())
         future = client.call_async(request)
 
         def given_up() -> None:
@@ -216,11 +247,10 @@ class BridgeGateway:
         with self._changing:
             unsent, self._unsent = self._unsent, []
         for call in unsent:
-            due_ns, service, send, answered = call
-            if self._is_found(service):
-                send()
-            elif now_ns >= due_ns:
-                answered(f"nobody offers {service}: is its node running?", False)
+            if self._is_found(call):
+                call.send()
+            elif now_ns >= call.due_ns:
+                call.answered(_not_found(call), False)
             else:
                 with self._changing:
                     self._unsent.append(call)

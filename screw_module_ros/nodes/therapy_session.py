@@ -164,14 +164,17 @@ class TherapySessionNode(ModuleNode):
 
     def _watch(self, now_ns: int) -> None:
         """Pause the session when its samples stop or the therapist's page is silent."""
-        if self._take_attendance() is not None:
-            self._attendance.hear(now_ns)
+        self._take_page(now_ns)
         if self._session is None:
             return
         if self._silent(now_ns):
             self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
         if reason := self._attendance.missed(now_ns):
             self._change(self._session.pause, reason)
+
+    def _take_page(self, now_ns: int) -> None:
+        if self._take_attendance() is not None:
+            self._attendance.hear(now_ns)
 
     def _silent(self, now_ns: int) -> bool:
         return self._sampled_ns is None or now_ns - self._sampled_ns > _SILENT_NS
@@ -279,6 +282,7 @@ class TherapySessionNode(ModuleNode):
                     "this one too: stop it first (session_recorder/stop)"
                 )
             self._attendance.begin(now_ns)
+            self._take_page(now_ns)  # now: the middleware may drop what a process that ends sent
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
             self._session, self._sent, self._wish = Session(protocol), None, None
@@ -316,7 +320,10 @@ class TherapySessionNode(ModuleNode):
     def _resume(self, request: Trigger.Request) -> str:
         if self._recording.waits:
             return _WAITS
-        self._attendance.begin(self.clock.now_ns())
+        with self._lock:
+            now_ns = self.clock.now_ns()
+            self._attendance.begin(now_ns)
+            self._take_page(now_ns)
         return self._act("resume")
 
     def health(self) -> Health:

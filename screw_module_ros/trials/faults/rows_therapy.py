@@ -7,7 +7,7 @@ import itertools
 import math
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from screw_module_msgs.msg import EndpointSetpoint, TherapySlot, TherapyState
@@ -29,6 +29,7 @@ _PAGE, _STATES = "page", "states"
 _WITHIN = 60
 """Samples: a slot may throw the hand and so trip the limits of speed or position jump."""
 _SILENCE_S = 2.0  # of a page; then the session pauses
+_START = {"protocol": "reach_3d", "patient": "P-22222", "record": False}
 _SLOT = {
     "planar": True, "vertical": True, "start__z": HOME, "target__y": 0.1, "target__z": HOME + 0.05,
     "duration": 1.4, "back_stiffness": 200.0, "side_stiffness": 200.0, "damping": 5.0,
@@ -98,10 +99,11 @@ def _pages() -> Iterator[Row]:
                     published(Empty, graph.THERAPY_ATTENDANCE, _ONE_S, _RENEW_S), _paused),
                pauses)  # fmt: skip
     yield _row(f"{_BRIDGE}-killed", "web_bridge killed (SIGKILL) during a session that a page "
-               "attends through it", both(_session, _attended, _started, _bridge_killed, _paused),
+               "attends through it", both(_session, _attended, _started_by_page, _bridge_killed,
+                                               _paused),
                pauses, _page_closed)  # fmt: skip
     yield _row(f"{_BRIDGE}-flooded", "a page floods the bridge during a session",
-               both(_session, _attended, _started, _flooded), "web_bridge cuts it off",
+               both(_session, _attended, _started_by_page, _flooded), "web_bridge cuts it off",
                _page_closed)  # fmt: skip
 
 
@@ -117,14 +119,39 @@ def _session(testbed) -> None:
 
 def _started(testbed) -> float:
     """Start a session, and wait for its slot, which brings the hand to the start."""
-    request = StartTherapy.Request(protocol="reach_3d", patient="P-22222", record=False)
+    request = StartTherapy.Request(**_START)
 
     def begun() -> bool:
         answer = testbed.robot.call(StartTherapy, f"{_SESSION}/start", request)
-        if not answer.success and graph.ENDPOINT_STATE not in answer.message:
-            raise Failed(f"the session does not start: {answer.message}")
-        return answer.success
+        return _accepted(answer.success, answer.message)
 
+    return _begun(testbed, begun)
+
+
+def _started_by_page(testbed) -> float:
+    """Do the same as a page does, which attends the session from its start."""
+    page = testbed.added[_PAGE]
+
+    def begun() -> bool:
+        page.answer, page.asks = None, (f"{_SESSION}/start", _START)
+        if not testbed.until(lambda: page.answer is not None, 10.0):
+            raise Failed(f"the bridge does not answer: {page.end}")
+        if isinstance(page.answer, dict):
+            return _accepted(page.answer["success"], page.answer["message"])
+        if "nobody offers" not in page.answer:  # else the middleware has not discovered the service
+            raise Failed(f"the session does not start: {page.answer}")
+        return False
+
+    return _begun(testbed, begun)
+
+
+def _accepted(success: bool, message: str) -> bool:
+    if not success and graph.ENDPOINT_STATE not in message:
+        raise Failed(f"the session does not start: {message}")
+    return success
+
+
+def _begun(testbed, begun: Callable[[], bool]) -> float:
     testbed.robot.wait_until(begun, 10.0, "the session's node receives no endpoint_state")
     _wait_for(testbed, lambda state: state.state == TherapyState.RUNNING
               and state.phase == TherapyState.PREPARE, "the session does not run")  # fmt: skip
