@@ -15,7 +15,7 @@ from typing import NamedTuple
 from ..can_io.port import Port
 from ..control.gate import GateSettings
 from ..control.timing import DeadlineMeter, empty_histogram, note_latency
-from ..control.torque_chain import COLD, TorqueChain, commanded, followed
+from ..control.torque_chain import COLD, TorqueChain, commanded, commanded_torque, followed
 from ..control.watch import CommandWatch
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
@@ -50,9 +50,9 @@ class VerticalDrive:
     with its other work.
 
     period_ns: between commands. chain: from force to torque. missed_limit: deadlines missed in a
-    row that stop the torque. asked: the last force command [N]. meter: latency from the sample
-    behind a command to its write; own: histogram of this process's part of it. skipped: ticks that
-    an overrun skipped.
+    row that stop the torque. heat: of the motor at the start [Nm^2]. asked: the last force command
+    [N]. meter: latency from the sample behind a command to its write; own: histogram of this
+    process's part of it. skipped: ticks that an overrun skipped.
     """
 
     def __init__(
@@ -63,6 +63,7 @@ class VerticalDrive:
         gate: GateSettings,
         chain: TorqueChain,
         missed_limit: int = 20,
+        heat: float = COLD,
     ):
         self.drive = drive
         self.drives = GatedDrives([drive], gate, period_ns)
@@ -75,7 +76,7 @@ class VerticalDrive:
         self._watch = CommandWatch(period_ns, LARGEST_FORCE)
         self._chain = chain
         self._force = self._followed = 0.0
-        self._heat = COLD
+        self._heat = heat
         self._written_ns = self._pumped_ns = 0
         self._period_ns = period_ns
         self._longest_step = _LONGEST_STEP * period_ns * 1e-9
@@ -87,6 +88,11 @@ class VerticalDrive:
         """Travel of the nut from the drive's newest answer [m], not homed."""
         reading = self.drive.reading
         return reading.position if reading is not None else 0.0
+
+    def heat(self, now_ns: int) -> float:
+        """Return the motor's heat now [Nm^2], after no torque since the last write."""
+        elapsed = max(1e-6, (now_ns - self._written_ns) * 1e-9)
+        return commanded_torque(self._chain, self._heat, 0.0, elapsed)[1]
 
     # One period ----------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
 from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
-from screw_module_ros.control.torque_chain import largest_command, torque_chain
+from screw_module_ros.control.torque_chain import COLD, largest_command, torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
@@ -58,6 +58,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
+        self.part: VerticalDrive | None = None
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -96,6 +97,8 @@ class AmplifierNode(DriveNode):
         """Start the drive, disabled."""
         own = self.parameters.read(AmplifierSettings)
         (drive,) = self.drives
+        # The motor does not cool by a new activation.
+        heat = self.part.heat(self.clock.now_ns()) if self.part is not None else COLD
         self.part = VerticalDrive(
             drive,
             self.port,
@@ -103,6 +106,7 @@ class AmplifierNode(DriveNode):
             self.parameters.read(GateSettings, "gate"),
             self._chain,
             own.missed_limit,
+            heat,
         )
         self._state_due = Due(own.state_rate)
         self._rate_check = RateCheck("encoder", self.period_ns)
