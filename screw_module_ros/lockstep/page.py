@@ -13,7 +13,6 @@ import functools
 import mmap
 import os
 import platform
-import re
 import threading
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -285,7 +284,8 @@ def sweep(domain: str) -> None:
 
 def page_name(domain: str, namespace: str) -> str:
     """Return the page's name for a ROS domain and a namespace."""
-    return re.sub(r"[^A-Za-z0-9]+", "_", f"{int(domain or 0)}_{namespace.strip('/')}").rstrip("_")
+    number, below = str(int(domain or 0)), namespace.strip("/").replace("/", ".")
+    return f"{number}_{below}" if below else number
 
 
 def alive(pid: int) -> bool:

@@ -382,6 +382,7 @@ def test_pages_that_killed_processes_left_are_swept(monkeypatch, tmp_path):
 
 def test_each_domain_and_namespace_has_its_own_time():
     names = [("0", ""), ("1", ""), ("1", "/left"), ("1", "/left/arm"), ("11", "")]
+    names += [("1", "/left_arm"), ("1", "/left_")]
     assert len({page_name(*each) for each in names}) == len(names)
     assert page_name("", "/") == page_name("0", "")
 
