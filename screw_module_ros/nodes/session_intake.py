@@ -146,7 +146,7 @@ class Intake:
         if len(offers) > 1 and tap.numbered:
             tap.numbered = False
             self._session.several_publishers(tap.channel)
-        request = satisfying(offers)
+        request = satisfying(tap.name, offers)
         if tap.request is None:
             self._subscribe(tap, request)
         elif is_stricter(tap.request, request):

@@ -13,6 +13,7 @@ from screw_module_ros.recording import (
 
 from .support.topics import message_class
 
+LOG = "/rosout"
 _DEPTH = 2000  # messages in a queue: two seconds of a 1 kHz topic
 
 
@@ -24,11 +25,16 @@ def recorded_class(type_name: str) -> type:
         raise BagError(f"its type {type_name} is not installed here: {error}") from None
 
 
-def satisfying(offers: list[TopicEndpointInfo]) -> QoSProfile:
-    """Return the strictest request that every offer satisfies (as rosbag2 does)."""
+def satisfying(topic: str, offers: list[TopicEndpointInfo]) -> QoSProfile:
+    """Return the strictest request that every offer satisfies (as rosbag2 does).
+
+    Of `LOG` only new lines are requested: those of the last seconds name the last bag, and so its
+    patient.
+    """
     profiles = [offer.qos_profile for offer in offers]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
-    latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    kept = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
+    latched = kept and topic != LOG
     return QoSProfile(
         depth=_DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,

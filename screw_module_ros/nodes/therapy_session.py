@@ -228,7 +228,8 @@ class TherapySessionNode(ModuleNode):
         if session.wish != self._wish:
             self._start_ns = self._on_monotonic(session.wish.start_ns)
         if progress[:2] != (self._sent or ())[:2]:
-            self.get_logger().info(f"session {session.state}: {session.reason or self._patient}")
+            detail = session.reason or session.protocol.name  # logs name no patient
+            self.get_logger().info(f"session {session.state}: {detail}")
         self._sent, self._wish = progress, session.wish
         fill_slot(self._slot, session.wish, self._start_ns)
         self.stamp(self._slot.header)

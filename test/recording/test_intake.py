@@ -32,9 +32,14 @@ def offer(reliability, durability):
     ],
 )
 def test_request_is_as_strict_as_all_offers_allow(offers, reliability, durability):
-    request = satisfying([offer(*each) for each in offers])
+    request = satisfying("/scan", [offer(*each) for each in offers])
     assert (request.reliability, request.durability) == (reliability, durability)
     assert request.depth >= 1000
+
+
+def test_log_lines_of_the_last_session_are_left_out():
+    """They name its bag, and so its patient."""
+    assert satisfying("/rosout", [offer(RELIABLE, LATCHED)]).durability == VOLATILE
 
 
 def test_offer_in_rosbag2s_words():
