@@ -25,6 +25,8 @@ from .udp_bus import LeanUdpBus
 __all__ = ["BusSettings", "Port", "open_bus", "open_port"]
 
 SIMULATED_INTERFACES = ("virtual", "udp_multicast")
+MULTICAST_ROUTE = "sudo ip route add 239.0.0.0/8 dev lo"
+"""What a machine without any network lacks."""
 RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
 _BITRATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 # Linux numbers that the socket module does not name.
@@ -126,6 +128,6 @@ def _cannot_open(settings: BusSettings, error: BaseException) -> str:
     elif settings.interface == "udp_multicast":
         way_out = (
             "the channel must be a multicast group such as 239.74.163.2 and the machine needs a "
-            "route to it, if need be: sudo ip route add 239.0.0.0/8 dev lo"
+            f"route to it, if need be: {MULTICAST_ROUTE}"
         )
     return f"cannot open CAN bus {where(settings)}: {cause}; {way_out}"

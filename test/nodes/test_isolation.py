@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import errno
 import os
 import socket
 from pathlib import Path
@@ -63,6 +64,17 @@ def test_no_port_of_a_run_is_one_that_the_kernel_gives_to_any_socket():
     """The middleware's sockets of other nodes got one between the choice and the rig's start."""
     ports = [first + number for first in isolation._FIRST_PORTS for number in range(4)]
     assert min(ports) > 60_999 and max(ports) < 65_536  # ip_local_port_range ends at 60 999
+
+
+def test_a_machine_without_a_network_is_told_what_it_lacks(ports, monkeypatch):
+    """The demo waited for 90 s and said that it had heard nothing of any node."""
+    class Alone(socket.socket):
+        def setsockopt(self, *given):
+            raise OSError(errno.ENODEV, "No such device")
+
+    monkeypatch.setattr(socket, "socket", Alone)
+    with pytest.raises(OSError, match="No such device.*ip route add 239.0.0.0/8 dev lo"):
+        isolation.own_place()
 
 
 def test_released_ports_are_free_again(ports, places):

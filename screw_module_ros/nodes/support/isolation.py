@@ -14,6 +14,7 @@ import socket
 import tempfile
 from typing import NamedTuple
 
+from screw_module_ros.can_io.bus import MULTICAST_ROUTE, BusSettings
 from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import BUSES
 
@@ -72,8 +73,9 @@ def port_arguments(first_port: int) -> list[str]:
 def own_place() -> Place:
     """Reserve a domain and ports, and set the environment of this process and its children.
 
-    Raises AlreadyRunning when all of them are in use, DomainError.
+    Raises AlreadyRunning when all of them are in use, DomainError, OSError without multicast.
     """
+    _check_multicast()
     os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
     locks = []
     own_domain = not os.environ.get(DOMAIN_VARIABLE)
@@ -94,6 +96,19 @@ def own_place() -> Place:
     state = tempfile.TemporaryDirectory(prefix="screw_module_ros_", ignore_cleanup_errors=True)
     before, os.environ[STATE_VARIABLE] = os.environ.get(STATE_VARIABLE), state.name
     return Place(domain, port, tuple(locks), own_domain, state, before)
+
+
+def _check_multicast() -> None:
+    """Raise OSError if no interface carries multicast: each node would wait for the others."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        group = socket.inet_aton(BusSettings().channel) + socket.inet_aton("0.0.0.0")
+        try:
+            probe.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+        except OSError as error:
+            raise OSError(
+                f"no network interface carries multicast ({error.strerror}), which the simulated "
+                f"buses and the nodes' discovery need: {MULTICAST_ROUTE}"
+            ) from None
 
 
 def _first_free(numbers, what: str, ports_of) -> tuple[int, Lock]:
