@@ -10,9 +10,11 @@ of a process is interrupted halfway.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from screw_module_ros.lockstep.page import sweep
 
@@ -25,6 +27,13 @@ from ..operator.robot import Robot, RobotError
 
 class Interrupted(Exception):
     """Raised after Ctrl-C or SIGTERM."""
+
+
+def recordings_in(folder: Path) -> list[str]:
+    """Return the --ros-args that let the recorder write its bags into `folder`."""
+    # As YAML. Not in ASCII: the parser of rcl refuses a letter that JSON escapes as two surrogates.
+    text = json.dumps(str(folder.resolve()), ensure_ascii=False)
+    return ["-p", f"session_recorder:folder:={text}"]
 
 
 class GraphRun:
