@@ -215,16 +215,19 @@ def chosen(
 
     simulation: with the simulated rig. only: these executables, empty for all. without: not these.
     composed: `module` instead of its four parts.
-    Raises ValueError naming an executable that is not in the table.
+    Raises ValueError naming an executable that is not in the table, or if none is left to start.
     """
     known = [entry.executable for entry in table(composed)]
     for name in (*only, *without):
         if name not in known:
             raise ValueError(f"no node {name!r} in the graph; there are {', '.join(known)}")
-    return [
+    found = [
         entry
         for entry in table(composed)
         if (simulation or not entry.simulation)
         and (not only or entry.executable in only)
         and entry.executable not in without
     ]
+    if not found:
+        raise ValueError("these options leave no node to start (hardware has no sim_rig)")
+    return found

@@ -56,15 +56,18 @@ class Process:
         return self._process.poll()
 
     def stop(self) -> int:
-        """Send SIGINT, then SIGTERM, then SIGKILL, with a wait after each; return the exit code.
+        """Send SIGTERM, then SIGINT, then SIGKILL, with a wait after each; return the exit code.
 
-        A node that finished its work and then hangs in Fast DDS counts as a normal end.
+        A node that finished its work and then hangs in Fast DDS counts as a normal end, and so does
+        one that SIGTERM ends while it imports; SIGINT would print a traceback there, or get lost.
         """
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        running = self._process.poll() is None
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGKILL):
             if self._process.poll() is None:
                 self._process.send_signal(number)
             try:
-                return self._ended(self._process.wait(_POLITE_S))
+                code = self._ended(self._process.wait(_POLITE_S))
+                return 0 if running and code == -signal.SIGTERM else code
             except subprocess.TimeoutExpired:
                 click.echo(f"bringup: {self.name} ignored {number.name}", err=True)
                 self._process.send_signal(TELL_WHERE)

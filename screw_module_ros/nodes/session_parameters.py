@@ -40,7 +40,7 @@ class NodeParameters:
 
     def ask(self) -> None:
         """Ask the nodes that have not answered yet; call it about once a second."""
-        missing = False
+        missing: dict[str, int] = {}
         for service, types in self._node.get_service_names_and_types():
             if not service.endswith(_SERVICE) or "rcl_interfaces/srv/GetParameters" not in types:
                 continue
@@ -49,12 +49,12 @@ class NodeParameters:
                 continue
             if self._leave_out(name):
                 continue
-            missing = True
-            waited = self._waited[name] = self._waited.get(name, -1) + 1
+            waited = missing[name] = self._waited.get(name, -1) + 1
             if waited >= _PATIENCE:
                 self.values.setdefault(name, NO_ANSWER)
             if waited % _PATIENCE == 0:
                 self._ask(name)
+        self._waited = missing  # a program that comes and goes has not kept silent
         if not missing:
             self.close()  # clients that wait cost the executor time
 

@@ -71,6 +71,11 @@ class Recorded(NamedTuple):
             return None
 
     @property
+    def identity(self) -> tuple[str, str, float | None, int]:
+        """Return what a copy of the bag has in common with it, and no other session has."""
+        return self.patient, self.protocol_sha256, self.begun, self._stamp_ns
+
+    @property
     def _stamp_ns(self) -> int:
         if self.trials:
             return self.trials[0]["started_ns"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -123,4 +124,9 @@ def _writing(root: Path) -> Iterator[None]:
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
     once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
-    return in_order([session for bag in once for session in _read(bag)])
+    found: dict[tuple, Recorded] = {}
+    for session in (session for bag in once for session in _read(bag)):
+        first = found.setdefault(session.identity, session)
+        if first is not session:  # else a backup would count as a second session
+            print(f"NOTE {session.folder} is a copy of {first.folder}: left out", file=sys.stderr)
+    return in_order(list(found.values()))

@@ -8,7 +8,6 @@ makes a centre-out reach. The recorder writes all topics; the table uses only th
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
@@ -29,7 +28,7 @@ from ..nodes.support.single import AlreadyRunning
 from ..operator.robot import Robot, RobotError, arm
 from .console import Console
 from .demo_report import FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, evaluated
-from .graph_run import GraphRun, Interrupted
+from .graph_run import GraphRun, Interrupted, recordings_in
 from .reach import Way, centre_out, on_way, targets
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
@@ -109,8 +108,7 @@ def record_session(
     RobotError if a step fails, Interrupted after Ctrl-C; all nodes are stopped in either case.
     """
     os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
-    extra = ["-p", f"session_recorder:folder:={json.dumps(str(run.resolve()))}"]
-    extra += ["-p", "session_recorder:name:=session"]
+    extra = [*recordings_in(run), "-p", "session_recorder:name:=session"]
     if not options.node_logs:
         extra.append("--disable-stdout-logs")
     with GraphRun(

@@ -10,10 +10,11 @@ of a process is interrupted halfway.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
-import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from screw_module_ros.lockstep.page import sweep
 
@@ -23,12 +24,16 @@ from ..nodes.support.isolation import Place, own_place
 from ..nodes.support.stopping import StopFlag
 from ..operator.robot import Robot, RobotError
 
-_POLITE_S = 8.0
-_POLL_S = 0.02
-
 
 class Interrupted(Exception):
     """Raised after Ctrl-C or SIGTERM."""
+
+
+def recordings_in(folder: Path) -> list[str]:
+    """Return the --ros-args that let the recorder write its bags into `folder`."""
+    # As YAML. Not in ASCII: the parser of rcl refuses a letter that JSON escapes as two surrogates.
+    text = json.dumps(str(folder.resolve()), ensure_ascii=False)
+    return ["-p", f"session_recorder:folder:={text}"]
 
 
 class GraphRun:
@@ -50,7 +55,6 @@ class GraphRun:
         self._stopping = StopFlag()
         self._processes: list[bringup.Process] = []
         self._place: Place | None = None
-        self._was_ready = False
         self._may_end: set[str] = set()
         self.codes: dict[str, int] = {}
 
@@ -144,24 +148,12 @@ class GraphRun:
     ) -> None:
         """Wait until every node is active; `on_waiting` gets the names of the inactive ones."""
         robot.wait_until_ready(self.names, on_waiting=on_waiting)
-        self._was_ready = True
 
     def stop(self) -> dict[str, int]:
         """Stop all nodes in order, once; return their exit codes."""
         if not self.codes:
-            if not self._was_ready:
-                self._terminate()
             self.codes = bringup.stop(self._processes)
         return self.codes
-
-    def _terminate(self) -> None:
-        """End the nodes in order with SIGTERM: SIGINT during imports would print a traceback."""
-        for process in reversed(self._processes):
-            if process.exit_code() is None:
-                os.kill(process.pid, signal.SIGTERM)
-            end = time.monotonic() + _POLITE_S
-            while process.exit_code() is None and time.monotonic() < end:
-                time.sleep(_POLL_S)
 
     def check_codes(self) -> None:
         """Raise Interrupted after Ctrl-C, RobotError naming the nodes that ended with an error."""

@@ -34,7 +34,7 @@ from ..operator.robot import Robot, RobotError, arm
 from . import soak_report as report
 from .console import Console
 from .demo import AMPLITUDE, OMEGA, SPRING, make_ready
-from .graph_run import GraphRun, Interrupted
+from .graph_run import GraphRun, Interrupted, recordings_in
 from .options import FiniteRange
 from .processes import usage
 
@@ -150,7 +150,7 @@ class Soak:
         os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
         options, console = self._options, self._console
         extra = ["--disable-stdout-logs", "-p", "session_recorder:name:=session"]
-        extra += ["-p", f"session_recorder:folder:={json.dumps(str(run.resolve()))}"]
+        extra += recordings_in(run)
         extra += [] if options.wall_clock else _AS_FAST_AS_IT_GOES
         with GraphRun(options.params, extra, wall_clock=options.wall_clock) as graph:
             try:

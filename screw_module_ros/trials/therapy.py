@@ -7,7 +7,6 @@ nodes in order: bridge and session first, then the drives, then the rig.
 
 from __future__ import annotations
 
-import json
 import select
 import sys
 from pathlib import Path
@@ -21,7 +20,7 @@ from ..nodes import bringup
 from ..nodes.support.single import AlreadyRunning
 from ..operator.robot import Robot, RobotError
 from .console import Console
-from .graph_run import GraphRun, Interrupted
+from .graph_run import GraphRun, Interrupted, recordings_in
 from .simulated_player import HEALTHY, PEOPLE, Person, SimulatedPlayer
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
@@ -50,7 +49,7 @@ def command(
     console = Console()
     extra = [] if node_logs else ["--disable-stdout-logs"]
     if folder is not None:
-        extra += ["-p", f"session_recorder:folder:={json.dumps(str(folder.resolve()))}"]
+        extra += recordings_in(folder)
     try:
         with GraphRun(extra=extra, composed=True) as graph:
             ours: list[bringup.Process] = []

@@ -7,6 +7,7 @@ import pytest
 
 from screw_module_ros.nodes.support.command_line import Arguments, Rule, arguments, overrides
 from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.trials.graph_run import recordings_in
 
 LEFT = ("-r", "__ns:=/left")
 
@@ -53,6 +54,12 @@ def test_it_reaches_the_node_in_a_namespace(make_node):
     node = make_node("encoder", *LEFT, "-p", "encoder:home_position:=0.2")
     assert node.get_fully_qualified_name() == "/left/encoder"
     assert node.get_parameter("home_position").value == 0.2
+
+
+@pytest.mark.parametrize("name", ["two words", "ä", "\N{GRINNING FACE}", "#1", "a:=b", "\n"])
+def test_a_run_can_record_into_any_folder(make_node, tmp_path, name):
+    node = make_node("session_recorder", *recordings_in(tmp_path / name))
+    assert node.get_parameter("folder").value == str(tmp_path / name)
 
 
 @pytest.mark.parametrize("key", ["/**/encoder", "encoder", "/**"])

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import pytest
 from click.testing import CliRunner
 
@@ -67,6 +70,8 @@ def test_ports_are_the_rig_s():
         (["--bench", "--first-port", "5000"], "hardware has none"),
         (["--params", "/nonexistent.yaml"], "/nonexistent.yaml"),
         (["--without", "encodr"], "no node 'encodr'"),
+        (["--only", "encoder", "--without", "encoder"], "no node to start"),
+        (["--only", "sim_rig", "--bench"], "no node to start (hardware has no sim_rig)"),
     ],
 )
 def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
@@ -75,3 +80,22 @@ def test_bringup_refuses_in_a_sentence(monkeypatch, words, told):
     done = CliRunner().invoke(bringup.command, words)
     assert done.exit_code in (1, 2)
     assert told in done.output
+
+
+@pytest.fixture
+def unprepared(monkeypatch):
+    """Return a process that has no handlers for signals, as a node that still imports."""
+    monkeypatch.setattr(bringup, "executable_path", lambda name: name)
+    process = bringup.Process("sleep", ["600"])
+    yield process
+    process.stop()
+
+
+def test_a_node_that_is_stopped_while_it_starts_has_not_failed(unprepared):
+    assert unprepared.stop() == 0
+
+
+def test_a_node_that_somebody_else_ended_has_failed(unprepared, wait_until):
+    os.kill(unprepared.pid, signal.SIGTERM)
+    wait_until(lambda: unprepared.exit_code() is not None)
+    assert unprepared.stop() == -signal.SIGTERM

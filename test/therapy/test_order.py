@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from screw_module_ros.therapy import cli
 from screw_module_ros.therapy.bag import Recorded, in_order
 from screw_module_ros.therapy.samples import HandSample
 
@@ -48,3 +49,16 @@ def test_without_a_date_the_given_order_stays(name):
 def test_a_real_session_without_a_trial_is_not_the_first():
     early, late = session("early", 1.7e9), session("late", 1.8e9, has_trials=False)
     assert names(late, early) == ["early", "late"]
+
+
+def test_a_copy_of_a_bag_is_no_second_session(monkeypatch, capsys):
+    one, other = "P-7K3QX_elevator_2026_03_01-10_00_00", "P-7K3QX_elevator_2026_03_02-10_00_00"
+    stamps = {one: 900.0, f"backup/{one}": 900.0, other: 900.0, "real": 1.7e9, "renamed": 1.7e9}
+    monkeypatch.setattr(cli, "_read", lambda bag: [session(bag, stamps[str(bag)])])
+    found = cli._in_order([Path(name) for name in stamps])
+    assert {str(each.folder) for each in found} == {one, other, "real"}
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        f"NOTE backup/{one} is a copy of {one}: left out",
+        "NOTE renamed is a copy of real: left out",
+    ]

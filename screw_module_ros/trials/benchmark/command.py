@@ -29,7 +29,7 @@ from screw_module_ros.operator.robot import RobotError
 
 from ..console import Console
 from ..graph_run import Interrupted
-from ..options import FiniteRange
+from ..options import FiniteRange, OutputFile
 from .figures import COMPOSED, SEPARATE, Case, Run
 from .graph import measure
 from .report import LEGEND, content_of, loop_table, page_table, processor_table, timing_table
@@ -54,8 +54,7 @@ LOOP = "loop"
     help="The graph also with web_bridge and a page connected, in turn with the runs without.",
 )
 @click.option(
-    "--json", "file", default="bench_output.json", type=click.Path(dir_okay=False, path_type=Path),
-    help="Output file.",
+    "--json", "file", default="bench_output.json", type=OutputFile(), help="Output file.",
 )  # fmt: skip
 def command(
     runs: int, seconds: float, quick: bool, only, rates, bridge: bool, file: Path
@@ -86,13 +85,17 @@ def command(
     except (AlreadyRunning, OSError) as error:
         console.fail(f"bench failed: {error}")
         code = 1
-    write(measured, seconds, loop, file)
     if done := _done(measured):
         tables = (timing_table(done), LEGEND, page_table(done), processor_table(done))
         console.show(*filter(None, tables))
     if loop:
         console.show(loop_table(loop))
-    console.show(f"As JSON: {file}")
+    try:
+        write(measured, seconds, loop, file)
+        console.show(f"As JSON: {file}")
+    except OSError as error:  # a full disk; the figures are on the screen
+        console.fail(f"bench failed: {error}")
+        code = 1
     sys.exit(code)
 
 

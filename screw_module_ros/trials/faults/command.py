@@ -19,6 +19,7 @@ from screw_module_ros.operator.robot import RobotError
 
 from ..console import Console
 from ..graph_run import Interrupted
+from ..options import OutputFile
 from .catalogue import chosen, page
 from .row import GOES_ON, Row, Verdict
 from .worker_pool import WorkerPool
@@ -30,9 +31,8 @@ from .worker_pool import WorkerPool
 @click.option("--list", "listed", is_flag=True, help="List the rows without carrying them out.")
 @click.option("--table", is_flag=True, help="Print docs/faults.md without carrying out rows.")
 @click.option(
-    "--json", "json_file", type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the verdicts to this file.",
-)  # fmt: skip
+    "--json", "json_file", type=OutputFile(), help="Write the verdicts to this file."
+)
 @click.option(
     "--jobs", type=click.IntRange(1), default=len(os.sched_getaffinity(0)),
     help="Parallel graphs, by default one per core; one if ROS_DOMAIN_ID is set.",

@@ -6,7 +6,6 @@ A graph in lock step uses little more than one core, because its nodes wait for 
 
 from __future__ import annotations
 
-import json
 import multiprocessing
 import os
 import signal
@@ -14,11 +13,12 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 
 from screw_module_ros.nodes.support.stopping import StopFlag
 from screw_module_ros.operator.robot import RobotError
 
-from ..graph_run import Interrupted
+from ..graph_run import Interrupted, recordings_in
 from .catalogue import all_rows
 from .judge import judge
 from .row import Row, Verdict
@@ -119,7 +119,7 @@ def _work(pipe: Connection) -> None:
 
 def _carry_out(pipe: Connection, rows: dict[str, Row], folder: str) -> None:
     """Receive names and send verdicts; replace a graph that did not recover."""
-    extra = ["--disable-stdout-logs", "-p", f"session_recorder:folder:={json.dumps(folder)}"]
+    extra = ["--disable-stdout-logs", *recordings_in(Path(folder))]
     testbed: Testbed | None = None
     try:
         while (name := _next(pipe)) is not None:
