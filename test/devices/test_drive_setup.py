@@ -182,6 +182,14 @@ def test_drive_without_a_guard_is_not_enabled(wire, drive_end, key, how):
         drive.request_enable()
 
 
+def test_guards_that_are_constants_of_the_drive_are_guards(wire, drive_end):
+    constants = {(0x6007, 0): 1, (0x605A, 0): 0, (0x605E, 0): 0}
+    for key, value in constants.items():
+        drive_end.objects[key] = unsigned(value, 2)
+        drive_end.refused[key] = 0x06010002
+    assert configured(wire).unguarded == ()
+
+
 def test_allow_unguarded_enables_and_says_so(wire, drive_end):
     drive_end.refused[0x1016, 1] = 0x06090030
     drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
