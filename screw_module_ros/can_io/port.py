@@ -163,7 +163,8 @@ class Port:
 
     def _dispatch(self, message: can.Message, now_ns: int) -> int:
         can_id = message.arbitration_id
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
+        odd = message.is_extended_id or message.is_remote_frame or message.is_error_frame
+        if odd or message.is_fd:  # no device of ours sends CAN FD
             self._note_odd(message)
             return 1
         if not message.is_rx or (self._may_echo and self._echo.is_echo(message)):

@@ -11,6 +11,9 @@ from ..can_io.port import Port
 from . import ati
 from .errors import NotAnswering, NotConfigured, WrongDevice
 
+_MOST_COUNTS = 0x7FFFFFFF
+"""More counts per unit are a negative number or an erased memory: all forces would read as zero."""
+
 
 class SensorIdentity(NamedTuple):
     """Identity and units of the sensor.
@@ -45,6 +48,7 @@ class Dialogue:
         self._base_id = base_id
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
+        self._repeated = False
 
     def ask(self, opcode: int, payload: bytes, replies: dict[int, int]) -> list[bytes]:
         """Send one request and return its replies; replies: opcode -> expected length [byte].
@@ -60,7 +64,7 @@ class Dialogue:
             for can_id, listener in listeners:
                 self._port.subscribe(can_id, listener)
             try:
-                for _ in range(2):
+                for self._repeated in (False, True):
                     found.clear()
                     self._port.send(self._base | opcode, payload)
                     if self._port.wait_for(lambda: len(found) == len(replies), self._timeout_s):
@@ -121,7 +125,7 @@ class Dialogue:
         size = ati.COUNTS_PER_UNIT.size
         (data,) = self.ask(ati.READ_COUNTS_PER_UNIT, b"", {ati.READ_COUNTS_PER_UNIT: size})
         counts = ati.COUNTS_PER_UNIT.unpack(data)
-        if 0 in counts:
+        if not all(0 < each <= _MOST_COUNTS for each in counts):
             raise WrongDevice(f"{self.label} says {counts} counts per unit: no active calibration?")
         return SensorIdentity(self.serial(), self.firmware(), *counts, force, torque)
 
@@ -139,6 +143,10 @@ class Dialogue:
         size = ati.MATRIX_PART.size
         replies = {ati.READ_MATRIX + part: size for part in range(3)}
         parts = self.ask(ati.READ_MATRIX, bytes([axis]), replies)
+        if self._repeated:
+            # The second reply may still come, and it does not say of which row it is. The board
+            # answers in order: after another answer nothing is left for the next row.
+            self.serial()
         return tuple(x for part in parts for x in ati.MATRIX_PART.unpack(part))
 
 

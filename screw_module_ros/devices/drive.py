@@ -135,7 +135,7 @@ class Drive:
             raise Occupied(self._occupied(heard))
         self._setup = found = setup.configure(self.node, settings)
         self._torque_of = settings.direction * from_per_mille(1, found.rated_torque)
-        self.reports.configured(found.mode, self._torque_of)
+        self.reports.configured(found.mode, self._torque_of, found.inputs)
         self.unguarded = found.unguarded
         self.warnings = [
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"

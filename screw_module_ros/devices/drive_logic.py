@@ -8,7 +8,9 @@ enabling again is a separate act.
 After a latched fault the torque must go to zero, even if another master commands the drive between
 two of our commands. If the drive stays in operation enabled, or another master commands it, the
 driver sends it to NMT STOPPED. There it accepts no commands (CiA 301, 7.3.2.2) and treats the
-connection as lost (CiA 402, 6007): see `nmt_stop_due`.
+connection as lost (CiA 402, 6007): see `nmt_stop_due`. So it does with a drive that fell back to
+PRE-OPERATIONAL while enabled: our commands do not reach it, but our heartbeat does, and the
+deadline 1400:05 need not run there (CANopenNode clears it).
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from __future__ import annotations
 from .cia402 import CONTROLWORD, QUICK_STOP, Goal, State
 from .drive_recovery import Recovery
 from .emcy import code_name
-from .node import NMT_STATES, OPERATIONAL
+from .node import NMT_STATES, OPERATIONAL, PRE_OPERATIONAL
 
 _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
@@ -48,7 +50,7 @@ class DriveLogic:
         self._enabling_since_ns: int | None = None
         self._unasked_since_ns: int | None = None
         self._leaving = False
-        self._intruded = False
+        self._intruded = self._cut_off = False
         self._nmt_stopped_ns: int | None = None
 
     @property
@@ -119,6 +121,8 @@ class DriveLogic:
         now_ns: CLOCK_MONOTONIC [ns].
         """
         self._note_unasked(state, now_ns)
+        silent = state is State.UNKNOWN and shown is State.OPERATION_ENABLED
+        self._cut_off = silent and nmt == PRE_OPERATIONAL
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:
@@ -134,7 +138,7 @@ class DriveLogic:
 
         False during a recovery, which needs the drive's answers.
         """
-        needed = self._intruded or self._stays_enabled(now_ns)
+        needed = self._intruded or self._cut_off or self._stays_enabled(now_ns)
         if not (self.reason and needed) or self.recovery.active:
             return False
         last_ns = self._nmt_stopped_ns

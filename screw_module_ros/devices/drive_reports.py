@@ -19,6 +19,7 @@ from .motion import FULL_RANGE, Unwrapper
 _STATUS = struct.Struct("<HIh")
 #: TPDO2: error code, mode display, digital inputs.
 _SLOW_STATUS = struct.Struct("<HbI")
+_WITHOUT_INPUTS = 3  # bytes
 
 
 @dataclass
@@ -78,17 +79,20 @@ class DriveReports:
         self._torque_of = 0.0
         self._position_of = position_of
         self._unwrapper = Unwrapper(FULL_RANGE)
+        self._slow_size = _SLOW_STATUS.size
         self._syncs_owed = 0
         port.subscribe(0x180 + settings.node_id, self._on_status)
         port.subscribe(0x280 + settings.node_id, self._on_slow_status)
         port.subscribe(SYNC_ID, self._on_sync)
 
-    def configured(self, mode: int, torque_of: float) -> None:
+    def configured(self, mode: int, torque_of: float, inputs: bool) -> None:
         """Set the mode in use and the torque of one per mille [Nm], direction included.
 
-        The position restarts: the drive may have been switched off in between.
+        inputs: the drive has digital inputs. The position restarts: the drive may have been
+        switched off in between.
         """
         self.mode_display = self._mode = mode
+        self._slow_size = _SLOW_STATUS.size if inputs else _WITHOUT_INPUTS
         self._torque_of = torque_of
         self._unwrapper = Unwrapper(FULL_RANGE)
 
@@ -132,10 +136,11 @@ class DriveReports:
         self._logic.changed(before, after, self.emergency or describe(self.error_code))
 
     def _on_slow_status(self, data: bytes, _arrival_ns: int) -> None:
-        if len(data) != _SLOW_STATUS.size:
+        if len(data) != self._slow_size:
             self._counters.wrong_length += 1
             return
-        self.error_code, self.mode_display, self.digital_inputs = _SLOW_STATUS.unpack(data)
+        whole = bytes(data).ljust(_SLOW_STATUS.size, b"\0")
+        self.error_code, self.mode_display, self.digital_inputs = _SLOW_STATUS.unpack(whole)
         self._logic.explain(describe(self.error_code))
         if self._enabling and self.mode_display != self._mode:
             self._logic.latch(f"the {self._label} left torque mode, 6061 is {self.mode_display}")

@@ -152,10 +152,11 @@ def status_pdo(settings: DriveSettings) -> pdo.Pdo:
     return pdo.Pdo(1, True, cob_id, settings.sync_divider, _STATUS_ENTRIES)
 
 
-def slow_status_pdo(settings: DriveSettings) -> pdo.Pdo:
-    """Return TPDO2, on change and every 100 ms."""
+def slow_status_pdo(settings: DriveSettings, inputs: bool = True) -> pdo.Pdo:
+    """Return TPDO2, on change and every 100 ms; inputs: with the digital inputs, its last entry."""
     cob_id = 0x280 + settings.node_id
-    return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, _SLOW_STATUS_ENTRIES, SLOW_STATUS_MS)
+    entries = _SLOW_STATUS_ENTRIES if inputs else _SLOW_STATUS_ENTRIES[:-1]
+    return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, entries, SLOW_STATUS_MS)
 
 
 def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[Traffic]:

@@ -47,13 +47,14 @@ class DriveSetup(NamedTuple):
     """Result of the configuration.
 
     mode: object 6060 in use. rated_torque: torque of 1000 per mille [Nm]. unguarded: guards that
-    the drive refused, empty without any. warnings: harmless refusals.
+    the drive refused, empty without any. warnings: harmless refusals. inputs: it has digital ones.
     """
 
     mode: int
     rated_torque: float
     unguarded: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    inputs: bool = True
 
 
 def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
@@ -70,14 +71,19 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     command = command_pdo(settings)
     reported = (status_pdo(settings), slow_status_pdo(settings))
     pdo.disable_unused(sdo, (command, *reported))
-    for each in reported:
-        pdo.configure(sdo, each)
+    pdo.configure(sdo, reported[0])
+    inputs = True
+    try:
+        pdo.configure(sdo, reported[1])
+    except Refused:  # 60FD is optional
+        inputs = False
+        pdo.configure(sdo, slow_status_pdo(settings, inputs))
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
     unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
     unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
     node.end_configuration()
-    return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings))
+    return DriveSetup(mode, rated, tuple(unguarded), tuple(warnings), inputs)
 
 
 def _switch_off(node: CanopenNode) -> None:

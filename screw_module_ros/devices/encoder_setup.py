@@ -113,6 +113,12 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
     node.pre_operational()
     node.identify(PROFILE, settings.vendor_id, settings.product_code)
     wrap = _scale(node, settings)
+    if not settings.counts_per_turn <= wrap <= FULL_RANGE:
+        # Within a period the nut could pass half of a shorter range, and turns would be miscounted.
+        raise NotConfigured(
+            f"{node.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
+            "(counts_per_turn) to 2^32 are wanted: set measuring_range"
+        )
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))
     pdo.configure(node.sdo, position)

@@ -31,6 +31,8 @@ from .tare import mean_wrench
 
 Wrench = tuple[float, float, float, float, float, float]
 _NO_WRENCH: Wrench = (0.0,) * ati.AXES
+_RESTART_S = 0.02
+"""After this silence the board may have lost its supply and come back [s]."""
 
 
 class ForceSensor:
@@ -66,6 +68,8 @@ class ForceSensor:
         self._newest: tuple[bytes, bytes] = (b"", b"")
         self._unchanged = 0
         self._too_many_unchanged = unchanged_samples(settings)
+        self._unanswered = 0
+        self._too_many_unanswered = max(10, round(_RESTART_S * settings.rate))
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
         for opcode in (ati.SET_CALIBRATION, ati.RESET):
@@ -134,6 +138,7 @@ class ForceSensor:
             raise NotConfigured(f"{self._label} is not configured")
         self._poll.restart()
         self._last_status = None
+        self._unanswered = 0
         self._running = True
 
     def stop(self) -> None:
@@ -171,6 +176,7 @@ class ForceSensor:
         if not self._running:
             return
         self._half = None
+        self._unanswered += 1
         try:
             if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send(self._request_id, b"")
@@ -189,6 +195,10 @@ class ForceSensor:
             self.counters.foreign_requests += 1
             self._latch(f"somebody else polls the {self._label} on {self._port.name}")
             return
+        if self._unanswered > self._too_many_unanswered:
+            # Bit 0 of the status word shows a restart by the watchdog, not one of the supply.
+            self._doubt_calibration("was silent and may have restarted")
+        self._unanswered = 0
         verdict = self._poll.note(0)
         if len(data) != ati.GAUGES_FIRST.size:
             self.counters.wrong_length += 1
@@ -268,9 +278,12 @@ class ForceSensor:
             self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")
         if before is not None and status & ~before & ati.RESTARTED:
             self.counters.restarts += 1
-            if self.settings.calibration != ANY_CALIBRATION:
-                self._calibration_lost = True
-                self._latch(f"the {self._label} restarted, its calibration may be another now")
+            self._doubt_calibration("restarted")
+
+    def _doubt_calibration(self, why: str) -> None:
+        if self.settings.calibration != ANY_CALIBRATION:
+            self._calibration_lost = True
+            self._latch(f"the {self._label} {why}, its calibration may be another now")
 
     def _latch(self, reason: str) -> None:
         self.fault = self.fault or reason

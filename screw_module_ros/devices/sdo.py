@@ -100,10 +100,15 @@ class Sdo:
     def set(self, index: int, subindex: int, value: int, size: int) -> None:
         """Download an integer and read it back.
 
+        A constant of the device, which refuses the write, is taken if it has the value.
         Raises NotConfigured when another value comes back, otherwise as `read`.
         """
-        self.write(index, subindex, value, size)
         mask = (1 << (8 * size)) - 1
+        try:
+            self.write(index, subindex, value, size)
+        except Refused as error:
+            if error.absent or self.unsigned(index, subindex) & mask != value & mask:
+                raise
         found = self.unsigned(index, subindex) & mask
         if found != value & mask:
             raise NotConfigured(

@@ -33,6 +33,7 @@ NO_DATA = 0x08000024
 
 _EDS_FOLDER = Path(__file__).with_name("eds")
 _SDO_LENGTH = 8
+_COMMAND, _DOWNLOAD_OF_ANY_SIZE = 0xE3, 0x22
 
 Key = tuple[int, int]
 Check = Callable[[int, int, int], None]
@@ -75,10 +76,22 @@ class DeviceNode(canopen.LocalNode):
             self.malformed += 1
             return
         try:
-            self.sdo.on_request(self.sdo.rx_cobid, bytearray(data), 0.0)
+            self.sdo.on_request(self.sdo.rx_cobid, self._sized(data), 0.0)
         except Exception:
             # The library cannot abort a segment without a begun transfer: it has no index to name.
             self.malformed += 1
+
+    def _sized(self, data: bytes) -> bytearray:
+        """Return a request with its size: an expedited download may leave that open (s = 0)."""
+        request = bytearray(data)
+        if request[0] & _COMMAND == _DOWNLOAD_OF_ANY_SIZE:
+            try:
+                size = len(self.variable(request[1] | request[2] << 8, request[3])) // 8
+            except SdoAbortedError:
+                return request  # the server aborts it
+            if 1 <= size <= 4:
+                request[0] |= 4 - size << 2 | 1
+        return request
 
     def variable(self, index: int, subindex: int) -> ODVariable:
         """Return the entry of the dictionary; SdoAbortedError when there is none."""

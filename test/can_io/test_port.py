@@ -70,8 +70,8 @@ def test_babbling_device_cannot_hold_the_loop(wire, heard):
     assert wire.port.pump() == 10
 
 
-@pytest.mark.parametrize("kind", ["is_extended_id", "is_remote_frame"])
-def test_extended_and_remote_frames_are_ignored(wire, heard, kind):
+@pytest.mark.parametrize("kind", ["is_extended_id", "is_remote_frame", "is_fd"])
+def test_extended_remote_and_fd_frames_are_ignored(wire, heard, kind):
     options = {"is_extended_id": False, kind: True}
     wire.emit_message(can.Message(arbitration_id=0x123, **options))
     wire.port.pump()

@@ -267,6 +267,36 @@ def test_heartbeats_keep_the_drive_healthy_and_show_a_fall_back(wire, drive):
     assert "fell back to PRE-OPERATIONAL" in drive.fault
 
 
+def test_enabled_drive_that_falls_back_is_stopped(wire, enabled, drive_end):
+    """There it takes no commands, and not every drive then monitors their deadline, 1400:05."""
+    drive_end.handle(0x000, bytes([0x80, 0x00]))  # another master, to all nodes
+    drive_end.nmt.clear()
+    for _ in range(30):
+        tick(wire, enabled, 0.3)
+    assert "stale" in enabled.fault
+    assert drive_end.nmt == []
+    wire.emit(0x701, "7F")
+    tick(wire, enabled, 0.3)
+    assert drive_end.nmt == [0x02]  # for the drive a lost connection, 6007
+    wire.emit(0x701, "04")
+    for _ in range(150):
+        tick(wire, enabled, 0.3)
+    assert drive_end.nmt == [0x02]
+    enabled.clear_fault()
+    tick(wire, enabled)
+    assert drive_end.nmt == [0x02, 0x01]
+
+
+def test_drive_that_falls_back_switched_off_is_not_stopped(wire, drive, drive_end):
+    drive_end.handle(0x000, bytes([0x80, 0x00]))
+    drive_end.nmt.clear()
+    wire.emit(0x701, "7F")
+    for _ in range(300):
+        tick(wire, drive)
+    assert drive.fault
+    assert drive_end.nmt == []
+
+
 def test_drive_in_fault_is_named_with_its_emergency(wire, enabled, drive_end):
     drive_end.fail("10 23 03 00 00 00 00 00")
     tick(wire, enabled, 0.3)

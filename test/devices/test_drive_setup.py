@@ -123,6 +123,26 @@ def test_rating_in_micro_newton_metres_scales_the_command(wire, drive_end):
 # -- who is there --------------------------------------------------------------------------------
 
 
+def test_drive_without_digital_inputs_reports_the_rest(wire, drive_end):
+    """60FD is optional in CiA 402."""
+    accept = drive_end._download
+
+    def without_inputs(command, key, address, data):
+        refused = key == (0x1A01, 3) and data != bytes(4)
+        drive_end.refused = {key: 0x06040041} if refused else {}  # cannot be mapped
+        accept(command, key, address, data)
+
+    drive_end._download = without_inputs
+    drive = configured(wire)
+    assert drive_end.objects[0x1A01, 0] == b"\x02"
+    assert drive_end.objects[0x1801, 1] == unsigned(0x40000281, 4)
+    drive.start()
+    wire.emit(0x281, "20 32 0A")
+    wire.port.pump()
+    assert (drive.error_code, drive.reports.mode_display) == (0x3220, 10)
+    assert drive.counters.wrong_length == 0
+
+
 def test_silent_drive_is_named_within_its_time_limit(wire):
     with pytest.raises(NotAnswering, match=r"vertical drive \(node id 1\).*Virtual bus"):
         configured(wire)
@@ -180,6 +200,14 @@ def test_drive_without_a_guard_is_not_enabled(wire, drive_end, key, how):
     assert drive.warnings[0].startswith("UNGUARDED")
     with pytest.raises(NotEnabled, match=f"{key[0]:04X}"):
         drive.request_enable()
+
+
+def test_guards_that_are_constants_of_the_drive_are_guards(wire, drive_end):
+    constants = {(0x6007, 0): 1, (0x605A, 0): 0, (0x605E, 0): 0}
+    for key, value in constants.items():
+        drive_end.objects[key] = unsigned(value, 2)
+        drive_end.refused[key] = 0x06010002
+    assert configured(wire).unguarded == ()
 
 
 def test_allow_unguarded_enables_and_says_so(wire, drive_end):

@@ -106,6 +106,15 @@ def test_value_that_reads_back_otherwise_is_refused(wire, encoder_end):
         Encoder(wire.port, SETTINGS).configure()
 
 
+@pytest.mark.parametrize("counts", [1, 19999])
+def test_range_of_less_than_a_turn_is_refused(wire, encoder_end, counts):
+    encoder_end.objects[0x6002, 0] = counts.to_bytes(4, "little")
+    driver = Encoder(wire.port, SETTINGS)
+    with pytest.raises(NotConfigured, match=f"wraps after {counts} counts"):
+        driver.configure()
+    assert not driver.configured
+
+
 def test_restart_during_configuration_is_noticed(wire, encoder_end):
     driver = Encoder(wire.port, SETTINGS)
     encoder_end.written = lambda key, data: encoder_end.boot_up() if key == (0x1A00, 1) else None

@@ -124,10 +124,35 @@ def test_matrix_that_makes_no_sense_is_refused(wire, sensor_end, cell):
         started(wire)
 
 
-def test_counts_per_unit_of_zero_are_refused(wire, sensor_end):
-    sensor_end.counts = "00 00 00 00 00 00 27 10"
+@pytest.mark.parametrize("counts", ["00 00 00 00", "FF FF FF 70", "FF FF FF FF"])
+def test_counts_per_unit_of_zero_or_less_are_refused(wire, sensor_end, counts):
+    sensor_end.counts = f"{counts} 00 00 27 10"
     with pytest.raises(WrongDevice, match="counts per unit"):
         started(wire)
+
+
+def test_late_row_of_the_matrix_is_never_taken_for_the_next_row(wire, sensor_end, monkeypatch):
+    """Replies carry no row: the second reply to a repeated request must not count for the next."""
+    answer, late = sensor_end.handle, []
+
+    def one_behind(can_id, data):
+        asks_row = can_id == 0x122 and len(data) == 1
+        if asks_row and not late:
+            late.append((can_id, data))  # its reply comes after the time limit
+            return
+        if can_id >> 4 == 0x12 and late:
+            answer(*late.pop())
+            late.append((can_id, data))  # the board is busy with the requests in their order
+            if not asks_row:
+                answer(*late.pop())
+                sensor_end.handle = answer
+            return
+        answer(can_id, data)
+
+    sensor_end.handle = one_behind
+    sensor_end.first, sensor_end.second = "00 00 00 00 03 E8 00 00", "07 D0 00 00 00 00"
+    sample = tick(wire, started(wire))
+    assert sample[3:9] == pytest.approx((-1.0, 2.0, 1.0, 0.0, 0.0, 0.0))
 
 
 def test_second_poller_is_refused_before_anything_is_sent(wire, sensor_end):
@@ -226,6 +251,28 @@ def test_restart_loses_a_calibration_that_was_chosen(wire, sensor_end):
     sensor.clear_fault()
     assert wire.sent(0x126) == [b"\x03", b"\x03"]
     assert tick(wire, sensor) is not None
+
+
+def test_a_long_silence_loses_a_calibration_that_was_chosen(wire, sensor_end):
+    sensor = started(wire, SETTINGS._replace(calibration=3))
+    for silent, fault in ((20, ""), (21, "was silent and may have restarted")):
+        assert tick(wire, sensor) is not None
+        sensor_end.mute = True  # the supply is off; the status word does not tell that later
+        assert set(ticks(wire, sensor, silent - 1)) == {None}
+        sensor_end.mute = False
+        assert (ticks(wire, sensor, 3)[-1] is None) == bool(fault)
+        assert fault in sensor.fault
+    sensor.clear_fault()
+    assert wire.sent(0x126) == [b"\x03", b"\x03"]
+    assert tick(wire, sensor) is not None
+
+
+def test_a_long_silence_is_no_fault_of_its_own(wire, sensor, sensor_end):
+    sensor_end.mute = True
+    ticks(wire, sensor, 200)
+    sensor_end.mute = False
+    assert ticks(wire, sensor, 3)[-1] is not None
+    assert sensor.fault == ""
 
 
 @pytest.mark.parametrize("gauge", ["7F FF", "80 00", "80 01"])

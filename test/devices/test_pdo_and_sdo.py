@@ -86,6 +86,13 @@ def test_read_back_of_another_value(node, sdo):
         sdo.set(0x6061, 0, 10, 1)
 
 
+def test_constant_is_taken_when_it_is_the_right_one(node, sdo):
+    node.refused[0x6061, 0] = 0x06010002  # attempt to write a read-only object
+    sdo.set(0x6061, 0, -1, 1)
+    with pytest.raises(Refused, match="6061:00"):
+        sdo.set(0x6061, 0, 10, 1)
+
+
 # -- PDO -----------------------------------------------------------------------------------------
 
 
@@ -122,6 +129,14 @@ def test_fixed_mapping_is_taken_when_it_is_the_right_one(node, sdo):
         pdo.configure(sdo, WANTED)
     node.objects |= {(0x1A00, 0): b"\x02", (0x1A00, 2): unsigned(0x60640020, 4)}
     pdo.configure(sdo, WANTED)
+
+
+def test_fixed_type_and_timer_are_taken_when_they_are_the_right_ones(node, sdo):
+    node.objects |= {(0x1800, 2): b"\x01", (0x1800, 5): unsigned(100, 2)}
+    node.refused |= {(0x1800, 2): 0x06010002, (0x1800, 5): 0x06010002}
+    pdo.configure(sdo, WANTED)
+    with pytest.raises(Refused, match="1800:02"):
+        pdo.configure(sdo, WANTED._replace(kind=2))
 
 
 @pytest.mark.parametrize("shown", [0xC0000185, 0x60000185, 0x40000186])
