@@ -282,6 +282,7 @@ def test_calibration_and_a_part_of_it_are_refused_together(path):
     [
         ({"gravity": math.nan}, "gravity_N: nan is not a finite"),
         ({"mass": 0.0}, "mass_kg: 0 is outside"),
+        ({"mass": 0.6}, "mass_kg: 0.6 kg with a standard deviation of 0.125 kg, more than 20 %"),
         ({"mass": None}, "mass_kg: a number is needed, found nothing"),
         ({"date": "today"}, "date: 'today' is no date"),
         ({"serial": ""}, "serial: text is needed"),
