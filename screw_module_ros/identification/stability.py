@@ -47,7 +47,7 @@ _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 
 
 class Settings(NamedTuple):
-    """The loop and the mechanism; a simulated module overrides them, an identified one its masses."""
+    """The loop and the mechanism; a simulated module overrides them, identified masses the two."""
 
     rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 1000.0
     delay: Annotated[

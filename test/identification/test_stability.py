@@ -241,7 +241,7 @@ def test_the_certificate_is_for_the_law_that_the_calibration_makes(tmp_path, mon
 
 @pytest.mark.parametrize("mass", [4.5, 7.0])
 def test_the_certificate_is_for_the_mass_that_was_identified(tmp_path, monkeypatch, mass):
-    """At the wall a module of 7 kg was permitted 6.3 in OBSERVER: the thesis's mass, its own law."""
+    """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses."""
     wall = stability.ENVIRONMENTS["wall"]
     monkeypatch.setattr(stability, "ENVIRONMENTS", {"wall": wall})
     for name, quantity, value in (("gravity", "gravity", 10.04), ("inertia", "mass", mass)):
