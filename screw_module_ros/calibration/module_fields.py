@@ -32,6 +32,7 @@ _RESIDUAL_RANGES = {
     "friction_rms_N": (0.0, 20.0),
     "friction_within_2N": (0.0, 1.0),
     "linearization_correlation": (0.9, 1.0),
+    "linearization_left_N": (0.0, 5.0),
     "gravity_sd_N": (0.0, 10.0),
     "mass_sd_kg": (0.0, 10.0),
 }
