@@ -102,11 +102,15 @@ def _branch_values(branch: FrictionBranch) -> dict[str, Any]:
 
 
 def _check_plausible(section: Section, model: FrictionModel) -> None:
-    """Refuse coefficients that give implausible forces, checked at each 1 % of the range."""
+    """Refuse coefficients that give implausible forces, checked at each 1 % of the range.
+
+    Fv rises or falls throughout on each side of its break, so the ends of both sides suffice.
+    """
     for step in range(101):
         z = (model.low + (model.high - model.low) * step / 100.0) / 1000.0
-        for speed in (model.ramp_speed, model.fastest):
-            for velocity in (speed / 1000.0, -speed / 1000.0):
+        for branch, way in ((model.up, 1e-3), (model.down, -1e-3)):
+            at_break = (nearly * branch.break_speed for nearly in (1.0 - 1e-9, 1.0 + 1e-9))
+            for velocity in (way * v for v in (model.ramp_speed, model.fastest, *at_break)):
                 force = friction_force(model, z, velocity)
                 if not abs(force) <= _LARGEST_PLAUSIBLE:
                     section.fail(

@@ -24,12 +24,15 @@ from .yaml_file import VERSION
 FORMAT = "screw_module_ros/calibration"
 _LONGEST_TEXT = 64
 _LARGEST_WEIGHT_DIFFERENCE = 5.0  # [N] between the weight carried and that in the friction fits
+# Share of the mass: twice that is the error at which OBSERVER's carried mass leaves the hand none.
+_LARGEST_MASS_SD = 0.2
 _AS_WRITTEN = "give it as the characterization does"
 _RESIDUAL_NAME = re.compile(r"[a-z]\w*", re.ASCII)
 _RESIDUAL_RANGES = {
     "friction_rms_N": (0.0, 20.0),
     "friction_within_2N": (0.0, 1.0),
     "linearization_correlation": (0.9, 1.0),
+    "linearization_left_N": (0.0, 5.0),
     "gravity_sd_N": (0.0, 10.0),
     "mass_sd_kg": (0.0, 10.0),
 }
@@ -102,6 +105,14 @@ def read_content(top: Section) -> ModuleCalibration:
             "gravity_N",
             f"{calibration.gravity:g} N, but friction was fitted with a weight of {fitted:g} N",
             "fit friction with the same weight",
+        )
+    deviation = calibration.residuals.get("mass_sd_kg", 0.0)
+    if not deviation <= _LARGEST_MASS_SD * calibration.mass:
+        top.fail(
+            "mass_kg",
+            f"{calibration.mass:g} kg with a standard deviation of {deviation:g} kg, more than "
+            f"{100.0 * _LARGEST_MASS_SD:g} %",
+            "identify the inertia again, with more and faster records",
         )
     return calibration
 

@@ -12,6 +12,9 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting
 
+TRIAL_RATE = 1e6
+"""`command_rate` of a torque trial, whose locked rotor may have any sine [N/s]."""
+
 
 class CommandLimits(NamedTuple):
     """Largest force commands, sums of impedance, weight, friction and feedback.
@@ -33,7 +36,7 @@ class CommandLimits(NamedTuple):
         float, Setting("largest command downward, friction included", "N", 0.0, 150.0)
     ] = 75.0
     command_rate: Annotated[
-        float, Setting("fastest change of the command that is followed", "N/s", 10.0, 1e6)
+        float, Setting("fastest change of the command that is followed", "N/s", 10.0, TRIAL_RATE)
     ] = 4000.0
 
 

@@ -17,6 +17,12 @@ _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N a
 # [Nm] between torque and command up to the peak torque. The thesis's offset is 0.025 (4.1.1); four
 # times that is 33 N at the handle, which no measured amplifier needs and a patient would feel.
 _FARTHEST = 0.1
+# [Nm] on each side of zero. A dead zone that is compensated though the amplifier does not have it is
+# a relay: with 0.07 on the thesis's amplifier OBSERVER swings by 64 N, whatever the chatter guard
+# does; with 0.05 no mode exceeds 2 N rms.
+_WIDEST_ZONE = 0.05
+SMALLEST_JOINT = 0.004
+"""Half of the least distance between the joints [Nm]: it bounds the slope at zero."""
 _CHECKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
 
 
@@ -83,6 +89,11 @@ def linearization_flaw(linearization: Linearization) -> tuple[str, str]:
     low, high = linearization.lower_joint, linearization.upper_joint
     if not -10.0 <= low < high <= 10.0:
         return "upper_joint", f"{high!r} Nm is not above lower_joint {low!r} Nm"
+    if high - low < 2.0 * SMALLEST_JOINT:
+        return "upper_joint", f"{high!r} Nm is less than {2e3 * SMALLEST_JOINT:g} mNm above {low!r}"
+    zone = 0.5 * (linearization.upper_offset - linearization.lower_offset)
+    if zone > _WIDEST_ZONE:
+        return "upper_offset", f"a dead zone of {zone:.3g} Nm, more than {_WIDEST_ZONE:g} Nm"
     for name in ("lower_slope", "upper_slope"):
         slope = getattr(linearization, name)
         if not 0.01 <= slope <= 100.0:

@@ -36,6 +36,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         "friction_rms_N": friction.value("rms"),
         "friction_within_2N": friction.value("within"),
         "linearization_correlation": torque.value("correlation"),
+        "linearization_left_N": torque.value("largest_at_handle"),
         "gravity_sd_N": weight.uncertainty,
         "mass_sd_kg": mass.uncertainty,
     }

@@ -102,7 +102,7 @@ def _default(law: str) -> float:
 def _permitted(setting: str, stable: list[float]) -> float:
     """Return the smallest stable gain, rounded down, within the range of its setting."""
     most = declared(VerticalSettings)[setting].setting.high
-    return min(math.floor(100.0 * min(stable)) / 100.0, most)
+    return math.floor(100.0 * min(*stable, most)) / 100.0
 
 
 def _yaml(content: dict[str, Any]) -> str:

@@ -31,12 +31,13 @@ from .friction_form import (
 _LEAD = SCREW.lead * 1e3  # [mm]
 _PHASES = np.arange(36) * (np.pi / 36.0)  # phases beyond pi equal a negative amplitude
 _FLIPS = np.arange(20.0, 336.0, BIN_MM)  # [mm]
+_FEWEST_BINS = 30  # four turns of the screw; with 20 the fit is off by 20 N between the bins
 _FIRST = (0.15, np.log(2.5), 0.003)  # initial exponent, knee and slope, near the thesis's
 
 
 class Fitted(NamedTuple):
-    """branches: up and down; phase and its standard error [rad]; low, high: measured range of
-    heights [mm]; cost: half the sum of squared residuals [N^2]."""
+    """branches: up and down; phase and its standard error [rad]; low, high: range of heights that
+    was measured in both directions [mm]; cost: half the sum of squared residuals [N^2]."""
 
     branches: tuple[BranchFit, BranchFit]
     phase: float
@@ -71,8 +72,9 @@ def fit_maps(
             raise ValueError(
                 f"the map {direction} has too few cells for the model's form: measure more"
             )
-    there = z[np.isfinite(up).any(axis=0) | np.isfinite(down).any(axis=0)]
-    low, high = float(there.min()) - 0.5 * BIN_MM, float(there.max()) + 0.5 * BIN_MM
+    low, high = _common_range(z, up, down)
+    inside = (z > low) & (z < high)
+    z, up, down = z[inside], up[:, inside], down[:, inside]
     means = [_cells(z, np.zeros(1), _mean_curve(force)[None, :], low, high) for force in (up, down)]
     phase, flips = _shape(means, flip_gain)
     cells = [_cells(z, speeds, force, low, high) for force in (up, down)]
@@ -84,6 +86,25 @@ def fit_maps(
             if tried.cost < found.cost:
                 best, found = other, tried
     return _fitted(cells, best, found, low, high)
+
+
+def _common_range(z: np.ndarray, up: np.ndarray, down: np.ndarray) -> tuple[float, float]:
+    """Return the range of heights that was measured in both directions [mm].
+
+    Outside its bins, and in a wide gap between them, a polynomial of 7th order can be anything.
+    Raises ValueError for too few bins or a gap of more than a turn of the screw.
+    """
+    there = [z[np.isfinite(force).any(axis=0)] for force in (up, down)]
+    first, last = max(bins[0] for bins in there), min(bins[-1] for bins in there)
+    for direction, bins in zip(("up", "down"), there, strict=True):
+        bins = bins[(bins >= first) & (bins <= last)]
+        if len(bins) < _FEWEST_BINS or np.diff(bins).max() > _LEAD:
+            raise ValueError(
+                f"the map {direction} does not determine the model's form: {len(bins)} bins in the "
+                f"range of both maps, {_FEWEST_BINS} are needed, without a gap of more than "
+                f"{_LEAD:g} mm: measure more"
+            )
+    return float(first) - 0.5 * BIN_MM, float(last) + 0.5 * BIN_MM
 
 
 def _cells(

@@ -8,10 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..control.linearization import Linearization, torque_command, validated_linearization
+from ..control.linearization import (
+    SMALLEST_JOINT,
+    Linearization,
+    torque_command,
+    validated_linearization,
+)
 
 _GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]
-_REACH = (0.004, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
+_REACH = (SMALLEST_JOINT, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
 
 
 class Pieces(NamedTuple):

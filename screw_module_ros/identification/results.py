@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import zipfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -101,8 +102,12 @@ def load_result(folder: Path, experiment: str) -> Result:
         notes, settings = tuple(content["notes"]), content["settings"]
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{text}: not the result of an experiment: {error}") from error
-    with np.load(folder / f"{experiment}.npz") as arrays:
-        data = dict(arrays)
+    file = folder / f"{experiment}.npz"
+    try:
+        with np.load(file) as arrays:
+            data = dict(arrays)
+    except (EOFError, zipfile.BadZipFile) as error:  # cut off by a full disk or a kill
+        raise ValueError(f"{file}: damaged: {error}") from error
     return Result(experiment, quantities, settings, notes, data)
 
 

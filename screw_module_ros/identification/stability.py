@@ -42,11 +42,12 @@ CURVES = {
 linear loop of `observer` carries all of it, the other none."""
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
+_GRAVITY = 9.81  # [m/s^2]
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 
 
 class Settings(NamedTuple):
-    """The loop and the mechanism; a simulated module overrides them."""
+    """The loop and the mechanism; a simulated module overrides them, identified masses the two."""
 
     rate: Annotated[float, Setting("samples per second", "Hz", 50.0, 10_000.0)] = 1000.0
     delay: Annotated[
@@ -103,6 +104,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     )
     used = conditions_of(usual._replace(force_cutoff=settings.cutoff), *sampling, velocity_cutoff)
     in_force = settings._asdict() | used._asdict()  # a simulated module has its own loop
+    in_force |= {name: getattr(mechanism, name) for name in in_force if hasattr(mechanism, name)}
     return Result(NAME, tuple(quantities), in_force, tuple(notes), data)
 
 
@@ -192,10 +194,11 @@ def _by_hand(
 def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
     """Return mechanism, sampling and cut-off of the velocity filter [Hz].
 
-    A simulated module has its own.
+    A simulated module has its own. Raises ValueError for identified masses out of range.
     """
     world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))
     if world is None or loop is None:
+        settings = _weighed(lab, settings)
         return (
             Mechanism(settings.nut_mass, settings.handle_mass, settings.contact_stiffness,
                       settings.contact_damping),
@@ -211,14 +214,28 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
     )  # fmt: skip
 
 
+def _identified(lab: Lab) -> tuple[float, float] | None:
+    """Return weight [N] and mass [kg] of the lab's module, None unless both were identified."""
+    try:
+        weight = lab.result(gravity.NAME).value("gravity")
+        return weight, lab.result(inertia.NAME).value("mass")
+    except MissingResult:
+        return None
+
+
+def _weighed(lab: Lab, settings: Settings) -> Settings:
+    """Return the settings with the lab's masses: only the handle's side has a weight."""
+    if (found := _identified(lab)) is None:
+        return settings
+    handle = found[0] / _GRAVITY
+    return validated(settings._replace(nut_mass=found[1] - handle, handle_mass=handle))
+
+
 def _law(lab: Lab) -> VerticalSettings:
     """Return the law as a controller has it with the lab's calibration, else with the defaults."""
     law = VerticalSettings()
-    try:
-        weight = lab.result(gravity.NAME).value("gravity")
-        return law.calibrated(weight, lab.result(inertia.NAME).value("mass"))
-    except MissingResult:
-        return law
+    found = _identified(lab)
+    return law if found is None else law.calibrated(*found)
 
 
 def _observers(law: VerticalSettings) -> tuple[Observer, Observer]:

@@ -11,7 +11,7 @@ from screw_module_ros import graph
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
 from screw_module_ros.control.gate import GateSettings
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
 from screw_module_ros.control.torque_chain import COLD, largest_command, torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -33,6 +33,8 @@ from .support.runtime import main as run_node
 from .support.states import fill_amplifier
 from .support.timing_report import latency_values, timing_values
 from .support.topics import offered
+
+_TRIALS = "characterize"  # the node that sets limits for torque trials, and restores them
 
 
 class AmplifierSettings(NamedTuple):
@@ -59,6 +61,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
         self.part: VerticalDrive | None = None
+        self._rate_at_start = self.parameters.read(CommandLimits).command_rate
         self._state = AmplifierState()
         self._state.header.frame_id = "manus_base"
 
@@ -153,6 +156,27 @@ class AmplifierNode(DriveNode):
             self._publish(self._state)
 
     # Services ------------------------------------------------------------------------------
+
+    def enable(self) -> str:
+        """Enable; return why it failed, empty when done."""
+        return self._left_by_a_trial() or super().enable()
+
+    def _left_by_a_trial(self) -> str:
+        """Return a message if the wide limits of a torque trial are in force without the trial.
+
+        A killed `characterize` cannot restore them. Its last command is too old after 5 periods;
+        from then on only an enabling could give these limits to another sender.
+        """
+        rate = self.parameters.read(CommandLimits).command_rate
+        if rate < TRIAL_RATE or rate == self._rate_at_start:
+            return ""
+        topic = self.resolve_topic_name(graph.FORCE_COMMAND)
+        if {sender.node_name for sender in self.get_publishers_info_by_topic(topic)} == {_TRIALS}:
+            return ""
+        return (
+            f"the wide limits of a torque trial are in force, and {_TRIALS} does not command: its "
+            "process was killed; start amplifier and impedance_controller anew"
+        )
 
     @property
     def gated(self) -> GatedDrives:

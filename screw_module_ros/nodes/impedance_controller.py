@@ -98,23 +98,23 @@ class ImpedanceControllerNode(ModuleNode):
             self.parameters.read(CertificateSettings),
             self.parameters.read(CalibrationSettings).module_serial,
         )
-        refused = self._problem(self.parameters.read(VerticalSettings).validated(), chosen.mode)
-        if refused:
-            raise ValueError(refused)
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
-        self._load(chosen.friction_file)
+        self._load(chosen)
         forces, others = self.new_inbox(), self.new_inbox()
         self._inputs = ControllerInputs(others, forces, self._period_ns)
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
-    def _load(self, friction_file: str) -> None:
+    def _load(self, own: ControllerSettings) -> None:
         settings = self.parameters.read(CalibrationSettings)
-        chosen = self._friction = chosen_friction(settings, friction_file)
+        chosen = self._friction = chosen_friction(settings, own.friction_file)
+        law = known = self.parameters.read(VerticalSettings).validated()
         if chosen.gravity is not None:
-            law = self.parameters.read(VerticalSettings)
             known = law.calibrated(chosen.gravity, chosen.mass)
+        if refused := self._problem(known, own.mode):
+            raise ValueError(refused)
+        if chosen.gravity is not None:
             names = ("gravity", "mass", "observer_inertia")
             refused = self.parameters.write(**{name: getattr(known, name) for name in names})
             if refused:

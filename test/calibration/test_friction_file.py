@@ -36,6 +36,12 @@ def changed(tmp_path, old, new):
         ("13.6820]", ".nan]", r"up.trend\[7\]: nan"),
         ("13.6820]", "1368.2]", "up: .* N of friction"),
         ("-0.0038]", "-0.0038, 1.0]", "down.ripple: 7 numbers found, 6"),
+        # 200 N at 140 mm/s, where neither the slowest nor the fastest speed shows it
+        ("break_speed_mm_s: 2.5\n  low_gain: 0.754\n  low_exponent: 0.15",
+         "break_speed_mm_s: 140.0\n  low_gain: 0.001\n  low_exponent: 2.0",
+         "up: .* N of friction at .* 0.140 m/s"),
+        ("high_slope: 0.00296\n  high_offset: 0.857", "high_slope: -0.06\n  high_offset: 10.0",
+         "up: .* N of friction at .* 0.003 m/s"),
         ("gravity_N: 10.0", "gravity_N: 10.0\ncolour: red", "colour: unknown key"),
         ("low_gain: 0.754", "low_gain: 0.754\n  extra: 1", "up.extra: unknown key"),
         ("up:", "up: 3\nupward:", "up: a mapping is needed"),

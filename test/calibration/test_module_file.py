@@ -282,11 +282,13 @@ def test_calibration_and_a_part_of_it_are_refused_together(path):
     [
         ({"gravity": math.nan}, "gravity_N: nan is not a finite"),
         ({"mass": 0.0}, "mass_kg: 0 is outside"),
+        ({"mass": 0.6}, "mass_kg: 0.6 kg with a standard deviation of 0.125 kg, more than 20 %"),
         ({"mass": None}, "mass_kg: a number is needed, found nothing"),
         ({"date": "today"}, "date: 'today' is no date"),
         ({"serial": ""}, "serial: text is needed"),
         ({"sensor_bias": (0.0, 0.0, 0.0)}, "sensor_bias.torque_Nm: 0 numbers found, 3"),
         ({"residuals": {"friction_rms_N": math.nan}}, "residuals.friction_rms_N: nan"),
+        ({"residuals": {"linearization_left_N": 6.0}}, "linearization_left_N: 6 is outside 0 to 5"),
         ({"residuals": {"RMS [N]": 1.0}}, "residuals.RMS .N.: a name of letters"),
         ({"friction": FRICTION._replace(low=400.0)}, "friction.high_mm: 355 is not above"),
         (

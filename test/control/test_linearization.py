@@ -86,6 +86,15 @@ def lifted(offset):
     )
 
 
+def zone(width, joint):
+    """A map that compensates this dead zone [Nm], with joints at +-joint [Nm]."""
+    edge = joint + width
+    cubic = ((0.9 * joint - edge) / (2.0 * joint**3), 0.0, (3.0 * edge / joint - 0.9) / 2.0, 0.0)
+    return DEFAULT._replace(
+        lower_joint=-joint, upper_joint=joint, lower_offset=-width, upper_offset=width, cubic=cubic
+    )
+
+
 def tilted(slope):
     """The default map with another slope of its lines, continuous at the joints."""
     joint, offset = DEFAULT.upper_joint, DEFAULT.upper_offset
@@ -103,14 +112,18 @@ def tilted(slope):
         (lifted(5.0), "offset: .* makes the command .* more than 0.1 Nm apart"),
         (lifted(-0.09), "lower_offset: .* more than 0.1 Nm apart"),
         (tilted(1.2), "lower_offset: .*-1.03 Nm for a torque of -0.84 Nm"),
+        (zone(0.07, 0.01), "upper_offset: a dead zone of 0.07 Nm, more than 0.05 Nm"),
+        (zone(0.025, 1e-4), "upper_joint: 0.0001 Nm is less than 8 mNm above"),
     ],
 )
 def test_a_command_far_from_its_torque_is_refused(other, told):
-    """Continuous and rising, and yet the first command would be a blow."""
+    """Continuous and rising, and yet the first command would be a blow, or swing for ever."""
     with pytest.raises(ValueError, match=told):
         validated_linearization(other)
 
 
-@pytest.mark.parametrize("other", [lifted(0.07), lifted(-0.07), tilted(1.08), tilted(0.9)])
+@pytest.mark.parametrize(
+    "other", [lifted(0.07), lifted(-0.07), tilted(1.08), tilted(0.9), zone(0.05, 0.004)]
+)
 def test_a_map_that_some_amplifier_needs_is_taken(other):
     assert validated_linearization(other) is other

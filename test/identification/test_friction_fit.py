@@ -137,6 +137,38 @@ def test_maps_with_too_little_in_them_are_refused(tmp_path):
         friction_fit.run(Lab(None, tmp_path), Settings())
 
 
+def cut(folder, **kept) -> None:
+    """Empty the bins of the maps, by name, whose height is not kept."""
+    maps = Lab(None, folder).result(friction_map.NAME)
+    for way, there in kept.items():
+        maps.data[way][:, ~there] = np.nan
+    maps.save(folder)
+
+
+@pytest.mark.parametrize(
+    "there",
+    [(Z > 150.0) & (Z < 180.0), (Z > 150.0) & (Z < 200.0), (Z < 40.0) | (Z > 320.0)],
+    ids=["too few bins for the polynomials", "too few between them", "a gap"],
+)
+def test_heights_that_do_not_determine_the_polynomials_are_refused(tmp_path, there):
+    """The fit was singular, or off by 20 N between the bins and accepted as a calibration."""
+    keep_maps(tmp_path, THESIS)
+    cut(tmp_path, up=there, down=there)
+    with pytest.raises(ValueError, match="the map up does not determine the model's form"):
+        friction_fit.run(Lab(None, tmp_path), Settings())
+
+
+def test_no_direction_is_extrapolated_to_heights_of_the_other(tmp_path):
+    """Above the highest bin of one direction its polynomial gave 4 to 750 N."""
+    keep_maps(tmp_path, THESIS)
+    cut(tmp_path, up=Z < 300.0)
+    model = friction_model_of(friction_fit.run(Lab(None, tmp_path), Settings()))
+    assert (model.low, model.high) == (0.0, 300.0)
+    for z in np.linspace(0.0, 0.3, 301):
+        there = friction_force(model, z, 0.02)
+        assert there == pytest.approx(friction_force(THESIS, z, 0.02), abs=0.5)
+
+
 def test_what_it_needs_must_be_there(tmp_path):
     with pytest.raises(MissingResult, match="friction_map"):
         friction_fit.run(Lab(None, tmp_path), Settings())

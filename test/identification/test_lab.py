@@ -138,3 +138,12 @@ def test_missing_and_damaged_results_are_told(tmp_path):
     (tmp_path / "gravity.yaml").write_text("quantities: [1, 2]\n")
     with pytest.raises(ValueError, match="not the result of an experiment"):
         lab.result("gravity")
+
+
+@pytest.mark.parametrize("kept", [0, 100])
+def test_a_result_cut_off_by_a_full_disk_is_told(tmp_path, kept):
+    Result("weighing", (), {}, (), {"curve": np.arange(40.0)}).save(tmp_path)
+    file = tmp_path / "weighing.npz"
+    file.write_bytes(file.read_bytes()[:kept])
+    with pytest.raises(ValueError, match=r"weighing\.npz: damaged"):
+        load_result(tmp_path, "weighing")

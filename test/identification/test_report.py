@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.identification.in_process import LoopSettings
+from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.report import study
 from screw_module_ros.identification.report.command import command
 from screw_module_ros.identification.report.misses import misses_of
@@ -153,6 +154,15 @@ def test_failure_of_an_experiment_is_reported_not_hidden(tmp_path):
     done = CliRunner().invoke(command, [*words, "--only", "compensation"])
     assert done.exit_code == 3
     assert "is missing" in (tmp_path / "report.md").read_text()
+
+
+def test_a_failed_experiment_leaves_no_earlier_result_to_the_others(tmp_path):
+    """Mass and calibration of a module were computed with the friction of an earlier run's."""
+    lab = Lab(None, tmp_path)
+    Result("friction_model", (), {}).save(tmp_path)
+    assert study._outcome(lab, "friction_model", "thesis").failure
+    with pytest.raises(MissingResult):
+        lab.result("friction_model")
 
 
 def test_bad_plant_file_is_told(tmp_path):

@@ -237,3 +237,18 @@ def test_the_certificate_is_for_the_law_that_the_calibration_makes(tmp_path, mon
     assert (found.settings["mass"], found.settings["observer_inertia"]) == (5.1, KNOWN_SHARE)
     assert found.value("observer_light_wall") == 0.0 < found.value("feedback_light_wall")
     assert any("1 kg against a wall" in n and "no gain is stable" in n for n in found.notes)
+
+
+@pytest.mark.parametrize("mass", [4.5, 7.0])
+def test_the_certificate_is_for_the_mass_that_was_identified(tmp_path, monkeypatch, mass):
+    """At the wall a module of 7 kg was permitted 6.3: its own law on the thesis's masses."""
+    wall = stability.ENVIRONMENTS["wall"]
+    monkeypatch.setattr(stability, "ENVIRONMENTS", {"wall": wall})
+    for name, quantity, value in (("gravity", "gravity", 10.04), ("inertia", "mass", mass)):
+        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
+    found = stability.run(Lab(Nothing(), tmp_path), stability.Settings())
+    own = Mechanism()._replace(nut_mass=mass - 10.04 / 9.81, handle_mass=10.04 / 9.81)
+    laws = stability._observers(VerticalSettings().calibrated(10.04, mass))
+    expected = min(largest_gain(own, wall[1], Sampling(1000.0, 1.26e-3), law) for law in laws)
+    assert found.value("observer_wall") == pytest.approx(expected, rel=0.02)
+    assert found.settings["nut_mass"] == own.nut_mass

@@ -9,7 +9,10 @@ from screw_module_msgs.srv import SetControlMode
 
 from screw_module_ros.calibration.certificate_conditions import conditions_of
 from screw_module_ros.calibration.certificate_file import text_checksum
+from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control import modes
+from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import VerticalSettings
 
 SERIAL = "ARM-0007"
@@ -19,16 +22,16 @@ CONDITIONS = conditions_of(VerticalSettings(), 1000.0, 1.26e-3, 30.0)
 @pytest.fixture
 def controller(make_node, tmp_path):
     """Return a function that makes a controller with a certificate of 6.28 and 12.6."""
-    text = (
-        f"format: screw_module_ros/certificate\nversion: 1\nserial: {SERIAL}\n"
-        "date: '2026-11-22T09:30:00Z'\n"
-        "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
-    )
-    text += yaml.safe_dump({"conditions": CONDITIONS._asdict()})
     file = tmp_path / "module_certificate.yaml"
-    file.write_text(f"{text}sha256: {text_checksum(text)}\n")
 
-    def made(**others):
+    def made(conditions=CONDITIONS, **others):
+        text = (
+            f"format: screw_module_ros/certificate\nversion: 1\nserial: {SERIAL}\n"
+            "date: '2026-11-22T09:30:00Z'\n"
+            "permitted_gains: {force_gain: 6.28, observer_gain: 12.6}\n"
+        )
+        text += yaml.safe_dump({"conditions": conditions._asdict()})
+        file.write_text(f"{text}sha256: {text_checksum(text)}\n")
         named = {"certificate_file": file, "module_serial": SERIAL, **others}
         words = [word for key, value in named.items() for word in ("-p", f"{key}:={value}")]
         return make_node("impedance_controller", *words)
@@ -78,6 +81,25 @@ def test_a_live_parameter_does_not_leave_the_certificate_s_conditions(controller
     )
     assert not changed(node, mass=6.0), "more than in the certificate costs no margin"
     assert "mass is 5 kg" in changed(node, mass=5.0)
+    node.close()
+
+
+def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
+    """A certificate of a module heavier than the default was refused with its own calibration."""
+    heavy = ModuleCalibration(
+        SERIAL, "2026-11-22T09:00:00Z", "0.1.0", thesis_friction(), default_linearization(),
+        gravity=10.0, mass=6.0, sensor_bias=(0.0,) * 6, residuals={},
+    )  # fmt: skip
+    write_calibration(tmp_path / "calibration.yaml", heavy)
+    known = VerticalSettings().calibrated(heavy.gravity, heavy.mass)
+    node = controller(
+        conditions_of(known, 1000.0, 1.26e-3, 30.0), mode=modes.OBSERVER, damping=20.0,
+        calibration_file=tmp_path / "calibration.yaml",
+    )  # fmt: skip
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert "mass is 5.9 kg" in changed(node, mass=5.9)
     node.close()
 
 

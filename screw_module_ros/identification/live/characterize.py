@@ -23,7 +23,7 @@ from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.control.watch import WatchSettings
-from screw_module_ros.identification import calibration
+from screw_module_ros.identification import calibration, certificate, delivered_impedance
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
@@ -241,8 +241,9 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     folder = below(root, request.folder, "folder")
     below(root, str(folder / "parts" / experiment.name), "folder")
     written = [f"{experiment.name}.yaml", f"{experiment.name}.npz"]
-    if experiment.name == calibration.NAME:
-        written.append(calibration.FILE)
+    written += {
+        calibration.NAME: [calibration.FILE], delivered_impedance.NAME: [certificate.FILE]
+    }.get(experiment.name, [])  # fmt: skip
     for name in written:
         if os.path.lexists(folder / name):  # also a dangling link
             raise ValueError(

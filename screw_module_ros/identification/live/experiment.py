@@ -12,6 +12,7 @@ from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.geometry import SCREW
 from screw_module_ros.identification.trials import NotPossible, OnProgress
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.operator.client import RobotError
@@ -50,6 +51,7 @@ class Experiment:
         self.robot, self.loop, self.fixture = robot, loop, fixture
         self.watch, self.say, self._hurried = watch, say, hurried
         self.notes: list[str] = []
+        check_screw(robot, "encoder")
         self.rate = common_rate(robot)
         self.period_ns = period_of(self.rate)
         self._torque_on = False
@@ -190,6 +192,16 @@ class Experiment:
             yield
         finally:
             self.robot.watch = watch
+
+
+def check_screw(robot: Robot, node: str) -> None:
+    """Raise NotPossible if encoder or amplifier has another lead than excitation and fits."""
+    lead = parameters(robot, node, ("lead",))["lead"]
+    if lead != SCREW.lead:
+        raise NotPossible(
+            f"{node} runs with a lead of {1e3 * lead:g} mm: the experiments are for a screw of "
+            f"{1e3 * SCREW.lead:g} mm, their torques and fits would be wrong by the ratio"
+        )
 
 
 def common_rate(robot: Robot) -> float:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
 
 from screw_module_ros.clock import TimeStandsStill
+from screw_module_ros.control.limits import TRIAL_RATE
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
@@ -37,7 +38,6 @@ from .torque_source import TorqueSource
 CONTROLLER, AMPLIFIER = "impedance_controller", "amplifier"
 _MARGIN = 1.02  # of the force limits above the peak
 _ANSWER_S = 10.0
-_FASTEST = 1e6  # [N/s]: a locked rotor may have any sine
 
 
 class Takeover:
@@ -79,7 +79,7 @@ class Takeover:
         widened = {
             name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
         }
-        freed = {"linearize": False, "command_rate": _FASTEST}
+        freed = {"linearize": False, "command_rate": TRIAL_RATE}
         self._robot.set_parameters(AMPLIFIER, {**freed, **widened})
         bring(self._robot, AMPLIFIER, ACTIVE)
         self._wait_until_ready()
@@ -155,7 +155,7 @@ def _check_own(found: dict[str, object]) -> None:
     An experiment whose process was killed cannot restore them; the next one must not take them for
     the robot's own.
     """
-    if not found["linearize"] and found["command_rate"] >= _FASTEST:
+    if not found["linearize"] and found["command_rate"] >= TRIAL_RATE:
         raise NotPossible(
             "the amplifier still has the wide limits of a torque trial, whose process was killed: "
             "start amplifier and impedance_controller anew"

@@ -17,7 +17,7 @@ from screw_module_ros.identification.trials import (
 )
 from screw_module_ros.operator.client import RobotError
 
-from .experiment import Experiment, share_of
+from .experiment import Experiment, check_screw, share_of
 from .graph import parameters
 from .samples import Track, evenly, samples_of
 from .takeover import AMPLIFIER, Takeover
@@ -84,6 +84,7 @@ def torque_trial(
 
     Raises NotPossible, RobotError, SamplesLost, Cancelled; the caller switches the torque off.
     """
+    check_screw(experiment.robot, AMPLIFIER)
     sine = _sine(experiment, trial)
     experiment.fixture.require("locked_rotor")
     experiment.check_homed()

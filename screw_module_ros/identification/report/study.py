@@ -33,7 +33,10 @@ ON_EVERY_MODULE = (
 """Experiments on each perturbed module; the thesis's module gets all experiments."""
 
 _SOURCES = Path(__file__).resolve().parents[2]
-_MADE_OF = ("plant", "control", "identification", "filters.py", "geometry.py")
+_MADE_OF = (
+    "plant", "control", "identification", "calibration", "compiled.py", "units.py", "filters.py",
+    "geometry.py",
+)  # fmt: skip
 _ONLY_SHOWN = ("figures", "report")
 
 
@@ -103,6 +106,8 @@ def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
     settings = entry.settings()
     if "serial" in settings._fields:
         settings = settings._replace(serial=serial_of(module))
+    for end in (".yaml", ".npz"):  # of an earlier run: a failure must not leave it to the others
+        (lab.folder / f"{experiment}{end}").unlink(missing_ok=True)
     try:
         result = entry.run(lab, settings)
         result.save(lab.folder)

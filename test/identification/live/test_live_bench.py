@@ -232,6 +232,14 @@ class TestRefusals:
         with pytest.raises(NotPossible, match="encoder runs with use_sim_time true"):
             live_session.common_rate(SimpleNamespace(clock=WallClock()))
 
+    def test_a_screw_with_another_lead(self, monkeypatch):
+        """The amplifier gave 0.55 Nm where 0.42 Nm were asked for and reported."""
+        monkeypatch.setattr(live_session, "parameters", lambda *asked: {"lead": 0.025})
+        with pytest.raises(NotPossible, match="amplifier runs with a lead of 25 mm"):
+            live_trials.torque_trial(
+                SimpleNamespace(robot=None), None, TorqueTrial(1.0, 0.42, 7.0), None
+            )
+
 
 class TestFeedback:
     @pytest.fixture
