@@ -99,6 +99,8 @@ def files_of(folder: Path) -> list[Path]:
     Hidden files are not its own: other systems add some when they copy, like `._NAME_0.mcap`.
     Raises BagReadError without any.
     """
+    if not folder.exists():
+        raise BagReadError(f"there is no bag {folder}")
     numbers = {}
     for path in folder.glob("*.mcap"):
         number = "" if path.name.startswith(".") else path.stem.rpartition("_")[2]

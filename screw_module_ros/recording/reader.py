@@ -65,7 +65,9 @@ def open_bag(path: Path | str) -> Iterator[AnyReader]:
         reader = AnyReader([path])
         reader.open()
     except Exception as error:  # rosbags raises various exceptions on a damaged bag
-        hint = f"; if it was cut off, run: session recover {path}" if path.exists() else ""
+        if not path.exists():
+            raise BagReadError(f"there is no bag {path}") from None
+        hint = f"; if it was cut off, run: session recover {path}"
         raise BagReadError(f"cannot read {path} as a bag: {error}{hint}") from None
     try:
         yield reader

@@ -85,7 +85,7 @@ def test_topic_without_messages(tmp_path, encoder_topic):
 
 
 def test_path_that_is_no_bag(tmp_path):
-    with pytest.raises(BagReadError, match="cannot read"):
+    with pytest.raises(BagReadError, match="there is no bag"):
         columns(tmp_path / "nothing", "/x")
     with pytest.raises(BagReadError, match="metadata.yaml"):
         metadata(tmp_path)

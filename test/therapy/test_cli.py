@@ -12,11 +12,13 @@ def test_new_prints_a_pseudonym(capsys):
     assert checked_pseudonym(capsys.readouterr().out.strip())
 
 
-@pytest.mark.parametrize("command", [["replay"], ["report", "--out"], ["export", "--out"]])
+@pytest.mark.parametrize(
+    "command", [["verify"], ["replay"], ["report", "--out"], ["export", "--out"]]
+)
 def test_a_folder_that_is_no_bag_is_said_so(command, tmp_path, capsys):
     extra = [str(tmp_path / "out")] if "--out" in command else []
     assert main([*command, *extra, str(tmp_path / "nothing")]) == 1
-    assert "nothing" in capsys.readouterr().err
+    assert capsys.readouterr().err == f"session: there is no bag {tmp_path / 'nothing'}\n"
     assert not (tmp_path / "out").exists(), "nothing is made of nothing"
 
 
