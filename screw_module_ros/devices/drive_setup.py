@@ -68,6 +68,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)
+    _clear_offset(node)
     command = command_pdo(settings)
     reported = (status_pdo(settings), slow_status_pdo(settings))
     pdo.disable_unused(sdo, (command, *reported))
@@ -127,6 +128,17 @@ def _select_mode(node: CanopenNode) -> tuple[int, list[str]]:
         return mode, []
     # Profile torque ramps towards its target; with the steepest ramp it acts like cyclic torque.
     return mode, _optional(node, 0x6087, _STEEPEST_SLOPE, 4, "torque slope")
+
+
+def _clear_offset(node: CanopenNode) -> None:
+    """Clear the torque offset, which cyclic torque mode adds to each target: a target of zero from
+    us would be no zero torque if an earlier program has left one. Drives need not have it.
+    """
+    try:
+        node.sdo.set(0x60B2, 0, 0, 2)
+    except Refused as error:
+        if not error.absent:
+            raise
 
 
 def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[str]:

@@ -148,6 +148,8 @@ class ForceSensor:
     def reset(self) -> None:
         """Restart the board and configure it again; blocking, raises as `configure`."""
         self._running = False
+        # If it needs longer than we wait, the next call must not restart it once more.
+        self._needs_reset, self._calibration_lost = False, True
         self._dialogue.reset()
         self.configure()
 

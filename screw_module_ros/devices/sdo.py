@@ -21,6 +21,8 @@ from .errors import NotAnswering, NotConfigured, Refused
 _FRAME_BYTES = 8
 _ABORT = struct.Struct("<BHBL")
 _ABORT_COMMAND = 0x80
+_OBJECT = struct.Struct("<HB")
+_NO_OBJECT = b"\0\0\0"
 _GENERAL_ERROR = 0x08000000
 _REQUEST_BASE = 0x600
 _RESPONSE_BASE = 0x580
@@ -48,6 +50,7 @@ class Sdo:
         self._port = port
         self._node_id = node_id
         self._lock = threading.Lock()
+        self._object = _NO_OBJECT
         self._client = _Client(port, node_id, timeout_s)
         port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
         port.subscribe(_REQUEST_BASE + node_id, self._on_request)
@@ -66,8 +69,15 @@ class Sdo:
         self._on_foreign()
 
     def _on_response(self, data: bytes, _arrival_ns: int) -> None:
-        if len(data) == _FRAME_BYTES:
+        if len(data) == _FRAME_BYTES and not self._is_stale(data):
             self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
+
+    def _is_stale(self, data: bytes) -> bool:
+        """Return whether this is an abort of another object, which canopen would take for ours.
+
+        It answers a request that was repeated; an existing object would pass for absent.
+        """
+        return data[0] == _ABORT_COMMAND and data[1:4] not in (self._object, _NO_OBJECT)
 
     def close(self) -> None:
         """Stop listening."""
@@ -118,6 +128,7 @@ class Sdo:
 
     def _transfer(self, index: int, subindex: int, action):
         with self._lock:
+            self._object = _OBJECT.pack(index, subindex)
             try:
                 return self._attempt(index, subindex, action)
             except NotAnswering:

@@ -16,6 +16,7 @@ from screw_module_ros.devices.errors import (
     NotConfigured,
     NotEnabled,
     Occupied,
+    Refused,
     WrongDevice,
 )
 
@@ -82,6 +83,16 @@ def test_mode_is_cyclic_torque_else_profile_torque(wire, drive_end, supported, m
     assert drive_end.objects[0x6060, 0] == bytes([mode])
     steep = drive_end.objects[0x6087, 0] == bytes.fromhex("FF FF FF 7F")
     assert steep == (mode == 4)
+
+
+def test_torque_offset_of_an_earlier_program_is_cleared(wire, drive_end):
+    drive_end.objects[0x60B2, 0] = unsigned(100, 2)  # added to each target in cyclic torque mode
+    configured(wire)
+    assert drive_end.objects[0x60B2, 0] == b"\0\0"
+    drive_end.objects[0x60B2, 0] = unsigned(100, 2)
+    drive_end.refused[0x60B2, 0] = 0x06010002
+    with pytest.raises(Refused, match="60B2"):
+        configured(wire)
 
 
 def test_drive_without_torque_modes_is_refused(wire, drive_end):

@@ -389,6 +389,19 @@ def test_a_failed_restart_leaves_it_frozen(wire, sensor_end):
     assert tick(wire, sensor) is None
 
 
+def test_board_that_restarts_slowly_is_not_restarted_again(wire, sensor_end):
+    sensor = frozen(wire, sensor_end)
+    sensor_end.mute = True  # for longer than the two tries
+    with pytest.raises(NotAnswering):
+        sensor.clear_fault()
+    sensor_end.mute = False
+    show(sensor_end, gauge_0=1)
+    sensor.clear_fault()
+    assert wire.sent(0x12C) == [b""]
+    assert sensor.fault == ""
+    assert tick(wire, sensor) is not None
+
+
 def test_zero_switches_the_look_at_frozen_gauges_off(wire, sensor_end):
     sensor = started(wire, FREEZING._replace(freeze_time=0.0))
     assert None not in ticks(wire, sensor, 4 * UNCHANGED)

@@ -80,6 +80,20 @@ def test_answer_for_another_object_is_not_believed(wire, node, sdo):
     assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
 
 
+def test_abort_of_another_object_is_not_believed(node, sdo):
+    """The late answer to a repeated request, when the next one has been sent."""
+    answer = node._reply
+    others = iter([bytes.fromhex("80 02 14 01 00 00 02 06")])
+    node._reply = lambda data: answer(next(others, data))
+    assert sdo.unsigned(0x1018, 4) == 0xDEADBEEF
+
+
+def test_abort_without_an_object_is_believed(node, sdo):
+    node._reply = lambda data: node.wire.emit(0x585, "80 00 00 00 00 00 04 05")
+    with pytest.raises(Refused):
+        sdo.unsigned(0x1018, 4)
+
+
 def test_read_back_of_another_value(node, sdo):
     node.deaf.add((0x6061, 0))
     with pytest.raises(NotConfigured, match=r"wrote 0xA to object 6061:00 but read back 0xFF"):
