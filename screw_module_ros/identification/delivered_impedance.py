@@ -32,6 +32,7 @@ RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
+_LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 
 
 class Settings(NamedTuple):
@@ -153,15 +154,23 @@ def _friction(
 def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
     """Return force over velocity of the handle [Ns/m] at a frequency [Hz], over whole cycles.
 
-    On a real module: the transducer's force over the nut's velocity.
+    On a real module: the transducer's force over the nut's velocity. Raises ValueError if the
+    handle did not follow the sine: force over a motion of other frequencies is no impedance.
     """
     period = samples.time[1] - samples.time[0]
     count = round(_CYCLES / frequency / period)
     turning = np.exp(-2j * math.pi * frequency * samples.time[-count:])
     force = samples.force if samples.true_force is None else samples.true_force
     position = samples.position if samples.handle is None else samples.handle
-    moved = (turning * position[-count:]).sum() * 2j * math.pi * frequency
-    return {"impedance": np.array((turning * force[-count:]).sum() / moved)}
+    swing = position[-count:] - position[-count:].mean()
+    moved = (turning * swing).sum()
+    if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
+        raise ValueError(
+            f"the handle did not follow the sine of {frequency:g} Hz: drive it with a motor, or "
+            "choose other frequencies"
+        )
+    velocity = 2j * math.pi * frequency * moved
+    return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
 
 
 def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float) -> list[Quantity]:

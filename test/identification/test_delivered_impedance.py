@@ -39,6 +39,16 @@ def test_spring_damper_and_mass_are_found(frequency):
     assert complex(found) == pytest.approx(7.0 + 1j * (2.0 * omega - 100.0 / omega), rel=0.01)
 
 
+def test_a_hand_that_cannot_follow_the_sine_is_told():
+    """On hardware a person was asked for 30 Hz; the certificate showed noise over noise."""
+    time = np.arange(0.0, 0.8, 1e-3)
+    slow = 0.002 * np.sin(2.0 * math.pi * 1.3 * time)
+    for position in (slow, np.zeros_like(time)):
+        samples = Samples(time, position, *([np.ones_like(time)] * 5))
+        with pytest.raises(ValueError, match="did not follow the sine of 30 Hz"):
+            reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 30.0)
+
+
 def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):
     bench = InProcessBench(load_world(), LoopSettings(rate=1000.0, command_delay=1.2e-3))
     settings = Settings(frequencies=(0.5, 2.0, 4.0, 8.0))
