@@ -17,9 +17,9 @@ _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N a
 # [Nm] between torque and command up to the peak torque. The thesis's offset is 0.025 (4.1.1); four
 # times that is 33 N at the handle, which no measured amplifier needs and a patient would feel.
 _FARTHEST = 0.1
-# [Nm] on each side of zero. A dead zone that is compensated though the amplifier lacks it is
-# a relay: with 0.07 on the thesis's amplifier OBSERVER swings by 64 N, whatever the chatter guard
-# does; with 0.05 no mode exceeds 2 N rms.
+# [Nm] on each side of zero. To compensate a dead zone that the amplifier does not have is a relay:
+# with 0.07 on the thesis's amplifier OBSERVER swings by 64 N, whatever the chatter guard does; with
+# 0.05 no mode exceeds 2 N rms.
 _WIDEST_ZONE = 0.05
 SMALLEST_JOINT = 0.004
 """Half of the least distance between the joints [Nm]: it bounds the slope at zero."""

@@ -23,6 +23,7 @@ from . import certificate, force_error
 from .force_error import with_damping
 from .lab import Job, Lab, Part
 from .results import Quantity, Result
+from .stability import law_of
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
@@ -31,6 +32,7 @@ RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
+_LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 
 
 class Settings(NamedTuple):
@@ -56,12 +58,13 @@ def run(lab: Lab, settings: Settings) -> Result:
     """
     validated(settings)
     kinds = [mode for mode in modes.MODE_NAMES if mode != modes.OFF]
+    usual = law_of(lab)._replace(stiffness=settings.stiffness)
     jobs = {
-        (mode, frequency): _job(settings, mode, frequency)
+        (mode, frequency): _job(settings, usual, mode, frequency)
         for mode in kinds
         for frequency in settings.frequencies
     }
-    rests = _rests(settings, kinds) if hasattr(lab.bench, "world") else {}
+    rests = _rests(usual, kinds) if hasattr(lab.bench, "world") else {}
     parts = lab.run(NAME, [*jobs.values(), *rests.values()])
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
@@ -72,7 +75,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         )
         data[f"resistance_{name}"], data[f"reactance_{name}"] = found.real, found.imag
         quantities += _fitted(name, data["frequencies"], found, settings.stiffness)
-        quantities.append(_friction(settings, mode, data["frequencies"], found))
+        quantities.append(_friction(settings, usual, mode, data["frequencies"], found))
     quantities += _at_rest(rests, parts)
     result = Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
     certificate.write(lab, result, settings.serial)
@@ -87,10 +90,10 @@ _NOTES = (
 )
 
 
-def _job(settings: Settings, mode: int, frequency: float) -> Job:
+def _job(settings: Settings, usual: VerticalSettings, mode: int, frequency: float) -> Job:
     omega = 2.0 * math.pi * frequency
     trial = MotionTrial(
-        mode, _law(settings, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
+        mode, with_damping(usual, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
         amplitude=_amplitude(settings, frequency), omega=omega,
         duration=(2 + _CYCLES) / frequency + 0.5,
     )  # fmt: skip
@@ -104,15 +107,11 @@ def _amplitude(settings: Settings, frequency: float) -> float:
     return min(0.04, settings.speed / omega, settings.acceleration / omega**2)
 
 
-def _law(settings: Settings, mode: int) -> VerticalSettings:
-    return with_damping(VerticalSettings(stiffness=settings.stiffness), mode)
-
-
-def _rests(settings: Settings, kinds: list[int]) -> dict[tuple[str, str], Job]:
+def _rests(usual: VerticalSettings, kinds: list[int]) -> dict[tuple[str, str], Job]:
     """Return the trials at rest by names of the mode and the trial."""
     return {
         (modes.MODE_NAMES[mode].lower(), rest): force_error.job(
-            force_error.case_of(case), mode, _law(settings, mode)
+            force_error.case_of(case), mode, with_damping(usual, mode)
         )
         for mode in kinds
         for rest, case in RESTS.items()
@@ -140,11 +139,13 @@ def friction_felt(resistance: float, damping: float, speed: float) -> float:
     return math.pi / 4.0 * (resistance - damping) * speed
 
 
-def _friction(settings: Settings, mode: int, frequencies: np.ndarray, z: np.ndarray) -> Quantity:
+def _friction(
+    settings: Settings, usual: VerticalSettings, mode: int, frequencies: np.ndarray, z: np.ndarray
+) -> Quantity:
     slow = int(np.argmin(frequencies))
     frequency = float(frequencies[slow])
     speed = 2.0 * math.pi * frequency * _amplitude(settings, frequency)
-    felt = friction_felt(float(z.real[slow]), _law(settings, mode).damping, speed)
+    felt = friction_felt(float(z.real[slow]), with_damping(usual, mode).damping, speed)
     name = modes.MODE_NAMES[mode].lower()
     return Quantity(f"friction_{name}", felt, math.nan, "N",
                     f"friction felt at {frequency:g} Hz, {name}")  # fmt: skip
@@ -153,15 +154,23 @@ def _friction(settings: Settings, mode: int, frequencies: np.ndarray, z: np.ndar
 def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
     """Return force over velocity of the handle [Ns/m] at a frequency [Hz], over whole cycles.
 
-    On a real module: the transducer's force over the nut's velocity.
+    On a real module: the transducer's force over the nut's velocity. Raises ValueError if the
+    handle did not follow the sine: force over a motion of other frequencies is no impedance.
     """
     period = samples.time[1] - samples.time[0]
     count = round(_CYCLES / frequency / period)
     turning = np.exp(-2j * math.pi * frequency * samples.time[-count:])
     force = samples.force if samples.true_force is None else samples.true_force
     position = samples.position if samples.handle is None else samples.handle
-    moved = (turning * position[-count:]).sum() * 2j * math.pi * frequency
-    return {"impedance": np.array((turning * force[-count:]).sum() / moved)}
+    swing = position[-count:] - position[-count:].mean()
+    moved = (turning * swing).sum()
+    if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
+        raise ValueError(
+            f"the handle did not follow the sine of {frequency:g} Hz: drive it with a motor, or "
+            "choose other frequencies"
+        )
+    velocity = 2j * math.pi * frequency * moved
+    return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
 
 
 def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float) -> list[Quantity]:

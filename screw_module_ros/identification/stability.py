@@ -66,7 +66,7 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Predict the gains; simulate on a simulated module. Raises ValueError, Cancelled."""
     validated(settings)
     mechanism, sampling, velocity_cutoff = _of(lab, settings)
-    usual = _law(lab)
+    usual = law_of(lab)
     feedback = Feedback(5.0, settings.cutoff, velocity_cutoff=velocity_cutoff)
     quantities, data, notes = [], {}, []
     for name, (text, environment) in ENVIRONMENTS.items():
@@ -231,7 +231,7 @@ def _weighed(lab: Lab, settings: Settings) -> Settings:
     return validated(settings._replace(nut_mass=found[1] - handle, handle_mass=handle))
 
 
-def _law(lab: Lab) -> VerticalSettings:
+def law_of(lab: Lab) -> VerticalSettings:
     """Return the law as a controller has it with the lab's calibration, else with the defaults."""
     law = VerticalSettings()
     found = _identified(lab)

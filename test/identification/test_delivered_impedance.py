@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.carried_mass import KNOWN_SHARE
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.certificate import FILE
@@ -20,7 +21,8 @@ from screw_module_ros.identification.delivered_impedance import (
 from screw_module_ros.identification.figures.certificate import certificate_figures
 from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
 from screw_module_ros.identification.lab import Lab
-from screw_module_ros.identification.trials import MotionTrial, Samples
+from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.identification.trials import MotionTrial, NotPossible, Samples
 from screw_module_ros.plant.settings import load_world
 
 
@@ -35,6 +37,16 @@ def test_spring_damper_and_mass_are_found(frequency):
                       position, velocity, force)  # fmt: skip
     found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, frequency)["impedance"]
     assert complex(found) == pytest.approx(7.0 + 1j * (2.0 * omega - 100.0 / omega), rel=0.01)
+
+
+def test_a_hand_that_cannot_follow_the_sine_is_told():
+    """On hardware a person was asked for 30 Hz; the certificate showed noise over noise."""
+    time = np.arange(0.0, 0.8, 1e-3)
+    slow = 0.002 * np.sin(2.0 * math.pi * 1.3 * time)
+    for position in (slow, np.zeros_like(time)):
+        samples = Samples(time, position, *([np.ones_like(time)] * 5))
+        with pytest.raises(ValueError, match="did not follow the sine of 30 Hz"):
+            reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 30.0)
 
 
 def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):
@@ -75,3 +87,20 @@ def test_coulomb_friction_is_found_beside_a_damper():
                       0.04 * np.sin(omega * time), velocity, force)  # fmt: skip
     found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 0.5)["impedance"]
     assert friction_felt(complex(found).real, 5.0, 0.04 * omega) == pytest.approx(6.0, rel=0.01)
+
+
+def test_it_is_of_the_law_that_the_calibration_makes(tmp_path):
+    """Beside gains for the identified mass stood the impedance of the default law."""
+
+    class Asked:
+        rate, name = 1000.0, "asked"
+
+        def record(self, trial, told):
+            assert (trial.settings.gravity, trial.settings.mass) == (8.7, 5.1)
+            assert trial.settings.observer_inertia == KNOWN_SHARE
+            raise NotPossible("asked for the right law")
+
+    for name, quantity, value in (("gravity", "gravity", 8.7), ("inertia", "mass", 5.1)):
+        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
+    with pytest.raises(NotPossible, match="asked for the right law"):
+        delivered_impedance.run(Lab(Asked(), tmp_path), Settings())

@@ -96,6 +96,7 @@ class Motion:
 
         def watch(elapsed: float) -> None:
             nonlocal held
+            experiment.check_homed()
             if trial.mode != OFF:
                 experiment.check_enabled()
             if held and elapsed >= trial.released_after:

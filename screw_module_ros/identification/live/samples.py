@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from screw_module_ros.identification.trials import Samples
+from screw_module_ros.samples import FORCE_FAULT_MASK
 
 LONGEST_GAP = 0.05  # [s] interpolated between two samples of a stream
 LARGEST_LOSS = 0.05  # share of the ticks that may be missing
@@ -95,9 +96,10 @@ class Recording:
         self.encoder.add(sample.sequence, sample.monotonic_ns, sample.position, sample.velocity)
 
     def note_force(self, sample: Any) -> None:
-        """Take a ForceSample."""
+        """Take a ForceSample; one with a fault of the sensor counts as lost."""
         s = sample
-        self.force.add(s.sequence, s.monotonic_ns, s.fx, s.fy, s.fz, s.tx, s.ty, s.tz)
+        if not s.status & FORCE_FAULT_MASK:
+            self.force.add(s.sequence, s.monotonic_ns, s.fx, s.fy, s.fz, s.tx, s.ty, s.tz)
 
     def note_command(self, command: Any) -> None:
         """Take a ForceCommand."""
@@ -151,6 +153,12 @@ def evenly(recording: Recording, rate: float) -> Track:
     first, last = max(ticks[0], force_ticks[0]), min(ticks[-1], force_ticks[-1])
     if last <= first:
         raise SamplesLost("encoder and force sensor have no common interval")
+    quiet = max(first - ticks[0], ticks[-1] - last) / rate
+    if quiet > LONGEST_GAP:  # else the trial would be a shorter one than was asked for
+        raise SamplesLost(
+            f"force sensor: no good sample in {1e3 * quiet:.0f} ms at an end of the recording; "
+            f"{1e3 * LONGEST_GAP:g} ms are allowed: see its diagnostics"
+        )
     for name, there in (("encoder", ticks), ("force sensor", force_ticks)):
         _check_losses(name, there[(there >= first) & (there <= last)], rate)
     grid, start_ns = np.arange(first, last + 1), stamps[0]

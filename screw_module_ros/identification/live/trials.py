@@ -47,6 +47,7 @@ def stage_trial(experiment: Experiment, trial: StageTrial, on_progress: OnProgre
 
     def watch(elapsed: float) -> None:
         experiment.check_passive()
+        experiment.check_homed()
         on_elapsed(elapsed)
 
     try:

@@ -112,6 +112,18 @@ class TestEvenly:
         with pytest.raises(SamplesLost, match="force sensor: 10.* % of the samples"):
             evenly(recorded(range(200), [t for t in range(200) if t % 10 != 3]), RATE)
 
+    def test_refuses_a_sensor_that_ends_before_the_trial(self):
+        """A frictionless half of the screw, or a sine of half a period, came of it."""
+        with pytest.raises(SamplesLost, match="force sensor: no good sample in 500 ms"):
+            evenly(recorded(range(200), range(100)), RATE)
+
+    def test_a_sample_with_a_fault_of_the_sensor_is_lost(self):
+        recording = recorded(range(200), range(100))
+        for tick in range(100, 200):
+            recording.note_force(SimpleNamespace(**{**vars(force(tick, 1e3)), "status": 1 << 6}))
+        with pytest.raises(SamplesLost, match="force sensor: no good sample in 500 ms"):
+            evenly(recording, RATE)
+
     def test_says_that_nothing_came(self):
         with pytest.raises(SamplesLost, match="force sensor: not one"):
             evenly(recorded(range(9), []), RATE)

@@ -96,12 +96,13 @@ def test_a_robot_in_observer_does_a_trial_of_another_mode(beside):
     assert (controller.values, controller.state) == (found, ACTIVE)
 
 
+@pytest.mark.parametrize("where", ["wait", "check_homed"])
 @pytest.mark.parametrize("error", [Cancelled("cancelled"), RobotError("the encoder is silent")])
-def test_the_torque_goes_off_before_the_hand_comes_to_rest(error):
+def test_the_torque_goes_off_before_the_hand_comes_to_rest(error, where):
     """It stayed on for more than a second after a cancellation, until the hand was at rest."""
     done = []
 
-    def waiting(*_: Any) -> None:
+    def failing(*_: Any) -> None:
         raise error
 
     experiment = SimpleNamespace(
@@ -111,10 +112,11 @@ def test_the_torque_goes_off_before_the_hand_comes_to_rest(error):
         loop=SimpleNamespace(record=lambda recording: None),
         say=lambda text: None,
         recording=lambda seconds: SimpleNamespace(full=False),
-        wait=waiting,
+        wait=lambda recording, full, deadline_s, watch: watch(0.1),
         unhurried=contextlib.nullcontext,
         torque_off=lambda: done.append("torque off"),
     )
+    setattr(experiment, where, failing)
     trial = MotionTrial(modes.FORCE_FEEDBACK, VerticalSettings())
     with pytest.raises(type(error)):
         motion.Motion(experiment)._moved(trial, lambda share: None)
