@@ -24,7 +24,7 @@ from .yaml_file import VERSION
 FORMAT = "screw_module_ros/calibration"
 _LONGEST_TEXT = 64
 _LARGEST_WEIGHT_DIFFERENCE = 5.0  # [N] between the weight carried and that in the friction fits
-# Share of the mass: twice that is the error at which OBSERVER's carried mass leaves the hand none.
+# Share of the mass: with an error of twice that OBSERVER would carry the whole mass.
 _LARGEST_MASS_SD = 0.2
 _AS_WRITTEN = "give it as the characterization does"
 _RESIDUAL_NAME = re.compile(r"[a-z]\w*", re.ASCII)

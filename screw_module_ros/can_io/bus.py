@@ -45,7 +45,7 @@ class BusSettings(NamedTuple):
     ] = "239.74.163.2"
     port: Annotated[int, Setting("UDP port (udp_multicast only)", "", 1, 65535)] = 43113
     bitrate: Annotated[int, Setting("bit rate of the bus", "bit/s", choices=_BITRATES)] = 1_000_000
-    fd: Annotated[bool, Setting("also receive CAN FD frames")] = False
+    fd: Annotated[bool, Setting("the bus also carries CAN FD frames; ours are classical")] = False
     sync_producer: Annotated[
         bool, Setting("this node sends SYNC on its bus; exactly one node of a bus does")
     ] = True

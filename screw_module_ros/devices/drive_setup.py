@@ -9,6 +9,7 @@ objects back. It returns the guards that a drive refuses; such a drive is not en
 
 from __future__ import annotations
 
+import contextlib
 from typing import NamedTuple
 
 from . import pdo
@@ -68,7 +69,8 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     _switch_off(node)
     rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, node.label)
     mode, warnings = _select_mode(node)
-    _clear_offset(node)
+    if mode == CYCLIC_TORQUE_MODE:
+        _clear_offset(node)
     command = command_pdo(settings)
     reported = (status_pdo(settings), slow_status_pdo(settings))
     pdo.disable_unused(sdo, (command, *reported))
@@ -76,7 +78,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
     inputs = True
     try:
         pdo.configure(sdo, reported[1])
-    except Refused:  # 60FD is optional
+    except (Refused, NotConfigured):  # 60FD is optional
         inputs = False
         pdo.configure(sdo, slow_status_pdo(settings, inputs))
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
@@ -136,9 +138,13 @@ def _clear_offset(node: CanopenNode) -> None:
     """
     try:
         node.sdo.set(0x60B2, 0, 0, 2)
-    except Refused as error:
-        if not error.absent:
-            raise
+    except Refused:
+        with contextlib.suppress(Refused):
+            if offset := node.sdo.signed(0x60B2):
+                raise NotConfigured(
+                    f"{node.label} adds {offset} per mille to each torque (object 60B2) and does "
+                    "not let it be cleared"
+                ) from None
 
 
 def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[str]:

@@ -117,7 +117,7 @@ def configure(node: CanopenNode, settings: EncoderSettings) -> int:
         # Within a period the nut could pass half of a shorter range, and turns would be miscounted.
         raise NotConfigured(
             f"{node.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
-            "(counts_per_turn) to 2^32 are wanted: set measuring_range"
+            "(counts_per_turn) to 2^32 are wanted: set measuring_range, or use an encoder that can"
         )
     position = position_pdo(settings)
     pdo.disable_unused(node.sdo, (position,))

@@ -21,8 +21,8 @@ from .errors import NotAnswering, NotConfigured, Refused
 _FRAME_BYTES = 8
 _ABORT = struct.Struct("<BHBL")
 _ABORT_COMMAND = 0x80
-_OBJECT = struct.Struct("<HB")
-_NO_OBJECT = b"\0\0\0"
+_OBJECT = struct.Struct("<H")
+_NO_OBJECT = b"\0\0"
 _GENERAL_ERROR = 0x08000000
 _REQUEST_BASE = 0x600
 _RESPONSE_BASE = 0x580
@@ -77,7 +77,7 @@ class Sdo:
 
         It answers a request that was repeated; an existing object would pass for absent.
         """
-        return data[0] == _ABORT_COMMAND and data[1:4] not in (self._object, _NO_OBJECT)
+        return data[0] == _ABORT_COMMAND and data[1:3] not in (self._object, _NO_OBJECT)
 
     def close(self) -> None:
         """Stop listening."""
@@ -128,7 +128,7 @@ class Sdo:
 
     def _transfer(self, index: int, subindex: int, action):
         with self._lock:
-            self._object = _OBJECT.pack(index, subindex)
+            self._object = _OBJECT.pack(index)
             try:
                 return self._attempt(index, subindex, action)
             except NotAnswering:

@@ -32,6 +32,7 @@ RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
 _FIRM = Arm(0.5, 4000.0, 150.0)
 _NO_GUARD = 50.0  # [N] the chatter guard must not react to a hand that shakes the handle
 _CYCLES = 6
+_FAST = 4.0  # [Hz] from here on the mass is found, below it the damping
 _LEAST_SINE = 0.5  # share of the motion's square that is the sine; 0.9 and more on the rig
 
 
@@ -68,16 +69,19 @@ def run(lab: Lab, settings: Settings) -> Result:
     parts = lab.run(NAME, [*jobs.values(), *rests.values()])
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
+    notes = list(_NOTES)
     for mode in kinds:
         name = modes.MODE_NAMES[mode].lower()
         found = np.array(
             [complex(parts[jobs[mode, f].name]["impedance"]) for f in settings.frequencies]
         )
         data[f"resistance_{name}"], data[f"reactance_{name}"] = found.real, found.imag
-        quantities += _fitted(name, data["frequencies"], found, settings.stiffness)
-        quantities.append(_friction(settings, usual, mode, data["frequencies"], found))
+        frequencies, found, note = _followed(name, data["frequencies"], found)
+        notes += note
+        quantities += _fitted(name, frequencies, found, settings.stiffness)
+        quantities.append(_friction(settings, usual, mode, frequencies, found))
     quantities += _at_rest(rests, parts)
-    result = Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
+    result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
     certificate.write(lab, result, settings.serial)
     return result
 
@@ -88,6 +92,25 @@ _NOTES = (
     "harmonic of the slowest sine, without the damper's part. Mass: from the reactance at 4 Hz and "
     "above, with the commanded stiffness. The chatter guard is off, as it would react to the hand.",
 )
+
+
+def _followed(
+    name: str, frequencies: np.ndarray, z: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Return the frequencies whose sine the handle followed [Hz], impedances there, and a note.
+
+    Raises ValueError if none is left on a side of 4 Hz, which the fits need.
+    """
+    there = np.isfinite(z)
+    left = ", ".join(f"{f:g}" for f in frequencies[~there])
+    for side, text in ((frequencies < _FAST, "below"), (frequencies >= _FAST, "from")):
+        if side.any() and not (there & side).any():
+            raise ValueError(
+                f"in {name} the handle followed no sine {text} {_FAST:g} Hz (not those of {left} "
+                "Hz): drive it with a motor, or choose other frequencies"
+            )
+    said = [f"The handle did not follow {left} Hz in {name}: left out."] if left else []
+    return frequencies[there], z[there], said
 
 
 def _job(settings: Settings, usual: VerticalSettings, mode: int, frequency: float) -> Job:
@@ -154,8 +177,8 @@ def _friction(
 def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
     """Return force over velocity of the handle [Ns/m] at a frequency [Hz], over whole cycles.
 
-    On a real module: the transducer's force over the nut's velocity. Raises ValueError if the
-    handle did not follow the sine: force over a motion of other frequencies is no impedance.
+    On a real module: the transducer's force over the nut's velocity. NaN if the handle did not
+    follow the sine: force over a motion of other frequencies is no impedance.
     """
     period = samples.time[1] - samples.time[0]
     count = round(_CYCLES / frequency / period)
@@ -165,17 +188,14 @@ def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
     swing = position[-count:] - position[-count:].mean()
     moved = (turning * swing).sum()
     if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
-        raise ValueError(
-            f"the handle did not follow the sine of {frequency:g} Hz: drive it with a motor, or "
-            "choose other frequencies"
-        )
+        return {"impedance": np.array(complex(math.nan, math.nan))}
     velocity = 2j * math.pi * frequency * moved
     return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
 
 
 def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float) -> list[Quantity]:
     omega = 2.0 * math.pi * frequencies
-    fast = frequencies >= 4.0
+    fast = frequencies >= _FAST
     masses = (z.imag[fast] + stiffness / omega[fast]) / omega[fast]
     slow = int(np.argmin(frequencies))
     return [

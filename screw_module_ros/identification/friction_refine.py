@@ -67,14 +67,14 @@ def fit_maps(
     for cells not measured; flip_gain: least relative reduction of the mean curve's squared error
     for which a flip is used. Raises ValueError for too few cells.
     """
+    low, high = _common_range(z, up, down)
+    inside = (z > low) & (z < high)
+    z, up, down = z[inside], up[:, inside], down[:, inside]
     for direction, force in zip(("up", "down"), (up, down), strict=True):
         if np.isfinite(force).sum() < 5 * PARAMETERS or np.isfinite(force).any(axis=1).sum() < 4:
             raise ValueError(
                 f"the map {direction} has too few cells for the model's form: measure more"
             )
-    low, high = _common_range(z, up, down)
-    inside = (z > low) & (z < high)
-    z, up, down = z[inside], up[:, inside], down[:, inside]
     means = [_cells(z, np.zeros(1), _mean_curve(force)[None, :], low, high) for force in (up, down)]
     phase, flips = _shape(means, flip_gain)
     cells = [_cells(z, speeds, force, low, high) for force in (up, down)]

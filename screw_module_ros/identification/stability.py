@@ -43,6 +43,7 @@ linear loop of `observer` carries all of it, the other none."""
 _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gain
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
+_LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
 
 
@@ -53,8 +54,8 @@ class Settings(NamedTuple):
     delay: Annotated[
         float, Setting("from a sample to the current's answer", "s", 0.0, 0.02)
     ] = 1.26e-3
-    nut_mass: Annotated[float, Setting("turning with the screw", "kg", 0.1, 50.0)] = 4.4666
-    handle_mass: Annotated[float, Setting("beyond the play", "kg", 0.05, 50.0)] = 1.0234
+    nut_mass: Annotated[float, Setting("turning with the screw", "kg", _LEAST_NUT, 50.0)] = 4.4666
+    handle_mass: Annotated[float, Setting("beyond the play", "kg", _LEAST_HANDLE, 50.0)] = 1.0234
     contact_stiffness: Annotated[float, Setting("nut to handle", "N/m", 1e4, 1e9)] = 20e6
     contact_damping: Annotated[float, Setting("nut to handle", "Ns/m", 0.0, 1e5)] = 3000.0
     cutoff: Annotated[float, Setting("of the force filter", "Hz", 1.0, 400.0)] = 30.0
@@ -224,11 +225,16 @@ def _identified(lab: Lab) -> tuple[float, float] | None:
 
 
 def _weighed(lab: Lab, settings: Settings) -> Settings:
-    """Return the settings with the lab's masses: only the handle's side has a weight."""
+    """Return the settings with the lab's masses: only the handle's side has a weight.
+
+    A counterbalanced handle has none: then it counts with the least mass that the settings permit.
+    """
     if (found := _identified(lab)) is None:
         return settings
-    handle = found[0] / _GRAVITY
-    return validated(settings._replace(nut_mass=found[1] - handle, handle_mass=handle))
+    weight, mass = found
+    handle = max(_LEAST_HANDLE, weight / _GRAVITY)
+    nut = max(_LEAST_NUT, mass - handle)
+    return validated(settings._replace(nut_mass=nut, handle_mass=handle))
 
 
 def law_of(lab: Lab) -> VerticalSettings:

@@ -91,6 +91,8 @@ class VerticalDrive:
 
     def heat(self, now_ns: int) -> float:
         """Return the motor's heat now [Nm^2], after no torque since the last write."""
+        if not self._written_ns:  # an activation that failed
+            return self._heat
         elapsed = max(1e-6, (now_ns - self._written_ns) * 1e-9)
         return commanded_torque(self._chain, self._heat, 0.0, elapsed)[1]
 

@@ -174,8 +174,8 @@ class AmplifierNode(DriveNode):
         if {sender.node_name for sender in self.get_publishers_info_by_topic(topic)} == {_TRIALS}:
             return ""
         return (
-            f"the wide limits of a torque trial are in force, and {_TRIALS} does not command: its "
-            "process was killed; start amplifier and impedance_controller anew"
+            f"command_rate has the value of a torque trial, and {_TRIALS} does not command (its "
+            "process was killed?): start amplifier and impedance_controller anew"
         )
 
     @property

@@ -117,12 +117,6 @@ class _Unsent:
     attended: bool = False
 
 
-def _not_found(call: _Unsent) -> str:
-    if call.attended:
-        return f"not every subscriber of {ATTENDANCE} receives it: is one frozen? Try again"
-    return f"nobody offers {call.service}: is its node running?"
-
-
 class BridgeGateway:
     """Topics and services of the robots that `rights` names; see `bridge.client.Gateway`.
 
@@ -202,9 +196,10 @@ class BridgeGateway:
             self._unsent.append(unsent)
 
     def _is_found(self, call: _Unsent) -> bool:
-        """Return whether a node offers the service, and has received that the page attends.
+        """Return whether a node offers the service, and receives that the page attends.
 
-        Else a session would not miss a page that is lost at once.
+        Else a session would not miss a page that is lost at once: the bridge's end of a connection
+        is there before the session's.
         """
         if not is_served(self._node, self._clients[call.service]):
             return False
@@ -220,6 +215,9 @@ class BridgeGateway:
 
     def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
         client = self._clients[service]
+        if service in self._attendance:  # once more: a session forgets an old word at its start
+            publisher = self._attendance[service]
+            publisher.publish(publisher.msg_type())
         future = client.call_async(request)
 
         def given_up() -> None:
@@ -247,10 +245,12 @@ class BridgeGateway:
         with self._changing:
             unsent, self._unsent = self._unsent, []
         for call in unsent:
-            if self._is_found(call):
+            late = now_ns >= call.due_ns
+            # A subscriber that is frozen must not keep a session from being started or resumed.
+            if self._is_found(call) or (late and call.attended):
                 call.send()
-            elif now_ns >= call.due_ns:
-                call.answered(_not_found(call), False)
+            elif late:
+                call.answered(f"nobody offers {call.service}: is its node running?", False)
             else:
                 with self._changing:
                     self._unsent.append(call)

@@ -126,7 +126,9 @@ def _in_order(bags: list[Path]) -> list[Recorded]:
     once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
     found: dict[tuple, Recorded] = {}
     for session in (session for bag in once for session in _read(bag)):
-        first = found.setdefault(session.identity, session)
-        if first is not session:  # else a backup would count as a second session
-            print(f"NOTE {session.folder} is a copy of {first.folder}: left out", file=sys.stderr)
+        known = found.setdefault(session.identity, session)
+        if known is not session:  # else a backup would count as a second session
+            less, more = sorted((session, known), key=lambda one: len(one.samples))
+            found[session.identity] = more  # a bag that was cut off has less than its copy
+            print(f"NOTE {less.folder} is a copy of {more.folder}: left out", file=sys.stderr)
     return in_order(list(found.values()))

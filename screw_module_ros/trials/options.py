@@ -33,6 +33,6 @@ class OutputFile(click.Path):
         file = super().convert(value, param, ctx)
         if not file.parent.is_dir():
             self.fail(f"{file}: there is no folder {file.parent}", param, ctx)
-        if not os.access(file.parent, os.W_OK | os.X_OK):
+        if not file.exists() and not os.access(file.parent, os.W_OK | os.X_OK):
             self.fail(f"{file}: no permission to write into {file.parent}", param, ctx)
         return file

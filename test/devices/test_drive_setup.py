@@ -16,7 +16,6 @@ from screw_module_ros.devices.errors import (
     NotConfigured,
     NotEnabled,
     Occupied,
-    Refused,
     WrongDevice,
 )
 
@@ -91,8 +90,15 @@ def test_torque_offset_of_an_earlier_program_is_cleared(wire, drive_end):
     assert drive_end.objects[0x60B2, 0] == b"\0\0"
     drive_end.objects[0x60B2, 0] = unsigned(100, 2)
     drive_end.refused[0x60B2, 0] = 0x06010002
-    with pytest.raises(Refused, match="60B2"):
+    with pytest.raises(NotConfigured, match="100 per mille.*60B2"):
         configured(wire)
+
+
+@pytest.mark.parametrize("code", [0x06010000, 0x08000000])
+def test_a_drive_without_a_torque_offset_may_refuse_with_any_code(wire, drive_end, code):
+    drive_end.objects.pop((0x60B2, 0), None)
+    drive_end.refused[0x60B2, 0] = code
+    configured(wire)
 
 
 def test_drive_without_torque_modes_is_refused(wire, drive_end):

@@ -15,6 +15,7 @@ from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.certificate import FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
+    _followed,
     friction_felt,
     reduced,
 )
@@ -45,8 +46,17 @@ def test_a_hand_that_cannot_follow_the_sine_is_told():
     slow = 0.002 * np.sin(2.0 * math.pi * 1.3 * time)
     for position in (slow, np.zeros_like(time)):
         samples = Samples(time, position, *([np.ones_like(time)] * 5))
-        with pytest.raises(ValueError, match="did not follow the sine of 30 Hz"):
-            reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 30.0)
+        found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 30.0)
+        assert np.isnan(found["impedance"])
+
+
+def test_a_frequency_that_the_hand_did_not_follow_is_left_out_and_said():
+    hertz, z = np.array([0.5, 4.0, 30.0]), np.array([9.0 - 30j, 8.0 + 20j, math.nan])
+    there, found, (note,) = _followed("observer", hertz, z)
+    assert list(there) == [0.5, 4.0] and list(found) == list(z[:2])
+    assert "30 Hz in observer" in note
+    with pytest.raises(ValueError, match="no sine from 4 Hz .not those of 4, 30 Hz"):
+        _followed("observer", hertz, np.array([9.0 - 30j, math.nan, math.nan]))
 
 
 def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):

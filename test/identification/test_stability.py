@@ -252,3 +252,10 @@ def test_the_certificate_is_for_the_mass_that_was_identified(tmp_path, monkeypat
     expected = min(largest_gain(own, wall[1], Sampling(1000.0, 1.26e-3), law) for law in laws)
     assert found.value("observer_wall") == pytest.approx(expected, rel=0.02)
     assert found.settings["nut_mass"] == own.nut_mass
+
+
+def test_a_counterbalanced_handle_counts_with_the_least_mass(tmp_path):
+    for name, quantity, value in (("gravity", "gravity", -0.2), ("inertia", "mass", 5.0)):
+        Result(name, (Quantity(quantity, value, 0.1, "", ""),), {}).save(tmp_path)
+    found = stability._weighed(Lab(Nothing(), tmp_path), stability.Settings())
+    assert (found.nut_mass, found.handle_mass) == (4.95, 0.05)

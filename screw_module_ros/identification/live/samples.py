@@ -79,8 +79,10 @@ class Recording:
         self.wanted = ticks
         self.mark: int | None = None
         self.encoder = Stream("encoder", ticks, 2)
-        self.force = Stream("force sensor", ticks + 10, 6)
-        self.command = Stream("force command", ticks + 10, 1)
+        # Each lost encoder sample adds a tick to the trial.
+        room = round(ticks * (1.0 + 2.0 * LARGEST_LOSS)) + 10
+        self.force = Stream("force sensor", room, 6)
+        self.command = Stream("force command", room, 1)
 
     @property
     def full(self) -> bool:

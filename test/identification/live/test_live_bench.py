@@ -117,6 +117,16 @@ class TestEvenly:
         with pytest.raises(SamplesLost, match="force sensor: no good sample in 500 ms"):
             evenly(recorded(range(200), range(100)), RATE)
 
+    def test_lost_encoder_samples_are_no_fault_of_the_force_sensor(self):
+        """A trial goes on for a tick more with each, until it has its encoder samples."""
+        recording, tick = Recording(1000), 0
+        while not recording.full:
+            recording.note_force(force(tick))
+            if tick % 40:
+                recording.note_encoder(encoder(tick))
+            tick += 1
+        assert len(evenly(recording, RATE).force) == pytest.approx(1000 * 40 / 39, abs=2)
+
     def test_a_sample_with_a_fault_of_the_sensor_is_lost(self):
         recording = recorded(range(200), range(100))
         for tick in range(100, 200):
