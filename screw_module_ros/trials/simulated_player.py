@@ -2,7 +2,8 @@
 """A simulated patient: follows the targets on the screen with the rig's arm.
 
 In a session the arm moves to the start and to the target of each trial, or along its circle.
-Without a session it follows the game's requested point (`therapy/wish`).
+Without a session it follows the game's requested point (`therapy/wish`), as far as the robot goes,
+until the game is silent.
 """
 
 from __future__ import annotations
@@ -12,12 +13,15 @@ from typing import NamedTuple
 
 from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 
+from ..control.limits import clamp
 from ..operator.robot import Robot, arm
 from ..therapy.protocol import CIRCLE
+from ..therapy.wishes import WishLimits
 
 HEALTHY, TREMOR, WEAK = "healthy", "tremor", "weak"
 _STILL = (0.0, 0.0, 0.0)
 _CENTRE = (0.0, 0.0, 0.18)
+_SILENT_NS = 1_000_000_000  # then the game has gone
 _FAR_M = 0.03  # the arm moves when the requested point has moved by this much
 _STEPS, _STEP_SHARE = 12, 0.5  # of a turn; of a reach's time for each
 
@@ -62,7 +66,8 @@ class SimulatedPlayer:
     def __init__(self, robot: Robot, person: Person):
         self._robot, self._person = robot, person
         self._state: TherapyState | None = None
-        self._wish: tuple[float, float, float] | None = None
+        self._wish: tuple[float, ...] | None = None
+        self._wished_ns = 0
         self._seen: object = None
         make = robot.node.create_subscription
         make(TherapyState, "therapy/state", self._hear_state, 10)
@@ -86,15 +91,15 @@ class SimulatedPlayer:
             self._seen = seen
             self._robot.send_arm(arm(point, self._person.duration, _STILL, _STILL))
 
-    def _goal(self) -> tuple[object, tuple[float, float, float]] | None:
+    def _goal(self) -> tuple[object, tuple[float, ...]] | None:
         """Return the identity of the current target, and the target [m]."""
         state = self._state
         if state is not None and state.state == TherapyState.RUNNING:
             self._wish = None
             return self._asked(state)
-        if self._wish is not None:
-            return self._wish, self._wish
-        return None
+        if self._robot.clock.now_ns() - self._wished_ns > _SILENT_NS:
+            self._wish = None
+        return None if self._wish is None else (self._wish, self._wish)
 
     def _asked(self, state: TherapyState) -> tuple[object, tuple[float, float, float]]:
         """Return the session's target; a circle starts at `target`, with `start` as its centre."""
@@ -112,6 +117,10 @@ class SimulatedPlayer:
         self._state = message
 
     def _hear_wish(self, message: EndpointSetpoint) -> None:
-        point = (message.position.x, message.position.y, message.position.z)
+        wish = (message.position.x, message.position.y, message.position.z)
+        point = tuple(
+            clamp(asked, *reach) for asked, reach in zip(wish, WishLimits().ranges(), strict=True)
+        )
+        self._wished_ns = self._robot.clock.now_ns()
         if self._wish is None or math.dist(point, self._wish) > _FAR_M:
             self._wish = point
