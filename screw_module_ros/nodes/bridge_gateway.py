@@ -209,15 +209,18 @@ class BridgeGateway:
         if not call.attended:
             if not publisher.get_subscription_count():
                 return False
-            publisher.publish(publisher.msg_type())
+            self._attend(call.service)
             call.attended = True
         return publisher.wait_for_all_acked(_AT_ONCE)
 
+    def _attend(self, service: str) -> None:
+        publisher = self._attendance[service]
+        publisher.publish(publisher.msg_type())
+
     def _send(self, service: str, request: Any, answered: Callable[[Any, bool], None]) -> None:
         client = self._clients[service]
-        if service in self._attendance:  # once more: a session forgets an old word at its start
-            publisher = self._attendance[service]
-            publisher.publish(publisher.msg_type())
+        if service in self._attendance:
+            self._attend(service)  # once more: a session forgets an old word at its start
         future = client.call_async(request)
 
         def given_up() -> None:

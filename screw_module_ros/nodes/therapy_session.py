@@ -172,6 +172,14 @@ class TherapySessionNode(ModuleNode):
         if reason := self._attendance.missed(now_ns):
             self._change(self._session.pause, reason)
 
+    def _begin_attendance(self, now_ns: int) -> None:
+        """Forget a silent page; take the attendance that was sent ahead of this request.
+
+        At once, as the middleware may drop what a process that ends has sent.
+        """
+        self._attendance.begin(now_ns)
+        self._take_page(now_ns)
+
     def _take_page(self, now_ns: int) -> None:
         if self._take_attendance() is not None:
             self._attendance.hear(now_ns)
@@ -282,8 +290,7 @@ class TherapySessionNode(ModuleNode):
                     f"session_recorder still records a session of {owner}, whose bag would hold "
                     "this one too: stop it first (session_recorder/stop)"
                 )
-            self._attendance.begin(now_ns)
-            self._take_page(now_ns)  # now: the middleware may drop what a process that ends sent
+            self._begin_attendance(now_ns)
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
             self._session, self._sent, self._wish = Session(protocol), None, None
@@ -322,9 +329,7 @@ class TherapySessionNode(ModuleNode):
         if self._recording.waits:
             return _WAITS
         with self._lock:
-            now_ns = self.clock.now_ns()
-            self._attendance.begin(now_ns)
-            self._take_page(now_ns)
+            self._begin_attendance(self.clock.now_ns())
         return self._act("resume")
 
     def health(self) -> Health:

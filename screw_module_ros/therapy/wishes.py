@@ -12,7 +12,8 @@ from .samples import Point
 
 _NS = 1e-9
 _LONGEST = 0.2  # [s] largest interval for the speed limit: no large step after a pause
-_SILENT_NS = 1_000_000_000  # ours: after this silence the game counts as gone
+SILENT_NS = 1_000_000_000
+"""After this silence a game counts as gone [ns]. The value is ours."""
 
 
 class WishLimits(NamedTuple):
@@ -64,7 +65,7 @@ class WishGate:
         Otherwise the spring to the game's last set point would pull permanently. While the hand's
         position is unknown, the release waits for it.
         """
-        if self._last_ns is None or now_ns - self._last_ns < _SILENT_NS:
+        if self._last_ns is None or now_ns - self._last_ns < SILENT_NS:
             return None
         return self.cut_off(hand)
 

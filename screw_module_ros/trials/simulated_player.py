@@ -16,12 +16,11 @@ from screw_module_msgs.msg import EndpointSetpoint, TherapyState
 from ..control.limits import clamp
 from ..operator.robot import Robot, arm
 from ..therapy.protocol import CIRCLE
-from ..therapy.wishes import WishLimits
+from ..therapy.wishes import SILENT_NS, WishLimits
 
 HEALTHY, TREMOR, WEAK = "healthy", "tremor", "weak"
 _STILL = (0.0, 0.0, 0.0)
 _CENTRE = (0.0, 0.0, 0.18)
-_SILENT_NS = 1_000_000_000  # then the game has gone
 _FAR_M = 0.03  # the arm moves when the requested point has moved by this much
 _STEPS, _STEP_SHARE = 12, 0.5  # of a turn; of a reach's time for each
 
@@ -97,7 +96,7 @@ class SimulatedPlayer:
         if state is not None and state.state == TherapyState.RUNNING:
             self._wish = None
             return self._asked(state)
-        if self._robot.clock.now_ns() - self._wished_ns > _SILENT_NS:
+        if self._robot.clock.now_ns() - self._wished_ns > SILENT_NS:
             self._wish = None
         return None if self._wish is None else (self._wish, self._wish)
 
