@@ -58,10 +58,7 @@ def nodes(context):
     )
     told = [*planned.warnings, *_unknown(context)]
     before = dict(os.environ)
-    if network:
-        told.append(open_to_network())
-    else:
-        keep_to_this_machine()
+    told += [reach] if (reach := open_to_network() if network else keep_to_this_machine()) else []
     changed = {name: text for name, text in os.environ.items() if before.get(name) != text}
     return [
         *(LogInfo(msg=f"warning: {sentence}") for sentence in told),

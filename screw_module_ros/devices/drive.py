@@ -53,7 +53,7 @@ class Drive:
         self.label = label
         self.counters = DriveCounters()
         self.warnings: list[str] = []
-        self.unguarded: tuple[str, ...] = ()
+        self.unguarded: tuple[setup.MissingGuard, ...] = ()
         self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
         self._port = port
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
@@ -254,7 +254,7 @@ class Drive:
         self.beat.rest()
         self.beat.beat(now_ns)
         self._send(cia402.DISABLE_VOLTAGE, 0)
-        self._hears = not any("1017" in guard for guard in self.unguarded)
+        self._hears = all(missing.guard != setup.DRIVE_HEARTBEAT for missing in self.unguarded)
         self._started_ns = now_ns
         self._logic.start(now_ns)
         self._armed = True
@@ -311,7 +311,7 @@ class Drive:
         if self.unguarded and not self.settings.allow_unguarded:
             raise NotEnabled(
                 f"the {self.label} would not hold its torque back by itself, it has no "
-                f"{'; no '.join(self.unguarded)}; allow_unguarded overrides this"
+                f"{'; no '.join(map(str, self.unguarded))}; allow_unguarded overrides this"
             )
         self._logic.enable()
 

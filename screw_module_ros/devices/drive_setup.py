@@ -44,6 +44,26 @@ _QUICK_STOP_RAMP = 2
 _STEEPEST_SLOPE = 0x7FFFFFFF
 
 
+# The guards, as messages name them.
+DRIVE_HEARTBEAT = "its own heartbeat 1017"
+MASTER_HEARTBEAT = "watching our heartbeat 1016"
+COMMAND_DEADLINE = "command deadline 1400:05"
+LOST_CONNECTION = "fault on lost connection 6007"
+QUICK_STOP_REACTION = "quick stop reaction 605A"
+FAULT_REACTION = "fault reaction 605E"
+TORQUE_LIMIT = "torque limit 6072"
+
+
+class MissingGuard(NamedTuple):
+    """A guard that the drive refused. guard: one of the constants above; why: its answer."""
+
+    guard: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.guard} ({self.why})"
+
+
 class DriveSetup(NamedTuple):
     """Result of the configuration.
 
@@ -53,7 +73,7 @@ class DriveSetup(NamedTuple):
 
     mode: int
     rated_torque: float
-    unguarded: tuple[str, ...] = ()
+    unguarded: tuple[MissingGuard, ...] = ()
     warnings: tuple[str, ...] = ()
     inputs: bool = True
 
@@ -82,7 +102,7 @@ def configure(node: CanopenNode, settings: DriveSettings) -> DriveSetup:
         inputs = False
         pdo.configure(sdo, slow_status_pdo(settings, inputs))
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
-    unguarded = [f"command deadline 1400:05 ({no_deadline})"] if no_deadline else []
+    unguarded = [MissingGuard(COMMAND_DEADLINE, no_deadline)] if no_deadline else []
     unguarded += _guards(node, settings, rated)
     warnings += _stop_ramps(node, settings)
     node.end_configuration()
@@ -147,24 +167,24 @@ def _clear_offset(node: CanopenNode) -> None:
                 ) from None
 
 
-def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[str]:
+def _guards(node: CanopenNode, settings: DriveSettings, rated: float) -> list[MissingGuard]:
     """Set the guards; return those that the drive refused. rated: torque [Nm]."""
     consumer = settings.master_id << 16 | milliseconds(settings.heartbeat_timeout)
     stop = _DISABLE_AND_COAST if settings.stop_reaction == COAST else _QUICK_STOP_RAMP
     guards = (
-        (0x1017, 0, milliseconds(settings.drive_heartbeat), 2, "its own heartbeat 1017"),
-        (0x1016, 1, consumer, 4, "watching our heartbeat 1016"),
-        (0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, "fault on lost connection 6007"),
-        (0x605A, 0, stop, 2, "quick stop reaction 605A"),
-        (0x605E, 0, stop, 2, "fault reaction 605E"),
-        (0x6072, 0, own_limit(settings.max_torque, rated), 2, "torque limit 6072"),
+        (0x1017, 0, milliseconds(settings.drive_heartbeat), 2, DRIVE_HEARTBEAT),
+        (0x1016, 1, consumer, 4, MASTER_HEARTBEAT),
+        (0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, LOST_CONNECTION),
+        (0x605A, 0, stop, 2, QUICK_STOP_REACTION),
+        (0x605E, 0, stop, 2, FAULT_REACTION),
+        (0x6072, 0, own_limit(settings.max_torque, rated), 2, TORQUE_LIMIT),
     )
     refused = []
-    for index, subindex, value, size, what in guards:
+    for index, subindex, value, size, guard in guards:
         try:
             node.sdo.set(index, subindex, value, size)
         except (Refused, NotConfigured) as error:
-            refused.append(f"{what} ({error})")
+            refused.append(MissingGuard(guard, str(error)))
     return refused
 
 

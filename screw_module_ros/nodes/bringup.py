@@ -23,7 +23,7 @@ from screw_module_ros.lockstep.page import sweep
 from .support.plan import checked_values, plan
 from .support.runtime import TELL_WHERE
 from .support.stopping import stop_on_signals
-from .support.transport import open_to_network
+from .support.transport import keep_to_this_machine, open_to_network
 
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
@@ -151,8 +151,9 @@ def command(bench: bool, network: bool, values: tuple[str, ...], **wishes) -> No
     stop_on_signals(stopping)
     try:
         extra = [word for value in checked_values(values) for word in ("-p", value)]
-        if network:
-            click.echo(f"bringup: {open_to_network()}", err=True)
+        reach = open_to_network() if network else keep_to_this_machine()
+        if reach:
+            click.echo(f"bringup: {reach}", err=True)
         processes = start(not bench, extra=extra, **wishes)
     except (ValueError, OSError) as error:
         raise click.ClickException(str(error)) from error

@@ -67,10 +67,12 @@ class Client(Waiting):
         simulated: bool = False,
     ):
         super().__init__(simulated_clock(name, namespace) if simulated else WallClock(), watch)
-        choose_transport()
+        reach = choose_transport()
         self._context = Context()
         self._context.init()
         self.node = Node(name, namespace=namespace or None, context=self._context)
+        if reach:
+            self.node.get_logger().warning(reach)
         self._clients: dict[str, Any] = {}
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._wires: dict[str, tuple[Any, Any]] = {}

@@ -246,6 +246,18 @@ def test_drive_without_a_heartbeat_is_not_missed_when_that_is_allowed(wire, driv
     assert drive.fault == ""
 
 
+def test_a_refusal_that_quotes_1017_does_not_end_the_watch_of_the_drives_heartbeat(wire, drive_end):
+    """A torque limit that stays at 0x1017 is another guard; the drive's heartbeat is still due."""
+    drive_end.deaf.add((0x6072, 0))
+    drive_end.objects[0x6072, 0] = unsigned(0x1017, 2)
+    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    assert "1017" in drive.warnings[0]
+    drive.start()
+    for _ in range(300):
+        tick(wire, drive)
+    assert "heartbeat of the vertical drive is missing" in drive.fault
+
+
 def test_optional_ramps_that_are_refused_are_only_a_warning(wire, drive_end):
     drive_end.refused[0x605C, 0] = 0x06090030
     drive = configured(wire)

@@ -17,7 +17,7 @@ from screw_module_ros.nodes.bringup import executable_path
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-CHOICES = (RANGE, "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS",
+CHOICES = ("SCREW_MODULE_NETWORK", "FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS",
            "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")  # fmt: skip
 # Looks until it sees the node that it is told of, then on for several rounds of announcements.
 LOOKS = """
@@ -70,8 +70,9 @@ def machines() -> Iterator[tuple[str, str]]:
 def test_a_stranger_sees_only_what_was_opened(machines, tmp_path):
     here, there = machines
     plain = {name: value for name, value in os.environ.items() if name not in CHOICES}
-    plain["XDG_STATE_HOME"] = str(tmp_path)
-    opened = {**plain, RANGE: "SUBNET"}
+    # As the setup.bash of a ROS installation sets it, which opens nothing by itself.
+    plain |= {"XDG_STATE_HOME": str(tmp_path), RANGE: "SUBNET"}
+    opened = {**plain, "SCREW_MODULE_NETWORK": "1"}
     inside, outside = (["ip", "netns", "exec", name] for name in (here, there))
     with ExitStack() as ends:
         for name, env in (("endpoint_state", plain), ("supervisor", opened)):

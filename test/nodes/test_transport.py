@@ -14,11 +14,13 @@ from screw_module_ros.nodes.support import transport
 from screw_module_ros.nodes.support.isolation import RANGE_VARIABLE
 from screw_module_ros.nodes.support.transport import (
     BUILTIN_VARIABLE,
+    NETWORK_VARIABLE,
     PROFILES_VARIABLE,
     choose_transport,
 )
 
-VARIABLES = (BUILTIN_VARIABLE, PROFILES_VARIABLE, RANGE_VARIABLE)
+VARIABLES = (BUILTIN_VARIABLE, PROFILES_VARIABLE, RANGE_VARIABLE, NETWORK_VARIABLE,
+             "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS")  # fmt: skip
 THREADS = """
 from pathlib import Path
 import rclpy
@@ -28,6 +30,24 @@ rclpy.init()
 node = rclpy.create_node("listens")
 for thread in Path("/proc/self/task").iterdir():
     print((thread / "comm").read_text().strip())
+node.destroy_node()
+rclpy.shutdown()
+"""
+
+
+# Local addresses of the process's UDP sockets while a node of it lives, after proc(5).
+BOUND = """
+import os, socket
+from pathlib import Path
+import rclpy
+from screw_module_ros.nodes.support.transport import choose_transport
+choose_transport()
+rclpy.init()
+node = rclpy.create_node("listens")
+links = [Path("/proc/self/fd", fd) for fd in os.listdir("/proc/self/fd")]
+ours = {os.readlink(link)[8:-1] for link in links if link.is_symlink() and "socket:" in os.readlink(link)}
+rows = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
+print(*sorted({socket.inet_ntoa(bytes.fromhex(row[1][:8])[::-1]) for row in rows if row[9] in ours}))
 node.destroy_node()
 rclpy.shutdown()
 """
@@ -55,12 +75,38 @@ def test_this_machine_where_nothing_is_asked_for(environment):
     assert "<address>127.0.0.1</address>" in Path(found[PROFILES_VARIABLE]).read_text()
 
 
-def test_udp_where_the_subnet_is_asked_for(environment):
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {RANGE_VARIABLE: "SUBNET"},  # as the setup.bash of a ROS installation sets it
+        {RANGE_VARIABLE: "SYSTEM_DEFAULT"},
+        {"ROS_STATIC_PEERS": "10.0.0.7"},
+        {NETWORK_VARIABLE: "0", RANGE_VARIABLE: "SUBNET"},
+    ],
+)
+def test_what_others_set_does_not_open_and_that_is_said(environment, asked):
+    environment(**asked)
+    name, value = list(asked.items())[-1]
+    told = choose_transport()
+    assert f"although {name}={value}" in told and f"{NETWORK_VARIABLE}=1" in told
+    assert environment()[PROFILES_VARIABLE].endswith("fastdds_localhost.xml")
+    assert choose_transport() == ""  # a child inherits it, and need not say it again
+
+
+def test_a_process_binds_to_this_machine_alone_although_the_subnet_is_set(environment):
     environment(**{RANGE_VARIABLE: "SUBNET"})
-    choose_transport()
+    done = subprocess.run(
+        [sys.executable, "-c", BOUND], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.split() == ["127.0.0.1", "239.255.0.1"]
+
+
+def test_our_own_word_opens_over_udp_with_a_warning(environment):
+    environment(**{NETWORK_VARIABLE: "1"})
+    assert "enable the drives" in choose_transport()
     found = environment()
     assert found.pop(BUILTIN_VARIABLE).startswith("UDPv4")
-    assert found == {RANGE_VARIABLE: "SUBNET"}
+    assert found == {RANGE_VARIABLE: "SUBNET", NETWORK_VARIABLE: "1"}
 
 
 @pytest.mark.parametrize(("before", "after"), [("", "SUBNET"), ("LOCALHOST", "SUBNET"),

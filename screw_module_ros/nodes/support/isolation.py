@@ -76,7 +76,7 @@ def own_place() -> Place:
     Raises AlreadyRunning when all of them are in use, DomainError, OSError without multicast.
     """
     _check_multicast()
-    os.environ.setdefault(RANGE_VARIABLE, "LOCALHOST")
+    os.environ[RANGE_VARIABLE] = "LOCALHOST"
     locks = []
     own_domain = not os.environ.get(DOMAIN_VARIABLE)
     if not own_domain:

@@ -73,7 +73,7 @@ def run_together(
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
     # Our errors replace canopen's log messages, with the node id and the way out.
     logging.getLogger("canopen").setLevel(logging.CRITICAL)
-    choose_transport()
+    reach = choose_transport()
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []
     try:
@@ -83,6 +83,8 @@ def run_together(
             node.stopping = stopping
             _finish(node, files)
             locks.append(lock_node(node.get_fully_qualified_name()))
+        if reach:
+            nodes[0].get_logger().warning(reach)
         return 0 if _live(nodes, loop) else 1
     except (ParameterError, DomainError, AlreadyRunning, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
