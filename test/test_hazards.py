@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from screw_module_ros.trials.faults.catalogue import all_rows
-from screw_module_ros.trials.faults.row import Row
+from screw_module_ros.trials.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF, Row
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
@@ -27,6 +27,14 @@ PROOFS = " ; ".join(cells[-1] for cells in HAZARDS)
 QUOTED = sorted(set(re.findall(r"`([^`]+)`", PROOFS)))
 COMMANDS = [text for text in QUOTED if text.startswith("make ")]
 ROWS = [text for text in QUOTED if not text.startswith(("test/", "make "))]
+OUTCOMES = {
+    "": OFF, "continues": GOES_ON, "continues or stops": EITHER, "plane continues": VERTICAL_OFF
+}  # fmt: skip
+CITED = sorted(
+    (row, outcome)
+    for row, outcome in set(re.findall(r"`([^`]+)`(?: \(([a-z ]+)\))?", PROOFS))
+    if row in ROWS
+)
 GROUPS = sorted(set(re.findall(r"all of ([a-z ]+?)(?= *(?:[,;(]|$))", PROOFS)))
 
 
@@ -53,6 +61,12 @@ def test_every_file_named_is_there(file):
 @pytest.mark.parametrize("pattern", ROWS)
 def test_every_row_named_is_there(catalogue, pattern):
     assert any(fnmatchcase(row.name, pattern) for row in catalogue)
+
+
+@pytest.mark.parametrize(("pattern", "outcome"), CITED)
+def test_every_row_cited_has_the_outcome_that_the_hazard_claims(catalogue, pattern, outcome):
+    found = {row.safe for row in catalogue if fnmatchcase(row.name, pattern)}
+    assert found == {OUTCOMES[outcome]}
 
 
 @pytest.mark.parametrize("group", GROUPS)

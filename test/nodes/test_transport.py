@@ -44,10 +44,11 @@ from screw_module_ros.nodes.support.transport import choose_transport
 choose_transport()
 rclpy.init()
 node = rclpy.create_node("listens")
-links = [Path("/proc/self/fd", fd) for fd in os.listdir("/proc/self/fd")]
-ours = {os.readlink(link)[8:-1] for link in links if link.is_symlink() and "socket:" in os.readlink(link)}
-rows = [line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:]]
-print(*sorted({socket.inet_ntoa(bytes.fromhex(row[1][:8])[::-1]) for row in rows if row[9] in ours}))
+links = (link for link in Path("/proc/self/fd").iterdir() if link.is_symlink())
+ours = {os.readlink(link).removeprefix("socket:[").rstrip("]") for link in links}
+rows = (line.split() for line in Path("/proc/net/udp").read_text().splitlines()[1:])
+bound = {row[1].partition(":")[0] for row in rows if row[9] in ours}
+print(*sorted(socket.inet_ntoa(bytes.fromhex(address)[::-1]) for address in bound))
 node.destroy_node()
 rclpy.shutdown()
 """

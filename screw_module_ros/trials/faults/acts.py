@@ -132,6 +132,11 @@ def game(*setpoint: float) -> Act:
     return act
 
 
+def held_by(fixture: str) -> Act:
+    """Let something else hold the handle: a fixture of the rig."""
+    return lambda testbed: testbed.robot.set_fixture(fixture)
+
+
 def repeated(act: Act, times: int) -> Act:
     """Do an act `times` times."""
     return both(*[act] * times)

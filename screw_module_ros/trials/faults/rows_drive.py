@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, cured, fault
+from .acts import both, cured, fault, game, held_by
 from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, Alarm, Failed, Row
 
@@ -20,6 +20,10 @@ _STUCK = 400
 """Samples until a lasting wrong torque is detected, by its duration and by the position."""
 _APART = 900
 """Samples until the hand has moved by more than the tolerance between two positions."""
+_FAR = (0.12, -0.1, 0.31, 0.0, 0.0, 0.0)
+"""A set point [m], [m/s] whose spring of 100 N/m turns an arm that nobody holds."""
+_UNMOVED = 300
+"""Samples until the set point is that far, and the joint has not moved in 0.1 s of 3 Nm."""
 
 # fault of the rig, text, samples until noticed (0 = continues), regular expression of the alarm
 _FAULTS = (
@@ -73,7 +77,7 @@ def rows() -> Iterator[Row]:
             recovery="reset, enable",
         )
     yield _row("shoulder", "manus", "position_jump", "its position jumps", AT_ONCE, "jumped")
-    yield _row("shoulder", "manus", "position_freeze", "its position stands still", 0, "")
+    yield _frozen_joint()
     yield _refuses_to_enable()
     yield _without_limit()
 
@@ -103,6 +107,20 @@ def _alarm(device: str, node: str, name: str, alarm_text: str) -> Alarm:
     if (device, name) == ("drive", "pdos_lost"):  # which node is first depends on the rate
         return Alarm("supervisor", "amplifier|disagree", "amplifier|disagree")
     return Alarm(node, alarm_text, node)
+
+
+def _frozen_joint() -> Row:
+    """Return the row of a frozen joint on which the torque is beyond what balance explains."""
+    return _row(
+        "shoulder", "manus", "position_freeze",
+        "its position stands still, the set point moves away, nobody holds the handle",
+        _UNMOVED, "has not changed by a count",
+    )._replace(
+        inject=both(held_by("free"), fault("shoulder", "position_freeze"), game(*_FAR)),
+        back=both(cured("shoulder"), held_by("human_arm")),
+        noticed_by="manus: more than 3 Nm on the joint for 0.1 s",
+        recovery="mend it; manus/clear_fault, manus/home, reset, enable",
+    )  # fmt: skip
 
 
 def _refuses_to_enable() -> Row:

@@ -10,7 +10,7 @@ from screw_module_msgs.srv import SetFixture
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.operator.robot import arm
 
-from .acts import both
+from .acts import both, held_by
 from .limits import DYING, VIA_SUPERVISOR
 from .row import EITHER, Act, Failed, Row
 from .rows_operator import goes_on
@@ -38,9 +38,9 @@ def rows() -> Iterator[Row]:
         noticed_by="impedance_controller: soft stop, speed limit", within=_BY_CHANCE,
         plane_within=_BY_CHANCE, safe=EITHER, watch=0.8, mode=3,
     )  # fmt: skip
-    yield goes_on("patient-lets-go", "the patient lets go of the handle", _fixture("free"),
+    yield goes_on("patient-lets-go", "the patient lets go of the handle", held_by("free"),
                    "no node: forces stay within their limits",
-                   _fixture("human_arm"))._replace(mode=FORCE_FEEDBACK, watch=0.8)  # fmt: skip
+                   held_by("human_arm"))._replace(mode=FORCE_FEEDBACK, watch=0.8)  # fmt: skip
     yield Row(
         name="pin-in-while-enabled", group="operator", fault="the lock pin is inserted in motion",
         inject=_pin(True), back=_pin(False), alarm=None, recovery="pin out, reset, enable",
@@ -70,10 +70,6 @@ def _hits(arrived: Callable[[float], bool]) -> Act:
             raise Failed(f"the handle reached the end stop with only {fastest:.2f} m/s")
 
     return act
-
-
-def _fixture(name: str) -> Act:
-    return lambda testbed: testbed.robot.set_fixture(name)
 
 
 def _pin(locked: bool) -> Act:
