@@ -50,21 +50,43 @@ _START_NS = 1_000_000_000_000
 
 
 class BenchClock(ManualClock):
-    """A wait of the loop's thread serves the rig and moves time; others wait for that thread."""
+    """A wait of the loop's thread serves the rig and moves time; another one waits for that thread.
+
+    `settle` lets the other thread run until it waits again, so that a run can be repeated exactly.
+    """
 
     def __init__(self):
         super().__init__(_START_NS)
         self.serve = lambda: None
         self._loop = threading.current_thread()
-        self._pause = threading.Event()
+        self._turn = threading.Condition()
+        self._due_ns: int | None = None  # until when the other thread waits; None while it works
 
     def sleep_until(self, due_ns: int) -> None:
         if threading.current_thread() is self._loop:
             self.time_ns = max(self.time_ns, due_ns)
             self.serve()
-        else:
-            while self.time_ns < due_ns:
-                self._pause.wait(1e-4)
+            if self._due_ns is not None:
+                with self._turn:
+                    self._turn.notify_all()
+            return
+        with self._turn:
+            self._due_ns = due_ns
+            self._turn.notify_all()
+            self._turn.wait_for(lambda: self.time_ns >= due_ns)
+            self._due_ns = None
+
+    def settle(self, ended: list) -> None:
+        """Wait until the other thread waits for a later time, or has put something in `ended`."""
+        with self._turn:
+            self._turn.notify_all()
+            self._turn.wait_for(lambda: ended or (self._due_ns or 0) > self.time_ns)
+
+    def end(self, ended: list, answer: str) -> None:
+        """Note the answer of the other thread."""
+        with self._turn:
+            ended.append(answer)
+            self._turn.notify_all()
 
     def arrivals(self, bus: can.BusABC) -> Served:
         return Served(self, bus)
@@ -224,10 +246,12 @@ class Bench:
     def _asking(self, ask) -> str:
         """Run a service in a thread while the loop ticks, as in the node."""
         answer: list[str] = []
-        thread = threading.Thread(target=lambda: answer.append(ask(self.clock)))
+        thread = threading.Thread(target=lambda: self.clock.end(answer, ask(self.clock)))
         thread.start()
-        while thread.is_alive():
+        self.clock.settle(answer)
+        while not answer:
             self.tick()
+            self.clock.settle(answer)
         thread.join()
         return answer[0]
 
