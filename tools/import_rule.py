@@ -29,21 +29,22 @@ SHARED = (
     "settings_mapping", "samples", "geometry", "filters", "compiled", "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
-    *SHARED, "lockstep", "clock", "simulated_clock", "plant", "can_io", "rig", "control",
+    *SHARED, "lockstep", "clock", "simulated_clock", "plant", "can_io", "rig", "safety", "control",
     "calibration", "devices", "loop", "recording", "identification", "therapy", "bridge",
     "session_command",
     "nodes", "operator", "identification/live", "trials",
 )  # fmt: skip
 FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...
     "plant": ("lockstep", "clock", "simulated_clock"),
+    "safety": ("lockstep", "clock", "simulated_clock", "can_io", "plant", "rig"),
     "control": ("lockstep", "clock", "simulated_clock", "can_io", "plant", "rig"),
     "calibration": ("plant", "rig"),
     "devices": ("control", "calibration", "plant", "rig"),
     "loop": ("calibration", "plant", "rig"),
 }
 PURE_LAYERS = (
-    "control", "plant", "geometry", "filters", "samples", "settings", "settings_mapping", "units",
-    "graph",
+    "safety", "control", "plant", "geometry", "filters", "samples", "settings",
+    "settings_mapping", "units", "graph",
 )  # fmt: skip
 READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
 FILES = ("io", "os", "pathlib", "shutil", "tempfile", "yaml")

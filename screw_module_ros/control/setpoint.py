@@ -6,7 +6,7 @@ velocity that its positions do not follow, the damper would push the hand withou
 limit of the force. So each step compares the motion that the velocity promised with the motion that
 the set point in use made, and keeps the debt over the last half second. A game with ten set points
 a second has a debt of up to 0.1 s of motion. Above that the velocity fades. It is zero at a debt of
-0.2 s, the age at which the velocity of a set point expires (`loop.setpoint_input`). It returns when
+0.2 s, the age at which the velocity of a set point expires (`loop.inputs`). It returns when
 the set point moves as promised. A velocity below the true one, zero included, is accepted: it
 brakes.
 """

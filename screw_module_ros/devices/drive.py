@@ -200,6 +200,10 @@ class Drive:
         """Return the drive's state, UNKNOWN when its statusword is older than ten periods."""
         return self.reports.state(now_ns)
 
+    def is_on(self, now_ns: int) -> bool:
+        """Return whether it is in operation enabled, by a fresh statusword."""
+        return self.reports.state(now_ns) is State.OPERATION_ENABLED
+
     def write(self, torque_nm: float, now_ns: int) -> float:
         """Send one command; return its torque [Nm], zero unless enabled on request.
 
@@ -296,24 +300,33 @@ class Drive:
     def request_enable(self) -> None:
         """Request operation enabled; the loop's writes carry it out.
 
-        Raises NotEnabled while a fault is latched, a recovery is in progress, the loop does not
-        write, the mode is not the configured one, or a guard is missing.
+        Raises NotEnabled with the `refusal`.
+        """
+        if refused := self.refusal():
+            raise NotEnabled(refused)
+        self._logic.enable()
+
+    def refusal(self) -> str:
+        """Return why it cannot be enabled now, empty if it can.
+
+        A fault is latched, a recovery is in progress, the loop does not write, the mode is not the
+        configured one, or a guard is missing.
         """
         if self.fault:
-            raise NotEnabled(f"{self.fault}; clear the fault first")
+            return f"{self.fault}; clear the fault first"
         if self.recovering:
-            raise NotEnabled(f"the {self.label} is still recovering: wait until it has")
+            return f"the {self.label} is still recovering: wait until it has"
         if not self._armed:
-            raise NotEnabled(f"the {self.label} is not being commanded: activate it first")
+            return f"the {self.label} is not being commanded: activate it first"
         if self.reports.mode_display != self.mode:
             shown = self.reports.mode_display
-            raise NotEnabled(f"the {self.label} is not in mode {self.mode}, 6061 is {shown}")
+            return f"the {self.label} is not in mode {self.mode}, 6061 is {shown}"
         if self.unguarded and not self.settings.allow_unguarded:
-            raise NotEnabled(
+            return (
                 f"the {self.label} would not hold its torque back by itself, it has no "
                 f"{'; no '.join(map(str, self.unguarded))}; allow_unguarded overrides this"
             )
-        self._logic.enable()
+        return ""
 
     def request_disable(self) -> None:
         """Request torque off; the drive goes down to switched on."""

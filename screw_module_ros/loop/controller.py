@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vertical controller: turns samples into a force, zero while the watch rejects them."""
+"""The vertical controller: turns samples into a force, zero while a check rejects them."""
 
 from __future__ import annotations
 
 import math
 
-from ..control.agreement import Agreement, AgreementSettings
 from ..control.friction import FrictionModel
 from ..control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
 from ..control.slot import SlotLimits
-from ..control.timing import DeadlineMeter
 from ..control.vertical import vertical_step
 from ..control.vertical_settings import VerticalSettings
 from ..control.vertical_state import VerticalInput, VerticalOutput, VerticalState, initial_state
-from ..control.watch import ForceLike, VerticalWatch, WatchSettings
+from ..safety.checks import Agreement, AgreementSettings, ForceLike, VerticalChecks, WatchSettings
+from ..safety.latch import Age
+from ..safety.timing import DeadlineMeter
 from ..samples import EncoderReading
-from .guide import Guide
-from .setpoint_input import SetpointInput
+from .inputs import Guide, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
@@ -24,15 +23,14 @@ NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
 
 class VerticalController:
-    """Watch and law of the vertical axis; all times are passed in [ns].
+    """Checks and law of the vertical axis; all times are passed in [ns].
 
     mode, settings: may be replaced at any time; the law fades to the new ones. output: of the last
-    step. wanted: the set point, height only. guide: the slot, if there is one. held: reason of the
-    owner to hold the force at zero, empty if it has none. answered: newest sample turned into a
-    command, None before the first. handle_force: newest accepted one [N]. meter: latency from a
-    sample to its command. reason: why the force is zero, empty if it is not. A fault while the
-    amplifier is on or a force is commanded stays latched until `reset`; any other fault ends with
-    its cause.
+    step. wanted: the set point, height only. guide: the slot, if there is one. fault: what is
+    latched. answered: newest sample turned into a command, None before the first. handle_force:
+    newest accepted one [N]. meter: latency from a sample to its command. reason: why the force is
+    zero, empty if it is not. A fault while the amplifier is on or a force is commanded stays
+    latched until `reset`; any other fault ends with its cause.
     """
 
     def __init__(
@@ -49,35 +47,35 @@ class VerticalController:
         self.mode = mode
         self.output = NO_FORCE
         self.state: VerticalState = initial_state(settings)
-        self.reason = self.held = ""
+        self.reason = ""
         self.handle_force = 0.0
         self.wanted = SetpointInput(axes=1)
         self.guide = Guide(slot_limits)
         self.answered: EncoderReading | None = None
         self.meter = DeadlineMeter(period_ns)
         self._friction = friction
-        self._watch = VerticalWatch(watch, period_ns)
+        self._checks = VerticalChecks(watch, period_ns)
+        self.fault = self._checks.fault
         self._agreement = Agreement(agreement)
-        self._doubt = ""
         self._period_ns = period_ns
         self._enabled: bool | None = None
-        self._drive_ns: int | None = None
+        self._drive = Age(_DRIVE_AGE_NS)
         self._must_reset = False
 
     @property
     def faulted(self) -> bool:
         """Whether a fault is latched."""
-        return bool(self._watch.fault or self._doubt)
+        return bool(self.fault.reason)
 
     def on_force(self, sample: ForceLike, now_ns: int) -> None:
         """Process a force sample."""
-        if self._watch.force(sample, now_ns):
+        if self._checks.force(sample, now_ns):
             self.handle_force = sample.fz
         self._keep_fault()
 
     def on_encoder(self, sample: EncoderReading, now_ns: int) -> VerticalOutput | None:
-        """Return the force for an encoder sample, None if the watch rejects the sample."""
-        if not self._watch.encoder(sample, now_ns):
+        """Return the force for an encoder sample, None if the checks reject the sample."""
+        if not self._checks.encoder(sample, now_ns):
             self._keep_fault()
             return None
         last, self.answered = self.answered, sample
@@ -103,18 +101,42 @@ class VerticalController:
 
     def on_drive(self, enabled: bool, position: float, now_ns: int) -> None:
         """Process the drive's report: torque on or off, travel of the nut [m]."""
-        self._drive_ns = now_ns
-        self._note_drive(enabled, position, now_ns)
+        self._drive.note(now_ns)
+        if not enabled and self.faulted and not self._must_reset:
+            self.reset(now_ns)
+        last = self.answered
+        if enabled != self._enabled or not enabled or last is None:
+            self._agreement.restart()
+        else:
+            self.fault.set(
+                self._agreement.check(last.position, position, last.velocity, now_ns)
+            )
+        self._enabled = enabled
+        self._keep_fault()
 
     def distrust(self, reason: str) -> None:
         """Hold the force at zero for a reason that the samples do not show."""
-        self._doubt = self._doubt or reason
+        self.fault.set(reason)
         self._keep_fault()
 
     def end_tick(self, now_ns: int) -> None:
-        """Detect a drive that has not reported for a while."""
-        if self._drive_ns is None or now_ns - self._drive_ns > _DRIVE_AGE_NS:
-            self._note_drive(None, math.nan, now_ns)
+        """Detect a drive that has not reported for a while.
+
+        While it is enabled, its position is what the encoder is compared with: its silence is a
+        fault.
+        """
+        if self._drive.fresh(now_ns):
+            return
+        if self._enabled:
+            self.fault.set(
+                f"amplifier: no state for {_DRIVE_AGE_NS / 1e6:g} ms, with which the encoder is "
+                "compared"
+            )
+            self._keep_fault()
+        elif self.faulted and not self._must_reset:
+            self.reset(now_ns)
+        self._enabled = None
+        self._agreement.restart()
 
     def count(self, now_ns: int) -> None:
         """Count the newest sample as answered at now_ns [ns]."""
@@ -131,31 +153,18 @@ class VerticalController:
 
     def reset(self, now_ns: int) -> None:
         """Clear a latched fault; it returns at once while its cause persists."""
-        self._doubt = ""
         self._must_reset = False
         self._agreement.restart()
-        self._watch.reset(now_ns)
+        self._checks.reset(now_ns)
         self._check(now_ns)
 
-    def _note_drive(self, enabled: bool | None, position: float, now_ns: int) -> None:
-        if not enabled and self.faulted and not self._must_reset:
-            self.reset(now_ns)
-        last = self.answered
-        if enabled != self._enabled or not enabled or last is None:
-            self._agreement.restart()
-        else:
-            wrong = self._agreement.check(last.position, position, last.velocity, now_ns)
-            self._doubt = self._doubt or wrong or ""
-        self._enabled = enabled
-        self._keep_fault()
-
     def _check(self, now_ns: int) -> None:
-        self.reason = self._watch.check(now_ns) or self._doubt or self.held or self._unfelt()
+        self.reason = self._checks.check(now_ns) or self._unfelt()
         self._keep_fault()
 
     def _unfelt(self) -> str:
         """Return why the mode cannot run: it feeds back a force that was never measured."""
-        if self._watch.feels or not (uses_feedback(self.mode) or uses_observer(self.mode)):
+        if self._checks.feels or not (uses_feedback(self.mode) or uses_observer(self.mode)):
             return ""
         return (
             f"force sensor: no sample yet, and mode {MODE_NAMES[self.mode]} feeds its force back: "
@@ -166,4 +175,4 @@ class VerticalController:
         """Record a fault in operation at once, before it switches the amplifier off."""
         if self.faulted and (self._enabled or self.output.force != 0.0):
             self._must_reset = True
-        self.reason = self.reason or self._watch.fault or self._doubt
+        self.reason = self.reason or self.fault.reason

@@ -3,7 +3,7 @@
 
 ::
 
-    force command -> plausible? -> gate -> torque chain (`control.torque_chain`) -> drive
+    force command -> plausible? -> permit -> torque chain (`control.torque_chain`) -> drive
 """
 
 from __future__ import annotations
@@ -13,23 +13,22 @@ from contextlib import suppress
 from typing import NamedTuple
 
 from ..can_io.port import Port
-from ..control.gate import GateSettings
-from ..control.timing import DeadlineMeter, empty_histogram, note_latency
 from ..control.torque_chain import COLD, TorqueChain, commanded, commanded_torque, followed
-from ..control.watch import CommandWatch
 from ..devices.drive import Drive
 from ..devices.errors import DeviceError
-from .gated_drives import GatedDrives
+from ..safety.checks import Stream, command_problem
+from ..safety.latch import Latch
+from ..safety.permit import Permit, PermitSettings
+from ..safety.timing import DeadlineMeter, empty_histogram, note_latency
+from .requests import Requests
 from .ticker import Tick
 
-LARGEST_FORCE = 150.0
-"""Largest force command of any controller of this robot [N]."""
-_LONGEST_STEP = 5  # periods; longest dt of the rate limit (the gate checks the command's age)
+_LONGEST_STEP = 5  # periods; longest dt of the rate limit (the permit checks the command's age)
 _ANSWER = 0.1  # periods that the drive has to answer SYNC before the loop waits for the command
 _LOOK_NS = 4_000_000  # between looks at permission and missed deadlines
 
-Permission = Callable[[GatedDrives, int], None]
-"""Passes the supervisor's permission to the gate; argument: time of now [ns]."""
+Permission = Callable[[Permit, int], None]
+"""Passes the supervisor's permission on; argument: time of now [ns]."""
 
 
 class Written(NamedTuple):
@@ -49,10 +48,10 @@ class VerticalDrive:
     The driver latches errors of the bus, and state and diagnostics show them; the loop continues
     with its other work.
 
-    period_ns: between commands. chain: from force to torque. missed_limit: deadlines missed in a
-    row that stop the torque. heat: of the motor at the start [Nm^2]. asked: the last force command
-    [N]. meter: latency from the sample behind a command to its write; own: histogram of this
-    process's part of it. skipped: ticks that an overrun skipped.
+    period_ns: between commands. permit: its gate. chain: from force to torque. missed_limit:
+    deadlines missed in a row that stop the torque. heat: of the motor at the start [Nm^2]. asked:
+    the last force command [N]. meter: latency from the sample behind a command to its write; own:
+    histogram of this process's part of it. skipped: ticks that an overrun skipped.
     """
 
     def __init__(
@@ -60,20 +59,22 @@ class VerticalDrive:
         drive: Drive,
         port: Port,
         period_ns: int,
-        gate: GateSettings,
+        permit: PermitSettings,
         chain: TorqueChain,
         missed_limit: int = 20,
         heat: float = COLD,
     ):
         self.drive = drive
-        self.drives = GatedDrives([drive], gate, period_ns)
+        recovery_s = drive.settings.enable_timeout
+        self.permit = Permit([drive], Requests(), permit, period_ns, recovery_s)
         self.last = _NOTHING
         self.asked = 0.0
         self.skipped = 0
         self.meter = DeadlineMeter(period_ns)
         self.own = empty_histogram()
         self._port, self._clock = port, port.clock
-        self._watch = CommandWatch(period_ns, LARGEST_FORCE)
+        self._fault = Latch()  # of the commands
+        self._commands = Stream("force command", period_ns, self._fault)
         self._chain = chain
         self._force = self._followed = 0.0
         self._heat = heat
@@ -98,7 +99,7 @@ class VerticalDrive:
 
     # One period ----------------------------------------------------------------------------
 
-    def begin_tick(self, tick: Tick) -> None:
+    def begin(self, tick: Tick) -> None:
         """Send the frames of the tick: SYNC and, when due, the heartbeat."""
         self.skipped += tick.skipped
         with suppress(DeviceError):
@@ -106,7 +107,7 @@ class VerticalDrive:
             self.drive.heartbeat(tick.monotonic_ns)
 
     def await_answer(self, tick: Tick) -> None:
-        """Wait a moment for the drive's answer to SYNC: the gate needs its present state."""
+        """Wait a moment for the drive's answer to SYNC: the permit needs its present state."""
         until_ns = tick.monotonic_ns + round(_ANSWER * self._period_ns)
         with suppress(DeviceError):
             while self._clock.now_ns() < until_ns:
@@ -130,12 +131,12 @@ class VerticalDrive:
                 note_latency(self.own, done_ns - now_ns)
             self._pump(now_ns)
 
-    def end_tick(self, tick: Tick, permission: Permission) -> None:
-        """Update gate and drive, whether a command came or not."""
+    def end(self, tick: Tick, permission: Permission) -> None:
+        """Update permit and drive, whether a command came or not."""
         now_ns = tick.monotonic_ns
         if tick.sequence % self._look_every <= tick.skipped:  # also one that was left out
-            permission(self.drives, now_ns)
-            self.drives.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
+            permission(self.permit, now_ns)
+            self.permit.missed(self.meter.missed_in_a_row(now_ns), self._missed_limit)
         with suppress(DeviceError):
             if now_ns - self._pumped_ns > self._period_ns:
                 self._pump(now_ns)  # no command came; a command would have done it
@@ -153,10 +154,14 @@ class VerticalDrive:
 
         Zero torque is always written, whatever fault exists.
         """
-        accepted = self._watch.accept(sequence, monotonic_ns, force, now_ns)
-        if self._watch.fault:
-            self.drives.fault = self.drives.fault or self._watch.fault
-            self._watch.reset()  # else it would latch again after `clear_fault`
+        newer = self._commands.accept(sequence, monotonic_ns, now_ns)
+        implausible = command_problem(force) if newer else ""
+        self._fault.set(implausible)
+        if self._fault.reason:
+            self.permit.fault.set(self._fault.reason)
+            self._fault.clear()  # else it would latch again after `clear_fault`
+            self._commands.restart()
+        accepted = newer and not implausible
         if accepted:
             self._write(force, now_ns)
         elif force == 0.0:  # a controller that stops repeats the sequence of its last sample
@@ -164,21 +169,21 @@ class VerticalDrive:
         return accepted
 
     def idle(self, now_ns: int) -> None:
-        """Serve gate and drive without a new command; once a tick is enough.
+        """Serve permit and drive without a new command; once a tick is enough.
 
-        The last force stays until the gate finds it too old: a single late command must not cause a
-        step to zero and back. Raises DeviceError.
+        The last force stays until the permit finds it too old: a single late command must not cause
+        a step to zero and back. Raises DeviceError.
         """
         if now_ns - self._written_ns >= 2 * self._period_ns:
             self._write(self._force, now_ns)
 
     def _write(self, force: float, now_ns: int) -> None:
         self._force = force
-        scale = self.drives.step(self._watch.newest_ns, now_ns)
+        scale = self.permit.step(self._commands.monotonic_ns, now_ns)
         elapsed = min(now_ns - self._written_ns, 100 * self._period_ns) * 1e-9
         self._written_ns = now_ns
         elapsed = max(elapsed, 1e-6)
-        # A closed gate passed no force: the rate limit of the next force starts from zero.
+        # A closed permit passed no force: the rate limit of the next force starts from zero.
         last = self._followed if scale else 0.0
         self._followed = followed(self._chain, last, force, min(elapsed, self._longest_step))
         limited = self._followed != force

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plane loop: one period of both planar drives and the law between them.
+"""The plane, MIT-MANUS: two drives, which also measure the positions, and the law between them.
 
 ::
 
-    tick -> SYNC -> both positions -> planar law -> both torques
+    tick -> SYNC -> both positions -> joint angles -> planar law -> permit -> both torques
+
+The drives' counts have no home: `home` declares that the handle stands at the reference mark.
 """
 
 from __future__ import annotations
@@ -14,22 +16,65 @@ from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from ..can_io.port import Port
-from ..control.timing import DeadlineMeter
-from ..devices.errors import DeviceError
+from ..clock import Clock
+from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_step
+from ..control.planar_settings import PlanarSettings
+from ..control.slot import SlotLimits
+from ..devices import drive_exit
+from ..devices.drive import Drive
+from ..devices.errors import BusError, DeviceError
+from ..devices.homing import Rehoming
+from ..devices.motion import Motion
+from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
+from ..safety.checks import ForceLike, FreezeSettings, Frozen, Stream, force_problem
+from ..safety.latch import Age
+from ..safety.permit import Permit, PermitSettings
+from ..safety.timing import DeadlineMeter
 from ..settings import Setting
-from .planar_axes import PlanarAxes
-from .setpoint_input import SetpointInput
+from .inputs import Guide, SetpointInput
+from .requests import Requests
 from .ticker import Tick, Ticker
 
-_FORCE_AGE_NS = 200_000_000
+_FRESH_NS = 100_000_000
+_FORCE_PERIODS = 5.0  # age of the newest force sample that latches a fault
 _UNKNOWN = (math.nan, math.nan)
+_FREEZE = FreezeSettings()
+_SLOT_LIMITS = SlotLimits()
+
+
+class JointSettings(NamedTuple):
+    """The joints' position sensors and the limits of plausible motion."""
+
+    velocity_cutoff: Annotated[
+        float, Setting("cutoff of the velocity filter", "Hz", 1.0, 240.0)
+    ] = 30.0
+    home_x: Annotated[float, Setting("reference mark, x from the workspace centre", "m", -1, 1)] = (
+        0.0
+    )
+    home_y: Annotated[float, Setting("reference mark, y from the workspace centre", "m", -1, 1)] = (
+        0.0
+    )
+    home_speed_limit: Annotated[
+        float, Setting("homing is refused while a joint moves faster", "rad/s", 0.0, 1.0)
+    ] = 0.02
+    home_shift: Annotated[
+        float, Setting("homing needs a second call when it moves the handle further", "m",
+                       0.0, 1.0)
+    ] = 0.005
+    speed: Annotated[float, Setting("fastest plausible joint velocity", "rad/s", 0.1, 50.0)] = 6.0
+    jump: Annotated[
+        float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)
+    ] = 0.02
+    silence: Annotated[
+        float, Setting("ticks without both positions that latch a fault", "periods", 2.0, 100.0)
+    ] = 5.0
 
 
 class PlaneLimits(NamedTuple):
     """Limits that stop the plane, besides those of drives and law."""
 
     handle_force_limit: Annotated[
-        float, Setting("planar handle force that stops the plane", "N", 1.0, 1000.0)
+        float, Setting("handle force that stops the plane", "N", 1.0, 1000.0)
     ] = 150.0
     missed_limit: Annotated[
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
@@ -47,71 +92,341 @@ class PlaneWires(NamedTuple):
     publish_state: Callable[[Tick], None] = lambda tick: None
 
 
-class PlaneLoop:
-    """The planar axes on the tick; the caller repeats `step`.
+class Joint:
+    """Angle and velocity of one joint, from its drive.
 
-    wanted: the set point, x and y. meter: latency from the tick to the torques. skipped: ticks that
-    an overrun skipped.
+    angle: absolute once homed [rad]; velocity: filtered [rad/s].
+    """
+
+    def __init__(self, settings: JointSettings, freeze: FreezeSettings, period_ns: int):
+        self.frozen = Frozen(freeze)
+        self.motion = Motion(settings.velocity_cutoff, period_ns)
+        self._settings = settings
+        self._period_ns = period_ns
+
+    @property
+    def angle(self) -> float:
+        """Absolute angle [rad], once homed."""
+        return self.motion.position
+
+    @property
+    def velocity(self) -> float:
+        """Filtered velocity [rad/s]."""
+        return self.motion.velocity
+
+    def take(self, position: float, periods: int) -> str:
+        """Process the drive's position [rad], `periods` after the last; return its fault or "".
+
+        After a jump the joint may be turns away, so the home position is lost.
+        """
+        motion, settings = self.motion, self._settings
+        before, seen = motion.position, motion.seen
+        motion.take(position, periods * self._period_ns)
+        step = motion.position - before
+        if seen and abs(step) > settings.jump * periods:
+            motion.homed = False
+            return f"jumped by {step:.3f} rad"
+        if abs(motion.velocity) > settings.speed:
+            return f"turns at {motion.velocity:.1f} rad/s"
+        return ""
+
+    def check_frozen(self, torque: float) -> str:
+        """Return the fault of a frozen position, or ""; call once a period.
+
+        torque: net torque on the joint [Nm], NaN = not known. The error of a frozen position is
+        unknown, so the home position is lost.
+        """
+        frozen = self.frozen.check(self.angle, torque, self._period_ns * 1e-9)
+        self.motion.homed = self.motion.homed and not frozen
+        return frozen
+
+
+class Plane:
+    """Both joints, their drives and the law; `step` is one tick.
+
+    settings: of the law, may be replaced at any time. joints: both. permit: the gate with both
+    drives. guide: the slot, if there is one. wanted: the set point, x and y. output: of the law in
+    the last tick, None without positions. written: torques of the last tick [Nm]. meter: latency
+    from the tick to the torques. skipped: ticks that an overrun skipped. force_period_ns: between
+    the force samples that it gets.
     """
 
     def __init__(
-        self, axes: PlanarAxes, port: Port, period_ns: int, limits: PlaneLimits, wires: PlaneWires
+        self,
+        drives: tuple[Drive, Drive],
+        port: Port,
+        period_ns: int,
+        settings: PlanarSettings,
+        joints: JointSettings,
+        permit: PermitSettings,
+        freeze: FreezeSettings = _FREEZE,
+        slot_limits: SlotLimits = _SLOT_LIMITS,
+        limits: PlaneLimits | None = None,
+        force_period_ns: int = 0,
+        wires: PlaneWires | None = None,
     ):
-        self.axes = axes
-        self.wanted = SetpointInput(axes=2)
-        self.meter = DeadlineMeter(period_ns)
-        self.skipped = 0
-        self._port, self._clock = port, port.clock
-        self._limits, self._wires = limits, wires
-        self._ticker = Ticker(port.clock, period_ns)
-        self._hand, self._hand_ns = _UNKNOWN, 0
+        self.settings = settings
+        # A command is as old as the positions behind it.
+        oldest = max(permit.command_periods, joints.silence)
+        self.permit = Permit(
+            drives, Requests(), permit._replace(command_periods=oldest), period_ns,
+            max(drive.settings.enable_timeout for drive in drives),
+        )  # fmt: skip
+        self.joints = tuple(Joint(joints, freeze, period_ns) for _ in drives)
+        self.guide = Guide(slot_limits)
+        self._drives, self._port, self._clock = drives, port, port.clock
+        self._joint_settings, self._limits = joints, limits or PlaneLimits()
+        self._wires = wires or PlaneWires()
+        self._period_ns = period_ns
+        self._force_period_ns = force_period_ns or period_ns
+        self._rehoming = Rehoming(joints.home_shift)
+        self.restart()
 
-    def on_force(self, fx: float, fy: float, now_ns: int) -> None:
-        """Process the force of the patient on the robot along x and y [N]."""
-        self._hand, self._hand_ns = (fx, fy), now_ns
+    @property
+    def homed(self) -> bool:
+        """Whether both angles are absolute."""
+        return all(joint.motion.homed for joint in self.joints)
+
+    def measures(self, now_ns: int) -> bool:
+        """Return whether both drives have told their positions lately, at now_ns [ns]."""
+        return self._acted.fresh(now_ns)
+
+    def restart(self) -> None:
+        """Forget what was asked for, forces and positions, the home too: for a start of the loop.
+
+        Nobody listened before it.
+        """
+        self.guide = Guide(self.guide.limits)
+        self.wanted = SetpointInput(axes=2)
+        self.output: PlanarOutput | None = None
+        self.written = (0.0, 0.0)
+        self.meter = DeadlineMeter(self._period_ns)
+        self.skipped = 0
+        self._ticker = Ticker(self._clock, self._period_ns)
+        self._law = initial_state(self.settings)
+        self._acted = Age(_FRESH_NS)
+        period_ns = self._force_period_ns
+        self._forces = Stream("force sensor", period_ns, self.permit.fault, numbered=False)
+        self._force_age = Age(_FORCE_PERIODS * period_ns, self._period_ns)
+        self._hand = _UNKNOWN
+        self._lose_homes()
+
+    # One tick ------------------------------------------------------------------------------
 
     def step(self) -> None:
         """Do one tick.
 
-        The driver latches errors of the bus; state and diagnostics show them. Gate and writes run
+        The driver latches errors of the bus; state and diagnostics show them. Permit and writes run
         whatever else fails.
         """
         tick = self._ticker.sleep()
         self.skipped += tick.skipped
         now_ns = tick.monotonic_ns
         with suppress(DeviceError):
-            self.axes.request(now_ns)
+            self.request(now_ns)
         self._wires.read_inputs(now_ns)
-        hand = self._look_around(now_ns)
+        self._check(now_ns)
         answered = False
         with suppress(DeviceError):
             answered = self._await_drives(now_ns)
         with suppress(DeviceError):
             if answered:
-                self.axes.act(self.wanted.at(now_ns), now_ns, hand)
+                self.act(now_ns)
                 self.meter.tick(tick.sequence, now_ns, self._clock.now_ns())
             else:
-                self.axes.idle(now_ns)
+                self.idle(now_ns)
         self._wires.publish_state(tick)
+
+    def request(self, now_ns: int) -> None:
+        """Send SYNC and heartbeat; the heartbeat also when SYNC fails. Raises BusError."""
+        shoulder, elbow = self._drives
+        try:
+            shoulder.sync(now_ns)
+        finally:
+            shoulder.heartbeat(now_ns)
+            elbow.heartbeat(now_ns)  # the drives share one heartbeat
+
+    def on_force(self, sample: ForceLike, now_ns: int) -> None:
+        """Check the force of the patient on the robot, and take it as the hand's."""
+        if not self._forces.accept(sample.sequence, sample.monotonic_ns, now_ns):
+            return
+        problem = force_problem(self._limits.handle_force_limit, sample)
+        self.permit.fault.set(problem)
+        self._force_age.note(sample.monotonic_ns)
+        self._hand = _UNKNOWN if problem else (sample.fx, sample.fy)
+
+    def _check(self, now_ns: int) -> None:
+        """Stop on missed deadlines, and on a force sensor that has gone silent."""
+        self.permit.missed(self.meter.missed_in_a_row(now_ns), self._limits.missed_limit)
+        if self._forces.seen and not self._force_age.fresh(now_ns):
+            self._hand = _UNKNOWN
+            if self.permit.enabled:
+                self._forces.check_age(now_ns, self._force_age.limit_ns)
+
+    def answered(self, since_ns: int) -> bool:
+        """Return whether both drives have answered since `since_ns` [ns]."""
+        readings = [drive.reading for drive in self._drives]
+        return all(each is not None and each.monotonic_ns >= since_ns for each in readings)
 
     def _await_drives(self, since_ns: int) -> bool:
         due_ns = self._ticker.due_ns()
-        while not self.axes.answered(since_ns):
+        while not self.answered(since_ns):
             if self._clock.now_ns() >= due_ns:
                 return False
             self._port.pump(due_ns)
         return True
 
-    def _look_around(self, now_ns: int) -> tuple[float, float]:
-        """Stop on a handle force or missed deadlines beyond the limits; return the force [N]."""
-        drives, limits = self.axes.drives, self._limits
-        fresh = self._hand_ns and now_ns - self._hand_ns <= _FORCE_AGE_NS
-        hand = self._hand if fresh else _UNKNOWN
-        size = math.hypot(*hand)
-        if fresh and not size <= limits.handle_force_limit:
-            drives.fault = drives.fault or (
-                f"{size:.0f} N on the handle in the plane, more than "
-                f"{limits.handle_force_limit:g} N"
-            )
-        drives.missed(self.meter.missed_in_a_row(now_ns), limits.missed_limit)
-        return hand
+    def act(self, now_ns: int) -> None:
+        """Read both positions and write both torques, the second also when the first fails.
+
+        Raises BusError.
+        """
+        last_ns = self._acted.stamp_ns
+        elapsed_ns = now_ns - last_ns if last_ns else self._period_ns
+        self._acted.note(now_ns)
+        self._measure(max(1, round(elapsed_ns / self._period_ns)))
+        self._check_frozen()
+        shoulder, elbow = self.joints
+        inp = PlanarInput(
+            shoulder.angle,
+            elbow.angle,
+            shoulder.velocity,
+            elbow.velocity,
+            *self.wanted.at(now_ns),
+            self.homed and self.permit.enabled,
+            *self._guidance(now_ns, elapsed_ns * 1e-9),
+        )
+        self.output, self._law = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
+        self._write(now_ns)
+
+    def idle(self, now_ns: int) -> None:
+        """Write zero in a tick without both answers; latch a fault after too many such ticks.
+
+        Raises BusError, after both writes.
+        """
+        silent_ns = now_ns - self._acted.stamp_ns
+        if self.permit.enabled and silent_ns > self._joint_settings.silence * self._period_ns:
+            self.permit.fault.set(f"no position for {silent_ns * 1e-6:.0f} ms")
+        self.output = None
+        self._law = initial_state(self.settings)
+        self._write(now_ns)
+
+    def _measure(self, periods: int) -> None:
+        for drive, joint in zip(self._drives, self.joints, strict=True):
+            if wrong := joint.take(drive.reading.position, periods):
+                self.permit.fault.set(f"{drive.label} {wrong}")
+
+    def _guidance(self, now_ns: int, dt: float):
+        shoulder, elbow = self.joints
+        x, y = forward(shoulder.angle, elbow.angle, MANUS)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, MANUS)
+        vx = x_s * shoulder.velocity + x_e * elbow.velocity
+        vy = y_s * shoulder.velocity + y_e * elbow.velocity
+        return self.guide.guidance(x, y, vx, vy, now_ns, dt)
+
+    def _check_frozen(self) -> None:
+        """Look for a frozen position while torque passes; `written` acted until now."""
+        if not self.permit.enabled:
+            for joint in self.joints:
+                joint.frozen.restart()
+            return
+        angles = [joint.angle for joint in self.joints]
+        judged = clear_of_stops(self.settings, *angles)
+        pushed = hand_torques(*angles, *self._hand) if judged else _UNKNOWN
+        for drive, joint, torque, push in zip(
+            self._drives, self.joints, self.written, pushed, strict=True
+        ):
+            if wrong := joint.check_frozen(torque + push):
+                self.permit.fault.set(f"{drive.label}: {wrong}")
+
+    def _write(self, now_ns: int) -> None:
+        # The law used the positions of this tick: their age is the command's age.
+        scale = self.permit.step(self._acted.stamp_ns, now_ns)
+        output = self.output
+        wanted = (output.shoulder_torque, output.elbow_torque) if output else (0.0, 0.0)
+        written, failed = [], None
+        for drive, torque in zip(self._drives, wanted, strict=True):
+            try:
+                written.append(drive.write(scale * torque, now_ns))
+            except BusError as error:  # the other drive still needs its command
+                written.append(0.0)
+                failed = failed or error
+        self.written = tuple(written)
+        if failed is not None:
+            raise failed
+
+    # -- any thread ------------------------------------------------------------------------------
+
+    def home(self, clock: Clock) -> str:
+        """Declare that the handle stands at the reference mark; return why not, empty if done.
+
+        Refused while enabled, moving or without answers. Needs a second call when it contradicts
+        the last homing (`Rehoming`). The loop carries it out. clock: of the wait.
+        """
+        return self.permit.requests.ask(lambda: self.take_home(clock.now_ns()), clock)
+
+    def take_home(self, now_ns: int) -> str:
+        """Carry out a homing at now_ns [ns]; for the loop's thread."""
+        settings = self._joint_settings
+        if not self.permit.at_rest(now_ns):
+            return "the plane is enabled: disable it first"
+        if not self.measures(now_ns):
+            return "the drives do not answer"
+        for drive, joint in zip(self._drives, self.joints, strict=True):
+            if abs(joint.velocity) > settings.home_speed_limit:
+                return (
+                    f"{drive.label} turns at {joint.velocity:.3f} rad/s; let the handle rest at "
+                    "the reference mark"
+                )
+        mark = settings.home_x, settings.home_y
+        if self.homed or self._rehoming.contradicted:
+            place = forward(*(joint.angle for joint in self.joints), MANUS)
+            if doubt := self._rehoming.doubt(mark, place, now_ns):
+                for joint in self.joints:
+                    joint.motion.homed = False
+                return doubt
+        angles = inverse(*mark, MANUS)
+        for joint, angle in zip(self.joints, angles, strict=True):
+            joint.motion.home(angle)
+        return ""
+
+    def enable(self, clock: Clock) -> str:
+        """Enable both drives; return why not, empty if done. clock: see `Permit.enable`."""
+        if not self.homed:
+            return "not homed: call ~/home first"
+        return self.permit.enable(clock)
+
+    def clear_fault(self, clock: Clock) -> str:
+        """Recover both drives; home again if one counts from elsewhere now. See `Permit`."""
+        elsewhere = any(not drive.running or drive.altered for drive in self._drives)
+        problem = self.permit.clear_fault(clock)
+        if elsewhere:
+            self._lose_homes()
+        return problem
+
+    def _lose_homes(self) -> None:
+        self._rehoming.forget()
+        for joint in self.joints:
+            joint.motion.restart()
+
+    def shutdown(self) -> str:
+        """Shut both drives down cleanly after the loop has ended; return the errors."""
+        self.permit.close()  # else the next start would report a stale command
+        return drive_exit.leave(self._drives, self._port)
+
+
+def hand_torques(
+    shoulder: float, elbow: float, fx: float, fy: float, arm: PlanarArm = MANUS
+) -> tuple[float, float]:
+    """Return the torques of a handle force [N] at both joints [Nm]: J^T F, angles in rad."""
+    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow, arm)
+    return x_s * fx + y_s * fy, x_e * fx + y_e * fy
+
+
+def clear_of_stops(settings: PlanarSettings, shoulder: float, elbow: float) -> bool:
+    """Return whether both joints [rad] are within their range, where no stop touches them."""
+    return (
+        settings.shoulder_low < shoulder < settings.shoulder_high
+        and settings.elbow_low < elbow < settings.elbow_high
+        and settings.between_low < elbow - shoulder < settings.between_high
+    )

@@ -7,8 +7,9 @@ from typing import Generic, Protocol, TypeVar
 
 from ..can_io.port import Port
 from ..clock import Clock
-from ..control.timing import empty_histogram, note_latency
 from ..devices.errors import DeviceError
+from ..safety.timing import empty_histogram, note_latency
+from .requests import Requests
 from .ticker import Tick
 
 Reading = TypeVar("Reading")
@@ -28,15 +29,16 @@ class PolledSensor(Generic[Reading]):
     """One sensor of the loop. The driver counts failures; the diagnostics show them.
 
     answers: histogram of the latencies from request to reading. skipped: ticks that an overrun
-    skipped.
+    skipped. requests: of services, such as homing and taring.
     """
 
     def __init__(self, device: PolledDevice[Reading], port: Port, clock: Clock):
         self.answers = empty_histogram()
         self.skipped = 0
+        self.requests = Requests()
         self._device, self._port, self._clock = device, port, clock
 
-    def ask(self, tick: Tick) -> None:
+    def begin(self, tick: Tick) -> None:
         """Request the reading of this tick."""
         self.skipped += tick.skipped
         try:
@@ -55,3 +57,7 @@ class PolledSensor(Generic[Reading]):
             return None
         note_latency(self.answers, self._clock.now_ns() - reading.monotonic_ns)
         return reading
+
+    def end(self) -> None:
+        """Carry out what services have asked for."""
+        self.requests.serve()

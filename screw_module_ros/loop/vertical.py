@@ -18,12 +18,13 @@ from ..clock import Clock
 from ..control.vertical_state import VerticalOutput
 from ..samples import EncoderReading, ForceReading
 from .drive import Permission, VerticalDrive
-from .pace import Pace
 from .sensor import PolledSensor
-from .ticker import BACK_OFF_S, Tick, Ticker
+from .ticker import BACK_OFF_S, Ticker
 
 _LOOK_NS = 10_000  # to read only frames that are already in the socket
 _LISTENS = 2  # periods
+_FORCE_WAIT = 0.1  # of a period: the wait for the force sample of the same tick
+_TRY_AGAIN = 64  # periods between such waits while the sample is always late
 
 
 class Controller(Protocol):
@@ -97,34 +98,44 @@ class VerticalLoop:
         self._clock, self._wires = clock, wires
         self._period_ns = period_ns
         self._ticker = Ticker(clock, period_ns)
-        self._force_pace = Pace(period_ns)
         self._encoder_is_silent = False
+        self._force_came = True  # during the last wait for it
+        self._periods = 0
 
     def step(self, parts: Parts) -> None:
-        """Do one period. A controller alone has no ticks: it follows the encoder's samples."""
-        if parts.encoder or parts.force_sensor or parts.drive:
-            self._one_tick(parts)
-        else:
-            self._one_sample(parts)
-
-    def _one_tick(self, parts: Parts) -> None:
-        if parts.drive is not None and parts.controller is None:
-            self._follow_commands(parts.drive)
+        """Do one period. A controller alone has no ticks: samples are its clock."""
+        encoder, force_sensor, controller, drive = parts
+        if not (encoder or force_sensor or drive):
+            self._one_sample(controller)
+            return
+        if drive and not controller:
+            self._follow_commands(drive)  # of another process, at once, until the next tick
         tick = self._ticker.sleep()
         due_ns = self._ticker.due_ns()
-        self._ask(parts, tick)
-        sample, force = self._answers(parts, tick, due_ns)
+        for part in (encoder, force_sensor, drive):
+            if part:
+                part.begin(tick)
+        sample, force = self._readings(parts, due_ns)
+        if drive and not controller:
+            drive.await_answer(tick)  # the permit needs this tick's statusword
         now_ns = self._clock.now_ns()
-        output = self._act(parts, sample, force, now_ns)
-        # The torque is written; the rest publishes and serves the drive.
+        output = self._act(parts, sample, force, now_ns)  # the torque first, then the topics
         self._publish(parts, sample, force, output)
-        self._end_tick(parts, tick, now_ns)
-        if force is None and parts.force_sensor is not None:
-            self._take_late_force(parts, due_ns)
+        if drive:
+            drive.end(tick, self._wires.permission)
+            self._wires.publish_drive_state(tick.monotonic_ns)
+        if controller:
+            self._update_controller(parts, now_ns)
+        if force_sensor and force is None:
+            self._take_late_force(parts, due_ns)  # for the topic, and for the next step of the law
+        for sensor in (encoder, force_sensor):
+            if sensor:
+                sensor.end()
 
-    def _one_sample(self, parts: Parts) -> None:
+    def _one_sample(self, controller: Controller) -> None:
         sample, force = self._received()
         now_ns = self._clock.now_ns()
+        parts = Parts(controller=controller)
         self._act(parts, sample, force, now_ns)
         if sample is None and force is None:
             self._clock.sleep(BACK_OFF_S)
@@ -132,61 +143,59 @@ class VerticalLoop:
 
     # Encoder and force sensor --------------------------------------------------------------
 
-    def _ask(self, parts: Parts, tick: Tick) -> None:
-        for sensor in (parts.encoder, parts.force_sensor):
-            if sensor is not None:
-                sensor.ask(tick)
-        if parts.drive is not None:
-            parts.drive.begin_tick(tick)
-
-    def _answers(
-        self, parts: Parts, tick: Tick, due_ns: int
+    def _readings(
+        self, parts: Parts, due_ns: int
     ) -> tuple[EncoderReading | None, ForceReading | None]:
         """Return the readings of encoder and force sensor; the drive never waits for the force.
 
         If the encoder did not answer the last tick, the force sensor comes first: the wait for the
         encoder may take the whole period.
         """
+        encoder, force_sensor = parts.encoder, parts.force_sensor
         sample = force = None
-        first_force = parts.force_sensor is not None and self._encoder_is_silent
-        if first_force:
-            force = parts.force_sensor.answer(self._clock.now_ns() + self._period_ns // 2)
-        if parts.encoder is not None:
-            sample = parts.encoder.answer(due_ns)
+        force_first = force_sensor and self._encoder_is_silent
+        if force_first:
+            force = force_sensor.answer(self._clock.now_ns() + self._period_ns // 2)
+        if encoder:
+            sample = encoder.answer(due_ns)
             self._encoder_is_silent = sample is None
-        if parts.force_sensor is not None and not first_force:
+        if force_sensor and not force_first:
             force = self._force_answer(parts, due_ns)
-        if parts.drive is not None and parts.controller is None:
-            parts.drive.await_answer(tick)
         return sample, force
 
     def _force_answer(self, parts: Parts, due_ns: int) -> ForceReading | None:
-        if parts.controller is None and parts.drive is None:
+        if not (parts.controller or parts.drive):
             return parts.force_sensor.answer(due_ns)
-        pace = self._force_pace
-        wait_ns = pace.wait_ns if pace.worth_waiting() else _LOOK_NS
+        wait_ns = self._force_wait_ns() or _LOOK_NS
         force = parts.force_sensor.answer(min(due_ns, self._clock.now_ns() + wait_ns))
-        pace.came(force is not None)
+        self._force_came = force is not None
         return force
+
+    def _force_wait_ns(self) -> int:
+        """Return how long to wait for the force of this tick [ns]; 0 if it is always late."""
+        self._periods += 1
+        worth_it = self._force_came or self._periods % _TRY_AGAIN == 0
+        return round(_FORCE_WAIT * self._period_ns) if worth_it else 0
 
     def _received(self) -> tuple[EncoderReading | None, ForceReading | None]:
         """Return the newest samples; wait a moment for the force of the encoder's tick."""
-        wires, pace = self._wires, self._force_pace
+        wires = self._wires
         sample = wires.take_sample(self._clock.now_ns() + _LISTENS * self._period_ns)
         force = wires.take_force(0)
         if sample is None or (force is not None and force.sequence == sample.sequence):
             return sample, force
-        if not pace.worth_waiting():
+        wait_ns = self._force_wait_ns()
+        if not wait_ns:
             return sample, force
-        newer = wires.take_force(self._clock.now_ns() + pace.wait_ns)
-        pace.came(newer is not None)
+        newer = wires.take_force(self._clock.now_ns() + wait_ns)
+        self._force_came = newer is not None
         return sample, newer or force
 
     def _take_late_force(self, parts: Parts, due_ns: int) -> None:
         force = parts.force_sensor.answer(due_ns)
         if force is None:
             return
-        if parts.controller is not None:
+        if parts.controller:
             parts.controller.on_force(force, self._clock.now_ns())
         self._wires.publish_force(force)
 
@@ -217,7 +226,7 @@ class VerticalLoop:
     def _send(self, parts: Parts, output: VerticalOutput, now_ns: int) -> None:
         """Send the force to the drive, in this process or another."""
         behind = parts.controller.answered
-        if parts.drive is not None:
+        if parts.drive:
             parts.drive.act(behind.sequence, behind.monotonic_ns, output.force, now_ns)
         else:
             self._wires.publish_command(behind, output, parts.controller.mode)
@@ -246,22 +255,14 @@ class VerticalLoop:
             wires.publish_sample(sample)
         if force is not None:
             wires.publish_force(force)
-        if output is not None and parts.drive is not None:
+        if output is not None and parts.drive:
             wires.publish_command(controller.answered, output, controller.mode)
-
-    def _end_tick(self, parts: Parts, tick: Tick, now_ns: int) -> None:
-        drive = parts.drive
-        if drive is not None:
-            drive.end_tick(tick, self._wires.permission)
-            self._wires.publish_drive_state(tick.monotonic_ns)
-        if parts.controller is not None:
-            self._update_controller(parts, now_ns)
 
     def _update_controller(self, parts: Parts, now_ns: int) -> None:
         """Pass drive state, set point and resets to the controller, after the command is sent."""
         controller, drive = parts.controller, parts.drive
-        if drive is not None:
-            controller.on_drive(drive.drives.enabled, drive.position, now_ns)
+        if drive:
+            controller.on_drive(drive.permit.enabled, drive.position, now_ns)
         self._wires.read_inputs(now_ns)
         controller.end_tick(now_ns)
         self._wires.publish_controller_state(now_ns)

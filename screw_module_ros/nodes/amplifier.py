@@ -10,16 +10,14 @@ from screw_module_msgs.msg import AmplifierState
 from screw_module_ros import graph
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
-from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
 from screw_module_ros.control.torque_chain import COLD, largest_command, torque_chain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.gated_drives import GatedDrives
-from screw_module_ros.loop.rate_check import RateCheck
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
 from .support import qos
@@ -106,13 +104,12 @@ class AmplifierNode(DriveNode):
             drive,
             self.port,
             self.period_ns,
-            self.parameters.read(GateSettings, "gate"),
+            self.parameters.read(PermitSettings, "gate"),
             self._chain,
             own.missed_limit,
             heat,
         )
         self._state_due = Due(own.state_rate)
-        self._rate_check = RateCheck("encoder", self.period_ns)
         self._state.success_rate = self.part.meter.success_rate
         wires = Wires(
             take_command=self.take_command,
@@ -141,12 +138,7 @@ class AmplifierNode(DriveNode):
         """
         if not self._inbox.wait(until_ns):
             return None
-        command = self._take_command()
-        if command is not None:
-            self._rate_check.note(command.sequence, command.monotonic_ns)
-            if self._rate_check.wrong:
-                self.gated.fault = self.gated.fault or self._rate_check.wrong
-        return command
+        return self._take_command()
 
     def publish_state(self, now_ns: int) -> None:
         """Publish the state when due."""
@@ -179,9 +171,9 @@ class AmplifierNode(DriveNode):
         )
 
     @property
-    def gated(self) -> GatedDrives:
+    def permit(self) -> Permit:
         """The gate with the drive."""
-        return self.part.drives
+        return self.part.permit
 
     def health(self) -> Health:
         """State of the drive, timing, counters."""

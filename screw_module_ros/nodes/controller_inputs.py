@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from screw_module_ros import graph
 from screw_module_ros.loop.controller import VerticalController
-from screw_module_ros.loop.rate_check import RateCheck
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 from .support.freshness import Newest
@@ -19,11 +18,11 @@ _SAFETY_AGE_NS = 200_000_000
 class ControllerInputs:
     """The controller's subscriptions, for the loop's thread; times in [ns].
 
-    inbox: wakes on an encoder sample; forces: wakes on a force sample. period_ns: of the node.
-    slot: that of a therapy session.
+    inbox: wakes on an encoder sample; forces: wakes on a force sample. slot: that of a therapy
+    session.
     """
 
-    def __init__(self, inbox: Inbox, forces: Inbox, period_ns: int):
+    def __init__(self, inbox: Inbox, forces: Inbox):
         self._inbox, self._forces = inbox, forces
         take = inbox.subscribe
         self._take_encoder = take(*requested(graph.ENCODER), wakes=True)
@@ -33,34 +32,20 @@ class ControllerInputs:
         self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
         self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
         self._resets: int | None = None
-        self._encoder_rate = RateCheck("encoder", period_ns)
-        self._force_rate = RateCheck("force_sensor", period_ns)
-
-    @property
-    def wrong_rate(self) -> str:
-        """Return a message about a sensor with another rate, empty without one."""
-        return self._encoder_rate.wrong or self._force_rate.wrong
 
     def next_sample(self, until_ns: int) -> EncoderReading | None:
         """Return the newest encoder sample; wait for it until `until_ns` at most."""
         self._inbox.wait(until_ns)
-        sample = self._take_encoder()
-        if sample is not None:
-            self._encoder_rate.note(sample.sequence, sample.monotonic_ns)
-        return sample
+        return self._take_encoder()
 
     def next_force(self, until_ns: int) -> ForceReading | None:
         """Return the newest force sample; wait for it until `until_ns` at most, 0 = no wait."""
         if until_ns:
             self._forces.wait(until_ns)
-        sample = self._take_force()
-        if sample is not None:
-            self._force_rate.note(sample.sequence, sample.monotonic_ns)
-        return sample
+        return self._take_force()
 
     def read(self, controller: VerticalController, now_ns: int) -> None:
         """Pass set point, slot and amplifier state to the controller, if they come by a topic."""
-        controller.held = self.wrong_rate
         self.slot.read(controller.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:

@@ -58,14 +58,16 @@ class EncoderNode(SensorNode):
         """Publish a reading."""
         self.publish_packed(pack_encoder(reading), reading.sequence)
 
-    def _home(self, request: Trigger.Request) -> Done:
+    def _home(self, request: Trigger.Request) -> str:
         self._torque_off.check("would pull to another place")
         device = self.device
         cleared = bool(device.fault) or device.silent
         if cleared:
             device.clear_fault()
         try:
-            return Done(f"homed at {device.home():g} m")
+            return self.part.requests.ask(
+                lambda: Done(f"homed at {device.home():g} m"), self.clock
+            )
         except NotHomed as error:
             if cleared and not device.fault:
                 raise NotHomed(f"the fault is cleared; {error}") from None

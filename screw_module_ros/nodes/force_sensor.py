@@ -86,11 +86,17 @@ class ForceSensorNode(SensorNode):
             self.device.clear_fault()
         readings = self._taring.gathered(self.device.settings.tare_samples)
         self._taring.permitted()  # somebody may have enabled meanwhile
-        return Done(f"tared, removing {_bias_text(self.device.tare(readings))}")
+        device = self.device
+        return self.part.requests.ask(
+            lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}"), self.clock
+        )
 
     def _untare(self, request: Trigger.Request) -> str:
         self._taring.permitted()
-        return Done(f"back to removing {_bias_text(self.device.untare())}")
+        device = self.device
+        return self.part.requests.ask(
+            lambda: Done(f"back to removing {_bias_text(device.untare())}"), self.clock
+        )
 
     def health(self) -> Health:
         """Rate, faults, counters. A fault stays until ~/tare or a new activation clears it."""

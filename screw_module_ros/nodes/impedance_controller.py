@@ -20,16 +20,15 @@ from screw_module_ros.calibration.certificate_file import (
 )
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
-from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.chatter import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.vertical_state import VerticalOutput
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
@@ -101,7 +100,7 @@ class ImpedanceControllerNode(ModuleNode):
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen)
         forces, others = self.new_inbox(), self.new_inbox()
-        self._inputs = ControllerInputs(others, forces, self._period_ns)
+        self._inputs = ControllerInputs(others, forces)
         self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))

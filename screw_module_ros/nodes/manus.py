@@ -10,15 +10,12 @@ from screw_module_msgs.srv import SetImpedance
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.control.freeze import FreezeSettings
-from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
-from screw_module_ros.loop.gated_drives import GatedDrives
-from screw_module_ros.loop.joint import JointSettings
-from screw_module_ros.loop.planar_axes import PlanarAxes
-from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.plane import JointSettings, Plane, PlaneLimits, PlaneWires
 from screw_module_ros.loop.ticker import Tick
+from screw_module_ros.safety.checks import FreezeSettings
+from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
@@ -53,7 +50,7 @@ class ManusNode(DriveNode):
         self._state = PlanarState()
         self._latency_p99 = 0.0
         self._state.header.frame_id = "manus_base"
-        self._axes: PlanarAxes | None = None
+        self._plane: Plane | None = None
         self.serve(Trigger, "~/home", self._home, "homed at the reference mark")
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
 
@@ -68,14 +65,18 @@ class ManusNode(DriveNode):
         self.configure_drives(*make_drives(port, settings))
         self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])
         self._state_every = self.parameters.read(ManusSettings).state_every
-        self._axes = PlanarAxes(
+        self._plane = Plane(
             self.drives,
+            port,
             self.period_ns,
             law,
             self.parameters.read(JointSettings, "joints"),
-            self.parameters.read(GateSettings, "gate"),
+            self.parameters.read(PermitSettings, "gate"),
             self.parameters.read(FreezeSettings, "freeze"),
             self.parameters.read(SlotLimits, "slot"),
+            self.parameters.read(PlaneLimits),
+            round(1e9 / graph.DECIMATED_RATE),
+            PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._make_topics()
 
@@ -90,47 +91,40 @@ class ManusNode(DriveNode):
 
     def begin(self) -> None:
         """Start the drives, disabled."""
-        self._loop = PlaneLoop(
-            self._axes,
-            self.port,
-            self.period_ns,
-            self.parameters.read(PlaneLimits),
-            PlaneWires(self._read_inputs, self._publish_due_state),
-        )
-        self._axes.restart()
+        self._plane.restart()
         self.start_drives()
         self.start_polls()
 
     def leave(self) -> str:
         """Shut both drives down cleanly; return the errors."""
-        return self._axes.shutdown(self.port)
+        return self._plane.shutdown()
 
     def disconnect(self) -> None:
         """Close the bus."""
         super().disconnect()
-        self._axes = None
+        self._plane = None
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
-        if kind is PlanarSettings and self._axes is not None:
-            self._axes.settings = self.parameters.read(PlanarSettings)
+        if kind is PlanarSettings and self._plane is not None:
+            self._plane.settings = self.parameters.read(PlanarSettings)
 
     # Hot loop ------------------------------------------------------------------------------
 
     def step(self) -> None:
         """One tick."""
-        self._loop.step()
+        self._plane.step()
 
     def _read_inputs(self, now_ns: int) -> None:
-        self.permission(self._axes.drives, now_ns)
+        self.permission(self._plane.permit, now_ns)
         force = self._take_force()
         if force is not None:
-            self._loop.on_force(force.fx, force.fy, now_ns)
-        self._slot.read(self._axes.guide, now_ns)
+            self._plane.on_force(force, now_ns)
+        self._slot.read(self._plane.guide, now_ns)
         wanted = self._take_setpoint()
         if wanted is not None:
             position, velocity = wanted.position, wanted.velocity
-            self._loop.wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
+            self._plane.wanted.ask((position.x, position.y), (velocity.x, velocity.y), now_ns)
 
     def _publish_due_state(self, tick: Tick) -> None:
         if tick.sequence % self._state_every:
@@ -138,27 +132,27 @@ class ManusNode(DriveNode):
         state = self._state
         self.stamp(state.header)
         state.sequence, state.monotonic_ns = tick.sequence, tick.monotonic_ns
-        fill_plane(state, self._loop, tick.monotonic_ns)
-        self._latency_p99 = self._loop.meter.latency(0.99)
+        fill_plane(state, self._plane, tick.monotonic_ns)
+        self._latency_p99 = self._plane.meter.latency(0.99)
         self._publish(state)
 
     # Services ------------------------------------------------------------------------------
 
     @property
-    def gated(self) -> GatedDrives:
+    def permit(self) -> Permit:
         """The gate with both drives."""
-        return self._axes.drives
+        return self._plane.permit
 
     def enable(self) -> str:
         """Enable both drives; return why not, empty if done. Refused while not homed."""
-        return self.two_senders() or self._axes.enable(self.clock)
+        return self.two_senders() or self._plane.enable(self.clock)
 
     def clear_fault(self) -> str:
         """Recover; a drive that restarted must be homed again."""
-        return self._axes.clear_fault(self.clock)
+        return self._plane.clear_fault(self.clock)
 
     def _home(self, request: Trigger.Request) -> str:
-        return self._axes.home(self.clock.now_ns())
+        return self._plane.home(self.clock)
 
     def _set_impedance(self, request: SetImpedance.Request) -> str:
         return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
@@ -172,9 +166,9 @@ class ManusNode(DriveNode):
             "latency p99 [us]": f"{self._latency_p99 * 1e6:.0f}",
             "late": state.late,
             "lost": state.lost,
-            "homed": self._axes.homed,
+            "homed": self._plane.homed,
             "slot refused": self._slot.refused or "no",
-            **self.port_values(self._loop.skipped),
+            **self.port_values(self._plane.skipped),
         }
         for joint, drive in zip(JOINTS, self.drives, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text

@@ -12,9 +12,9 @@ import xacro
 from screw_module_ros.control.limits import CommandLimits
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import MANUS, PlanarArm
 from screw_module_ros.resources import resource_path
+from screw_module_ros.safety.checks import WatchSettings
 
 SHAPE = "urdf/therapy_robot.urdf.xacro"
 JOINT_SPEED = 6.0

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`supervisor`: permission to move, emergency stop, vertical lock.
 
-A permission enables nothing: every drive stays off until it is enabled. `control/supervision.py`
+A permission enables nothing: every drive stays off until it is enabled. `safety/supervision.py`
 decides; this node collects the states and publishes the decision. An emergency stop and the lock
 survive a restart of the process. A latched stop also does, unless the process ended normally.
 """
@@ -19,14 +19,15 @@ from screw_module_msgs.msg import (
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.control import supervision
-from screw_module_ros.control.supervision import (
+from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
+from screw_module_ros.safety import supervision
+from screw_module_ros.safety.checks import status_problem
+from screw_module_ros.safety.supervision import (
     NodeReport,
     SupervisionSettings,
     SupervisorState,
     decide,
 )
-from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.settings import Setting
 
 from .support.freshness import Newest
@@ -39,7 +40,6 @@ from .support.serving_node import Done
 from .support.topics import offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
-_DIAGNOSTICS_NS = 3_000_000_000
 _STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
 """Node -> the topic that shows its state; also endpoint_state, although nothing depends on it."""
 
@@ -67,7 +67,7 @@ class SupervisorNode(ModuleNode):
         self._changing = threading.Lock()
         self._rate = RateMeter()
         self._decisions = 0
-        self._alarms: dict[str, tuple[int, str]] = {}
+        self._alarms: dict[str, str] = {}
         self.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._note_diagnostics, 50)
         self.serve(Trigger, "~/estop", self._estop, _STOPPED, always=True)
         self.serve(Trigger, "~/reset", self._reset, "reset; the drives stay off until enabled")
@@ -168,10 +168,10 @@ class SupervisorNode(ModuleNode):
         message = newest.message
         if message is None:
             return NodeReport(seen=False)
-        alarmed_ns, alarm = self._alarms.get(node, (0, ""))
-        alarm = alarm if now - alarmed_ns < _DIAGNOSTICS_NS else ""
         age = (now - newest.arrival_ns) * 1e-9
-        if not hasattr(message, "faulted"):  # a sample: only the diagnostics show an error
+        if not hasattr(message, "faulted"):  # a sample: its status and the diagnostics show errors
+            # An alarm stands until the node itself says otherwise, however long it says nothing.
+            alarm = status_problem(getattr(message, "status", 0)) or self._alarms.get(node, "")
             return NodeReport(True, age, error=bool(alarm), reason=alarm)
         enabled = getattr(message, "enabled", False) and not newest.stale(now)
         return NodeReport(True, age, False, message.faulted, enabled, message.reason)
@@ -181,8 +181,7 @@ class SupervisorNode(ModuleNode):
         for status in array.status:
             namespace, _, node = status.name.rpartition("/")
             if namespace == mine and node in _STATE_TOPICS:
-                alarm = status.message if status.level == ERROR else ""
-                self._alarms[node] = (self.clock.now_ns(), alarm)
+                self._alarms[node] = status.message if status.level == ERROR else ""
 
     # Services ------------------------------------------------------------------------------
 

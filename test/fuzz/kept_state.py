@@ -12,9 +12,9 @@ from pathlib import Path
 from bag_damage import blanked, flipped, inserted, removed, scattered, truncated
 from runner import sentence
 
-from screw_module_ros.control import supervision
-from screw_module_ros.control.supervision import SupervisorState
 from screw_module_ros.nodes.support.kept import STATE_VARIABLE, Kept
+from screw_module_ros.safety import supervision
+from screw_module_ros.safety.supervision import SupervisorState
 
 _DAMAGE = (blanked, flipped, inserted, removed, scattered, truncated)
 _ODD = (

@@ -17,14 +17,11 @@ from lean_bus import LeanVirtualBus
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.gate import OPEN, GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import torque_chain
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
@@ -34,13 +31,13 @@ from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.joint import JointSettings
-from screw_module_ros.loop.planar_axes import PlanarAxes
-from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, load_world
 from screw_module_ros.rig.rig import Rig, RigSettings
+from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
+from screw_module_ros.safety.permit import PermitSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 PERIOD_NS = 1_000_000
@@ -167,12 +164,13 @@ class Bench:
             self.drive,
             self.ports["drive"],
             PERIOD_NS,
-            GateSettings(),
+            PermitSettings(),
             torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
         )
-        self.axes = PlanarAxes(
-            self.planar_drives, PERIOD_NS, PlanarSettings(), JointSettings(), GateSettings()
-        )
+        self.plane = Plane(
+            self.planar_drives, self.ports["planar"], PERIOD_NS, PlanarSettings(), JointSettings(),
+            PermitSettings(),
+        )  # fmt: skip
         self.setpoint = (math.nan, 0.0)
         self.planar_setpoint = (math.nan, math.nan, 0.0, 0.0)
         self.permitted = True
@@ -193,9 +191,6 @@ class Bench:
         )
         wires = Wires(publish_sample=self._on_sample, publish_force=self._on_force)
         self.vertical = VerticalLoop(clock, PERIOD_NS, wires)
-        self.plane = PlaneLoop(
-            self.axes, ports["planar"], PERIOD_NS, PlaneLimits(), PlaneWires()
-        )
 
     def _bus(self, channel: str) -> can.BusABC:
         bus = LeanVirtualBus(channel)
@@ -221,7 +216,7 @@ class Bench:
         self.connect()
         self.ticks(30)
         self.encoder.home()
-        assert self.axes.home(self.now_ns) == ""
+        assert self.plane.take_home(self.now_ns) == ""
         self.force_sensor.tare(self.gather(120))
         self.ticks(20)
 
@@ -233,15 +228,15 @@ class Bench:
 
     def enable(self) -> str:
         """Enable the vertical axis; return why not."""
-        return self._asking(self.axis.drives.enable)
+        return self._asking(self.axis.permit.enable)
 
     def enable_plane(self) -> str:
         """Enable the planar axes; return why not."""
-        return self._asking(self.axes.enable)
+        return self._asking(self.plane.enable)
 
     def clear_fault(self) -> str:
         """Clear the vertical axis's faults; return what is left."""
-        return self._asking(self.axis.drives.clear_fault)
+        return self._asking(self.axis.permit.clear_fault)
 
     def _asking(self, ask) -> str:
         """Run a service in a thread while the loop ticks, as in the node."""
@@ -270,8 +265,8 @@ class Bench:
     def tick(self) -> None:
         """One period of both loops."""
         now, refused = self.now_ns, "" if self.permitted else "test"
-        for drives in (self.axis.drives, self.axes.drives):
-            drives.permit(self.permitted, refused, now)
+        for permit in (self.axis.permit, self.plane.permit):
+            permit.supervise(self.permitted, refused, now)
         self.controller.wanted.ask(self.setpoint[:1], self.setpoint[1:], now)
         self.plane.wanted.ask(self.planar_setpoint[:2], self.planar_setpoint[2:], now)
         self._sample = None
@@ -286,7 +281,7 @@ class Bench:
 
     def _on_force(self, force: ForceReading) -> None:
         self._readings.append(force)
-        self.plane.on_force(force.fx, force.fy, self.now_ns)
+        self.plane.on_force(force, self.now_ns)
 
     def _row(self, sample: EncoderReading | None) -> Row:
         controller, axis = self.controller, self.axis
@@ -297,13 +292,13 @@ class Bench:
             controller.handle_force,
             controller.output.force,
             axis.last.command,
-            axis.drives.reason or controller.reason,
+            axis.permit.reason or controller.reason,
         )
 
     @property
     def torque_passes(self) -> bool:
         """Whether the gate is open."""
-        return self.axis.drives.gate.phase == OPEN
+        return self.axis.permit.enabled
 
     def close(self) -> None:
         """Close all buses."""

@@ -215,13 +215,13 @@ def test_plane_follows_its_set_point(bench):
     bench.seconds(3.0)
     x, y = bench.world.truth().planar_position
     assert math.hypot(x - 0.08, y - 0.06) < 0.03
-    assert bench.axes.output.x == pytest.approx(x, abs=1e-3)
-    assert bench.axes.output.y == pytest.approx(y, abs=1e-3)
+    assert bench.plane.output.x == pytest.approx(x, abs=1e-3)
+    assert bench.plane.output.y == pytest.approx(y, abs=1e-3)
 
 
 def test_plane_needs_its_home(bench):
     """Without absolute angles there is no planar force."""
-    bench.axes.joints[1].restart()
+    bench.plane.joints[1].motion.restart()
     assert "home" in bench.enable_plane()
 
 
@@ -233,4 +233,4 @@ def test_one_planar_drive_down_takes_both(bench):
     bench.rig.inject("elbow", "fault", 0.0, 0.0, bench.now_ns)
     bench.seconds(0.2)
     assert bench.world.planar_torque == pytest.approx((0.0, 0.0), abs=1e-6)
-    assert "elbow" in bench.axes.drives.reason
+    assert "elbow" in bench.plane.permit.reason

@@ -16,16 +16,17 @@ def implausible(bench) -> None:
 
 def test_a_command_fault_is_latched(bench):
     implausible(bench)
-    assert "beyond anything" in bench.axis.drives.fault
+    assert "beyond anything" in bench.axis.permit.fault.reason
 
 
 def test_one_clear_fault_clears_what_came_behind_another_fault(bench):
-    bench.axis.drives.fault = "20 deadlines missed in a row"
+    bench.axis.permit.fault.set("20 deadlines missed in a row")
     implausible(bench)
-    assert bench.axis.drives.fault == "20 deadlines missed in a row", "the first is the cause"
+    fault = bench.axis.permit.fault
+    assert fault.reason == "20 deadlines missed in a row", "the first is the cause"
     assert bench.clear_fault() == ""
     bench.ticks(20)
-    assert bench.axis.drives.fault == "", "nothing has happened since"
+    assert bench.axis.permit.fault.reason == "", "nothing has happened since"
 
 
 def test_torque_that_cannot_be_sent_is_not_shown_as_written(enabled, monkeypatch):
@@ -39,5 +40,5 @@ def test_torque_that_cannot_be_sent_is_not_shown_as_written(enabled, monkeypatch
 
     monkeypatch.setattr(enabled.ports["drive"], "send", fail)
     enabled.ticks(30)
-    assert enabled.axis.drives.reason.startswith("cannot send")
+    assert enabled.axis.permit.reason.startswith("cannot send")
     assert enabled.axis.last[:2] == (0.0, 0.0)

@@ -22,12 +22,12 @@ def test_a_spring_that_runs_away_on_a_frozen_joint_is_stopped(bench, joint, aim)
     """The arm hangs in the handle; the set point is 12 cm away and never comes nearer."""
     enabled_plane(bench, ArmSettings(kind="relaxed"))
     bench.rig.inject(joint, "position_freeze", 0.0, 0.0, bench.now_ns)
-    bench.axes.settings = bench.axes.settings._replace(stiffness=200.0)
+    bench.plane.settings = bench.plane.settings._replace(stiffness=200.0)
     bench.planar_setpoint = (*aim, 0.0, 0.0)
     bench.seconds(1.5)
-    assert f"{joint} drive: position (6064)" in bench.axes.drives.reason
-    assert not bench.axes.drives.enabled
-    assert bench.axes.written == (0.0, 0.0) and not bench.axes.homed
+    assert f"{joint} drive: position (6064)" in bench.plane.permit.reason
+    assert not bench.plane.permit.enabled
+    assert bench.plane.written == (0.0, 0.0) and not bench.plane.homed
 
 
 def test_a_patient_who_moves_a_frozen_joint_is_noticed(bench):
@@ -35,7 +35,7 @@ def test_a_patient_who_moves_a_frozen_joint_is_noticed(bench):
     enabled_plane(bench, arm)
     bench.rig.inject("shoulder", "position_freeze", 0.0, 0.0, bench.now_ns)
     bench.seconds(1.5)
-    assert "shoulder drive: position (6064)" in bench.axes.drives.reason
+    assert "shoulder drive: position (6064)" in bench.plane.permit.reason
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,6 @@ def test_healthy_joints_are_not_doubted(bench, arm):
     """At rest, held away from the set point against 10 N, and in motion with its turning points."""
     enabled_plane(bench, arm)
     bench.planar_setpoint = (0.03, 0.05, 0.0, 0.0)
-    bench.axes.settings = bench.axes.settings._replace(stiffness=200.0)
+    bench.plane.settings = bench.plane.settings._replace(stiffness=200.0)
     bench.seconds(2.0)
-    assert bench.axes.drives.enabled, bench.axes.drives.reason
+    assert bench.plane.permit.enabled, bench.plane.permit.reason

@@ -15,7 +15,7 @@ from screw_module_ros.control.slot import Slot, SlotLimits
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
-from screw_module_ros.loop.guide import RENEWED_NS, Guide
+from screw_module_ros.loop.inputs import RENEWED_NS, Guide
 
 LIMITS = SlotLimits()
 MODEL = thesis_friction()
@@ -26,7 +26,7 @@ DT = 0.002
 
 def test_a_slot_that_is_not_renewed_fades_out():
     guide = Guide(LIMITS)
-    guide.ask(LINE, 0, 0)
+    guide.ask(LINE, 0, 1)
     weights = [
         guide.guidance(0.03, 0.0, 0.0, 0.0, 2 * MS * step, DT).weight for step in range(1, 400)
     ]

@@ -12,11 +12,11 @@ def test_a_jump_costs_the_home_position(bench):
     bench.ticks(20)
     bench.rig.inject("shoulder", "clear", 0.0, 0.0, bench.now_ns)
     bench.ticks(200)
-    assert not bench.axes.homed
-    assert bench._asking(bench.axes.clear_fault) == ""
-    assert "not homed" in bench.axes.enable(lambda seconds: None)
+    assert not bench.plane.homed
+    assert bench._asking(bench.plane.clear_fault) == ""
+    assert "not homed" in bench.plane.enable(lambda seconds: None)
     bench.ticks(2000)
-    assert bench.axes.home(bench.now_ns) == ""
+    assert bench.plane.take_home(bench.now_ns) == ""
     assert bench.enable_plane() == ""
     bench.ticks(600)
-    assert max(map(abs, bench.axes.written)) > 0.1
+    assert max(map(abs, bench.plane.written)) > 0.1

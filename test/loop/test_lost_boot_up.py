@@ -36,5 +36,5 @@ def test_while_it_cannot_be_reached_it_stays_off(enabled):
     restart_unheard(enabled, "cable_out")
     assert "does not recover" in enabled.clear_fault()
     with pytest.raises(NotAnswering):
-        enabled.axis.drives.clear_fault(enabled.clock)
+        enabled.axis.permit.clear_fault(enabled.clock)
     assert enabled.enable() != ""

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.limits import TorqueLimits
 from screw_module_ros.control.torque_chain import TorqueChain
+from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.safety.permit import PermitSettings
 
 MS, S = 1_000_000, 1_000_000_000
 LIMITS = TorqueLimits()
@@ -21,10 +22,12 @@ CHAIN = TorqueChain(limits=LIMITS)
 
 def axis(heat, sent):
     """Return a drive's loop that is enabled, and notes what it writes [Nm]."""
-    drive = SimpleNamespace(write=lambda command, now_ns: sent.append(command) or command)
+    drive = SimpleNamespace(
+        write=lambda command, now_ns: sent.append(command) or command, settings=DriveSettings()
+    )
     port = SimpleNamespace(clock=ManualClock(S))
-    made = VerticalDrive(drive, port, MS, GateSettings(), CHAIN, heat=heat)
-    made.drives = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0)
+    made = VerticalDrive(drive, port, MS, PermitSettings(), CHAIN, heat=heat)
+    made.permit = SimpleNamespace(step=lambda newest_ns, now_ns: 1.0)
     return made
 
 

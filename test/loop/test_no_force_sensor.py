@@ -11,10 +11,9 @@ import pytest
 
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
-from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = thesis_friction()

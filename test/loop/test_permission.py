@@ -3,40 +3,52 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
-
 import pytest
 
 from screw_module_ros.clock import ManualClock, TimeStandsStill
-from screw_module_ros.control.gate import CLOSED, GateSettings
-from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.loop.ticker import Tick
+from screw_module_ros.safety.permit import CLOSED, STARTING, Permit, PermitSettings
 
 MS = 1_000_000
 
 
-def permitted(drives: GatedDrives, now_ns: int) -> bool:
-    return drives._input(0, now_ns).permitted
+def made() -> Permit:
+    """Return the permit of no drive."""
+    return Permit([], Requests(), PermitSettings(), MS)
+
+
+def refusal(permit: Permit, now_ns: int) -> str:
+    """Return what `~/enable` says with fresh commands."""
+    answer = permit.requests.put(permit.open)
+    permit.step(now_ns, now_ns)
+    said = answer.result(timeout=0.0)
+    permit.close()
+    return said
+
+
+def permitted(permit: Permit, now_ns: int) -> bool:
+    return refusal(permit, now_ns) == ""
 
 
 def test_a_second_sender_cannot_talk_over_a_refusal():
     """One that permits in between gets nothing while refusals keep coming."""
-    drives = GatedDrives([], GateSettings(), MS)
+    permit = made()
     for k in range(1000):
-        drives.permit(k % 20 != 0, "emergency stop", k * MS)
-        assert not permitted(drives, k * MS)
-    assert drives._safety_reason == "emergency stop"
+        permit.supervise(k % 20 != 0, "emergency stop", k * MS)
+        assert not permitted(permit, k * MS)
+    assert refusal(permit, 999 * MS) == "not permitted: emergency stop"
 
 
 def test_permission_comes_back_once_nobody_refuses():
-    drives = GatedDrives([], GateSettings(), MS)
-    drives.permit(True, "", MS)
-    assert permitted(drives, MS), "the first word is believed"
-    drives.permit(False, "estop", 2 * MS)
+    permit = made()
+    permit.supervise(True, "", MS)
+    assert permitted(permit, MS), "the first word is believed"
+    permit.supervise(False, "estop", 2 * MS)
     allowed = []
     for k in range(3, 500):
-        drives.permit(True, "", k * MS)
-        if permitted(drives, k * MS):
+        permit.supervise(True, "", k * MS)
+        if permitted(permit, k * MS):
             allowed.append(k)
     assert 150 < allowed[0] < 300
     assert allowed == list(range(allowed[0], 500))
@@ -48,33 +60,33 @@ def test_permission_is_looked_at_whichever_ticks_are_left_out(bench):
     for number in range(1001, 1101, 2):
         bench.clock.time_ns += 2 * MS
         tick = Tick(number, bench.now_ns, 0, 1)
-        bench.axis.end_tick(tick, lambda drives, now_ns: looked.append(now_ns))
+        bench.axis.end(tick, lambda permit, now_ns: looked.append(now_ns))
     assert len(looked) == 25
 
 
 def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
     """Asked for while enabled, as for another node: the loop finds both in one tick."""
-    drives = enabled.axis.drives
-    drives.fault = "20 deadlines missed in a row"
-    drives._asked.put((drives._clear, Future()))
+    permit = enabled.axis.permit
+    permit.fault.set("20 deadlines missed in a row")
+    permit.requests.put(permit.clear)
     enabled.ticks(5)
     assert not enabled.torque_passes
-    assert drives.faulted and drives.reason == "20 deadlines missed in a row"
+    assert permit.faulted and permit.reason == "20 deadlines missed in a row"
     assert enabled.clear_fault() == ""
-    assert not drives.faulted
+    assert not permit.faulted
 
 
 def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
     enabled.permitted = False
     enabled.ticks(5)
-    drives = enabled.axis.drives
-    assert drives.reason == "not permitted: test"
+    permit = enabled.axis.permit
+    assert permit.reason == "not permitted: test"
     enabled.permitted = True
     enabled.ticks(400)
     enabled.rig.inject("drive", "refuse_enable", 0.0, 0.0, enabled.now_ns)
-    drives._asked.put((drives._open, Future()))
+    permit.requests.put(permit.open)
     enabled.ticks(5)
-    assert drives.reason == "the drive is on its way to operation enabled"
+    assert permit.reason == STARTING
 
 
 class StoppedClock(ManualClock):
@@ -96,25 +108,20 @@ class StoppedClock(ManualClock):
 @pytest.mark.parametrize("waits", [0, 1])
 def test_an_enable_that_was_answered_with_an_error_is_not_carried_out_later(bench, waits):
     """The rig stops while somebody enables, and goes on after he was told that it failed."""
-    drives = bench.axis.drives
+    permit = bench.axis.permit
     with pytest.raises(TimeStandsStill):
-        drives.enable(StoppedClock(waits, bench.tick))
+        permit.enable(StoppedClock(waits, bench.tick))
     bench.ticks(200)
-    assert not bench.torque_passes and drives.gate.phase == CLOSED
+    assert not bench.torque_passes and permit.phase == CLOSED
     assert bench.enable() == ""
 
 
-def refusal(drives: GatedDrives, now_ns: int) -> str:
-    """Return what `~/enable` says to a drive with fresh commands."""
-    return drives._open(drives._input(now_ns, now_ns))
-
-
 def test_without_a_supervisor_enabling_is_not_refused_in_its_name():
-    drives = GatedDrives([], GateSettings(), MS)
-    assert refusal(drives, MS) == "no fresh safety_state", "it has never said anything"
-    drives.permit(False, "encoder: not seen yet", 2 * MS)
-    assert refusal(drives, 3 * MS) == "not permitted: encoder: not seen yet"
-    assert refusal(drives, 500 * MS) == "no fresh safety_state", "it has gone since"
+    permit = made()
+    assert refusal(permit, MS) == "no fresh safety_state", "it has never said anything"
+    permit.supervise(False, "encoder: not seen yet", 2 * MS)
+    assert refusal(permit, 3 * MS) == "not permitted: encoder: not seen yet"
+    assert refusal(permit, 500 * MS) == "no fresh safety_state", "it has gone since"
 
 
 def test_a_latched_stop_whose_cause_is_over_tells_the_way_out(enabled):

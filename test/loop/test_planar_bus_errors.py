@@ -3,24 +3,19 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control import gate
-from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.devices.cia402 import State
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import BusError
-from screw_module_ros.loop.joint import JointSettings
-from screw_module_ros.loop.planar_axes import PlanarAxes
+from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.safety.permit import OPEN, PermitSettings
 from screw_module_ros.samples import DriveReading
 
 MS = 1_000_000
-NOWHERE = (math.nan, math.nan, 0.0, 0.0)
 
 
 class FakeDrive:
@@ -49,8 +44,8 @@ class FakeDrive:
         self._do("write")
         return torque_nm
 
-    def state(self, now_ns):
-        return State.OPERATION_ENABLED
+    def is_on(self, now_ns):
+        return True
 
     def request_disable(self):
         self._do("disable")
@@ -59,10 +54,11 @@ class FakeDrive:
 @pytest.fixture
 def axes():
     drives = (FakeDrive("shoulder drive"), FakeDrive("elbow drive"))
-    made = PlanarAxes(drives, MS, PlanarSettings(), JointSettings(), GateSettings())
-    made.drives.permit(True, "", 100 * MS)
-    made.act(NOWHERE, 100 * MS)
-    made.drives.gate = gate.GateState(gate.OPEN, 1.0, gate.PASSING, False, 1, 100 * MS)
+    port = SimpleNamespace(clock=ManualClock(102 * MS))
+    made = Plane(drives, port, MS, PlanarSettings(), JointSettings(), PermitSettings())
+    made.permit.supervise(True, "", 100 * MS)
+    made.act(100 * MS)
+    made.permit.phase, made.permit.scale = OPEN, 1.0
     for drive in drives:
         drive.done.clear()
     return made
@@ -70,33 +66,33 @@ def axes():
 
 @pytest.mark.parametrize("failing", [0, 1])
 def test_both_drives_are_written_whichever_fails(axes, failing):
-    drives = axes.drives.drives
+    drives = axes.permit.drives
     drives[failing].fails.add("write")
     with pytest.raises(BusError, match=drives[failing].label):
-        axes.act(NOWHERE, 101 * MS)
+        axes.act(101 * MS)
     assert [drive.done for drive in drives] == [["write"]] * 2
     assert len(axes.written) == 2
 
 
 def test_the_first_error_is_the_one_raised(axes):
-    for drive in axes.drives.drives:
+    for drive in axes.permit.drives:
         drive.fails.add("write")
     with pytest.raises(BusError, match="shoulder drive write"):
         axes.idle(101 * MS)
 
 
 def test_the_heartbeat_goes_out_without_a_sync(axes):
-    axes.drives.drives[0].fails.add("sync")
+    axes.permit.drives[0].fails.add("sync")
     with pytest.raises(BusError, match="sync"):
         axes.request(101 * MS)
-    assert [drive.done[-1] for drive in axes.drives.drives] == ["heartbeat"] * 2
+    assert [drive.done[-1] for drive in axes.permit.drives] == ["heartbeat"] * 2
 
 
 def test_after_the_end_the_gate_is_closed_and_the_next_start_finds_no_fault(axes):
     """Deactivated while enabled, activated again later: nothing is latched."""
 
-    assert axes.drives.enabled
-    assert axes.shutdown(SimpleNamespace(clock=ManualClock(102 * MS))) == ""
-    assert not axes.drives.enabled and axes.drives.reason == "not enabled"
+    assert axes.permit.enabled
+    assert axes.shutdown() == ""
+    assert not axes.permit.enabled and axes.permit.reason == "not enabled"
     axes.idle(9000 * MS)
-    assert not axes.drives.faulted
+    assert not axes.permit.faulted

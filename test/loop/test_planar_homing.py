@@ -3,19 +3,19 @@
 
 from __future__ import annotations
 
-from screw_module_ros.control.gate import CLOSED, OPENING
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.devices import drive_start
+from screw_module_ros.safety.permit import CLOSED, OPENING
 
 
 def test_not_while_enabled_nor_on_the_way_there(bench):
-    drives = bench.axes.drives
-    drives.gate = drives.gate._replace(phase=OPENING)
-    assert "disable it first" in bench.axes.home(bench.now_ns)
-    drives.gate = drives.gate._replace(phase=CLOSED)
-    assert bench.axes.home(bench.now_ns) == ""
+    permit = bench.plane.permit
+    permit.phase = OPENING
+    assert "disable it first" in bench.plane.take_home(bench.now_ns)
+    permit.phase = CLOSED
+    assert bench.plane.take_home(bench.now_ns) == ""
     assert bench.enable_plane() == ""
-    assert "disable it first" in bench.axes.home(bench.now_ns)
+    assert "disable it first" in bench.plane.take_home(bench.now_ns)
 
 
 def test_not_while_a_drive_is_in_operation_without_us(bench):
@@ -26,43 +26,43 @@ def test_not_while_a_drive_is_in_operation_without_us(bench):
     bench.ports["planar"].send_sync(bench.now_ns)
     bench.rig.process(bench.now_ns)
     bench.ports["planar"].pump()
-    assert "disable it first" in bench.axes.home(bench.now_ns)
+    assert "disable it first" in bench.plane.take_home(bench.now_ns)
 
 
 def test_elsewhere_it_must_be_asked_for_twice(bench):
     """The handle stands 5 cm from where the last homing says the mark is."""
-    axes = bench.axes
+    axes = bench.plane
     shoulder, elbow = axes.joints
-    shoulder.home(shoulder.angle + 0.1)
+    shoulder.motion.home(shoulder.angle + 0.1)
     angles = shoulder.angle, elbow.angle
-    refused = axes.home(bench.now_ns)
+    refused = axes.take_home(bench.now_ns)
     assert "mm against the last homing" in refused and "again" in refused
     assert (shoulder.angle, elbow.angle) == angles, "nothing moved"
     assert not axes.homed and "not homed" in bench.enable_plane()
     bench.ticks(500)
-    assert "against" in axes.home(bench.now_ns), "too soon to be a second thought"
+    assert "against" in axes.take_home(bench.now_ns), "too soon to be a second thought"
     bench.ticks(2000)
-    assert axes.home(bench.now_ns) == ""
+    assert axes.take_home(bench.now_ns) == ""
     assert abs(shoulder.angle - angles[0]) > 0.09
-    assert axes.home(bench.now_ns) == "", "the same mark again"
+    assert axes.take_home(bench.now_ns) == "", "the same mark again"
 
 
 def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     """Between deactivate and activate nobody listens: a drive may have restarted unseen."""
-    axes = bench.axes
+    axes = bench.plane
     ends = [bench.rig.devices[name].node for name in ("shoulder", "elbow")]
     assert axes.homed
     axes.guide.ask(Slot(target_y=0.14), 0, bench.now_ns)
-    assert axes.shutdown(bench.ports["planar"]) == ""
+    assert axes.shutdown() == ""
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [(0, 0)] * 2
     axes.restart()
     assert axes.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
-    drive_start.start(axes.drives.drives)
+    drive_start.start(axes.permit.drives)
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [
         (20, 113 << 16 | 100)
     ] * 2
-    assert axes.home(bench.now_ns) == "the drives do not answer"
+    assert axes.take_home(bench.now_ns) == "the drives do not answer"
     bench.ticks(30)
     assert not axes.homed and "not homed" in bench.enable_plane()
-    assert axes.home(bench.now_ns) == ""
+    assert axes.take_home(bench.now_ns) == ""
     assert bench.enable_plane() == ""

@@ -8,12 +8,14 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.gate import GateSettings
+from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
+from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import BusError
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.plane import PlaneLimits, PlaneLoop, PlaneWires
+from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.ticker import Tick
+from screw_module_ros.safety.permit import PermitSettings
 
 MS = 1_000_000
 
@@ -25,21 +27,20 @@ def fails(*_):
 @pytest.mark.parametrize("failing", ["request", "pump"])
 def test_an_error_before_the_writes_does_not_skip_them(failing):
     idle = []
-    axes = SimpleNamespace(
-        request=fails if failing == "request" else lambda now: None,
-        answered=lambda since: False,
-        idle=idle.append,
-        drives=SimpleNamespace(missed=lambda in_a_row, limit: None),
-    )
     port = SimpleNamespace(pump=fails, clock=ManualClock(5 * MS))
-    PlaneLoop(axes, port, MS, PlaneLimits(), PlaneWires()).step()
+    drives = [SimpleNamespace(settings=DriveSettings(), reading=None) for _ in range(2)]
+    plane = Plane(drives, port, MS, PlanarSettings(), JointSettings(), PermitSettings())
+    plane.request = fails if failing == "request" else lambda now: None
+    plane.idle = idle.append
+    plane.step()
     assert idle == [6 * MS]
 
 
 def test_the_vertical_drive_is_no_other():
     idle = []
     port = SimpleNamespace(pump=fails, clock=ManualClock(5 * MS))
-    drive = VerticalDrive(SimpleNamespace(), port, MS, GateSettings(), TorqueChain())
+    device = SimpleNamespace(settings=DriveSettings())
+    drive = VerticalDrive(device, port, MS, PermitSettings(), TorqueChain())
     drive.idle = idle.append
-    drive.end_tick(Tick(1, 5 * MS, 6 * MS, 0), lambda drives, now_ns: None)
+    drive.end(Tick(1, 5 * MS, 6 * MS, 0), lambda drives, now_ns: None)
     assert idle == [5 * MS]

@@ -21,3 +21,8 @@ def inbox_with(*states: AmplifierState | None) -> SimpleNamespace:
     """Return an inbox that gives these states, one for each look, and then none."""
     told = iter(states)
     return SimpleNamespace(subscribe=lambda *_: lambda: next(told, None))
+
+
+def served_at_once():
+    """Return a part of a loop that carries out each request as soon as it is asked for."""
+    return SimpleNamespace(requests=SimpleNamespace(ask=lambda act, clock: act()))

@@ -11,7 +11,11 @@ import rclpy
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.port import PortCounters
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.nodes.support.topics import offered
+from screw_module_ros.safety.permit import PermitSettings
 
 TOPICS = (graph.SETPOINT, graph.THERAPY_SLOT, graph.FORCE, graph.SAFETY_STATE)
 
@@ -86,16 +90,20 @@ def test_a_set_point_from_before_is_gone(controller, publish, wait_until):
 def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch):
     """Deactivated and activated, with drives that do nothing."""
     node = make_node("manus")
-    axes = SimpleNamespace(restart=lambda: None, shutdown=lambda port: "")
-    node._axes, node.period_ns = axes, 2_000_000
+    node.period_ns = 2_000_000
     node.port = SimpleNamespace(clock=node.clock, snapshot=PortCounters)
+    drive = SimpleNamespace(
+        settings=DriveSettings(), running=False, request_disable=lambda: None
+    )
+    settings = (PlanarSettings(), JointSettings(), PermitSettings())
+    node._plane = Plane((drive, drive), node.port, node.period_ns, *settings)
     monkeypatch.setattr(node, "start_drives", lambda: None)
     node._make_topics()
     node.begin()
-    node._loop.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
+    node._plane.wanted.ask((0.1, 0.1), (0.0, 0.0), 1)
     node.end()
     node.begin()
-    assert all(map(math.isnan, node._loop.wanted.at(1)[:2]))
+    assert all(map(math.isnan, node._plane.wanted.at(1)[:2]))
     node.stop_polls()
     node.port = None
     node.disconnect()

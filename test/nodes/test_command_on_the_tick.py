@@ -8,7 +8,6 @@ from typing import NamedTuple
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.loop.rate_check import RateCheck
 
 MS = 1_000_000
 
@@ -34,7 +33,6 @@ class Inbox:
 def test_a_command_of_the_next_tick_waits_for_its_sync(make_node, comes_ns, taken):
     node = make_node("amplifier")
     node._inbox = Inbox(ManualClock(9 * MS), comes_ns)
-    node._rate_check = RateCheck("encoder", MS)
     node._take_command = lambda: Command(9, 9 * MS, 1.0)
     found = node.take_command(10 * MS)
     node._inbox = None

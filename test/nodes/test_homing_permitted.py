@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pytest
-from amplifier_told import PatientClock, inbox_with
+from amplifier_told import PatientClock, inbox_with, served_at_once
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotHomed
@@ -34,6 +34,7 @@ def home(make_node):
     """Return what the service answers when the amplifier tells these states."""
     node = make_node("encoder")
     device = node.device = Device()
+    node.part = served_at_once()
 
     def ask(*states: AmplifierState) -> str:
         node._torque_off = TorqueOff(inbox_with(None, *states), PatientClock(1))

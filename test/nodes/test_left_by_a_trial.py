@@ -21,7 +21,7 @@ def amplifier(make_node):
 
     def make(**given: float) -> Node:
         node = make_node("amplifier", *(w for k, v in given.items() for w in ("-p", f"{k}:={v}")))
-        node.part = SimpleNamespace(drives=SimpleNamespace(enable=lambda clock: ""))
+        node.part = SimpleNamespace(permit=SimpleNamespace(enable=lambda clock: ""))
         return node
 
     return make

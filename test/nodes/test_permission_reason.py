@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 from screw_module_msgs.msg import SafetyState
 
-from screw_module_ros.control.gate import GateSettings
-from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support.permission import PLANAR, VERTICAL, Permission
+from screw_module_ros.safety.permit import Permit, PermitSettings
 
 MS = 1_000_000
 
@@ -20,9 +20,11 @@ def refused(field: str, safety: SafetyState) -> str:
     waiting = [safety]
     inbox = SimpleNamespace(subscribe=lambda *_: lambda: waiting.pop() if waiting else None)
     node = SimpleNamespace(periodic=SimpleNamespace(every=lambda *_: None), clock=None)
-    drives = GatedDrives([], GateSettings(), MS)
-    Permission(node, inbox, field).pass_on(drives, MS)
-    return drives._open(drives._input(MS, MS))
+    permit = Permit([], Requests(), PermitSettings(), MS)
+    Permission(node, inbox, field).pass_on(permit, MS)
+    answer = permit.requests.put(permit.open)
+    permit.step(MS, MS)
+    return answer.result(timeout=0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.gate import OPEN, GateSettings
-from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.loop.requests import Requests
 from screw_module_ros.nodes.support import qos
 from screw_module_ros.nodes.support.senders import too_many_senders
+from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
 
 MS = 1_000_000
 
@@ -63,13 +63,13 @@ def test_a_drive_node_stops_while_open_and_refuses_to_open(make_node, name, kind
     node = make_node(name)
     node._permission = SimpleNamespace(pass_on=lambda drives, now_ns: None, close=lambda: None)
     node.want_one_sender(topic)
-    drives = GatedDrives([], GateSettings(), MS)
+    permit = Permit([], Requests(), PermitSettings(), MS)
     publish(node, kind, topic, 2)
     node._senders._count()
-    node.permission(drives, MS)
-    assert drives.fault == "", "nothing passes: the next enable is refused"
+    node.permission(permit, MS)
+    assert permit.fault.reason == "", "nothing passes: the next enable is refused"
     assert node.enable() == too_many_senders(node, topic) != ""
-    drives.gate = drives.gate._replace(phase=OPEN)
-    node.permission(drives, 2 * MS)
-    assert drives.fault.startswith(f"2 nodes publish {topic}")
+    permit.phase = OPEN
+    node.permission(permit, 2 * MS)
+    assert permit.fault.reason.startswith(f"2 nodes publish {topic}")
     node.disconnect()

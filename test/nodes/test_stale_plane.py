@@ -36,13 +36,13 @@ def test_the_plane_is_invalid_while_a_drive_is_silent(bench):
     assert planar_joints(plane).keys() == {"shoulder", "elbow"}
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(150)
-    assert bench.axes.homed, "the count is not lost yet"
+    assert bench.plane.homed, "the count is not lost yet"
     message = shown(bench, plane)
     assert list(message.valid[:2]) == [False, False]
     assert math.isnan(message.position.x) and math.isnan(message.velocity.y)
     assert planar_joints(plane) == {}
     bench.rig.inject("elbow", "clear", 0.0, 0.0, bench.now_ns)
-    assert bench._asking(bench.axes.clear_fault) == ""
+    assert bench._asking(bench.plane.clear_fault) == ""
     bench.ticks(20)
     message = shown(bench, plane)
     assert list(message.valid[:2]) == [True, True]
@@ -54,5 +54,5 @@ def test_a_lost_answer_does_not_make_it_invalid(bench):
     before = shown(bench, plane)
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
     bench.ticks(3)
-    assert bench.axes.output is None
+    assert bench.plane.output is None
     assert shown(bench, plane).position.x == before.position.x

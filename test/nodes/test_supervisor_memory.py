@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.control.supervision import ALL_NODES, EARLIER
 from screw_module_ros.nodes.supervisor import SupervisorNode
 from screw_module_ros.nodes.support.kept import Kept
+from screw_module_ros.safety.supervision import ALL_NODES, EARLIER
 
 
 @pytest.fixture(autouse=True)

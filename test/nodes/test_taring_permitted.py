@@ -9,7 +9,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from amplifier_told import PatientClock, inbox_with
+from amplifier_told import PatientClock, inbox_with, served_at_once
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.nodes.taring import Taring
@@ -35,6 +35,7 @@ class Device:
 def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, before, after, tared):
     node = make_node("force_sensor")
     node.device = Device()
+    node.part = served_at_once()
     states = (None, AmplifierState(enabled=before), None, AmplifierState(enabled=after))
     node._taring = Taring(inbox_with(*states), PatientClock(1))
     said = node._carried_out(node._tare, None, "~/tare", always=True)

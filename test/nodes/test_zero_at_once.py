@@ -74,12 +74,14 @@ def test_the_node_goes_on_after_a_repeated_sample(axis):
 def act_and_publish(axis, sample):
     """One period of `module`'s loop with that sample; return what the drive was given."""
     given = []
-    encoder = SimpleNamespace(ask=lambda tick: None, answer=lambda until_ns: sample)
+    encoder = SimpleNamespace(
+        begin=lambda tick: None, answer=lambda until_ns: sample, end=lambda: None
+    )
     drive = SimpleNamespace(
-        begin_tick=lambda tick: None,
+        begin=lambda tick: None,
         act=lambda sequence, stamp, force, now: given.append((sequence, force)),
-        end_tick=lambda tick, permission: None,
-        drives=SimpleNamespace(enabled=True),
+        end=lambda tick, permission: None,
+        permit=SimpleNamespace(enabled=True),
         position=0.0,
     )
     loop = VerticalLoop(ManualClock(axis.now), MS, Wires(publish_command=axis.node.publish_command))

@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.friction_file import thesis_friction
-from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import VerticalController
+from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MODEL = thesis_friction()
 ROUNDING = 1e-9
 ages = st.sampled_from((0, 0, 0, MS, 4 * MS, 10 * MS, -5 * MS))
-steps = st.sampled_from((1, 1, 1, 2, 0, -1))
+offs = st.sampled_from((0, 0, 0, 1, -1, 2))  # of a sample's number, from that of its tick
 setpoints = st.tuples(near(-1.0, 1.0), near(-1.0, 1.0))
 
 
@@ -33,14 +32,14 @@ class Controller(RuleBasedStateMachine):
         self.controller = VerticalController(
             self.settings, MODEL, WatchSettings(), AgreementSettings(), MS
         )
-        self.now_ns, self.sequence, self.sent = START_NS, 0, 0.0
+        self.now_ns, self.sent = START_NS, 0.0
         self.acted_ns: int | None = None
         self.fault = ""
 
-    def pass_time(self, wait_ns: int, step: int, age: int) -> tuple[int, int, int]:
+    def pass_time(self, wait_ns: int, off: int = 0, age: int = 0) -> tuple[int, int, int]:
         self.now_ns += wait_ns
-        self.sequence = (self.sequence + step) & 0xFFFFFFFF
-        return self.sequence, self.now_ns - age, 0
+        stamp_ns = self.now_ns - age
+        return (stamp_ns // MS + off) & 0xFFFFFFFF, stamp_ns, 0
 
     def judge(self, output) -> None:
         """Look at what is sent, and whether a fault that must stay is still there."""
@@ -70,17 +69,17 @@ class Controller(RuleBasedStateMachine):
         before, self.acted_ns = self.acted_ns, self.controller.answered.monotonic_ns
         return min((self.acted_ns - before) * 1e-9, LONGEST_STEP) if before else MS * 1e-9
 
-    @rule(step=steps, age=ages, position=near(-0.005, 0.365), velocity=near(-1.0, 1.0),
+    @rule(off=offs, age=ages, position=near(-0.005, 0.365), velocity=near(-1.0, 1.0),
           homed=st.sampled_from((True,) * 9 + (False,)), setpoint=setpoints)  # fmt: skip
-    def encoder(self, step, age, position, velocity, homed, setpoint):
-        begin = self.pass_time(MS, step, age)
+    def encoder(self, off, age, position, velocity, homed, setpoint):
+        begin = self.pass_time(MS, off, age)
         sample = EncoderReading(*begin, 0, position, velocity, homed)
         self.judge(self.respond(sample, setpoint))
 
-    @rule(step=steps, age=ages, wrench=st.tuples(*[near(-80.0, 80.0)] * 6),
+    @rule(off=offs, age=ages, wrench=st.tuples(*[near(-80.0, 80.0)] * 6),
           status=st.sampled_from((0, 0, 0, 4, 1 << 14)))  # fmt: skip
-    def force(self, step, age, wrench, status):
-        begin = self.pass_time(0, step, age)
+    def force(self, off, age, wrench, status):
+        begin = self.pass_time(0, off, age)
         self.controller.on_force(ForceReading(*begin, *wrench, status), self.now_ns)
         self.judge(None)
 
@@ -89,7 +88,7 @@ class Controller(RuleBasedStateMachine):
     def work(self, count, position, setpoint, pull=1.0):
         """Both sensors as they should be, for a while."""
         for _ in range(count):
-            begin = self.pass_time(MS, 1, 0)
+            begin = self.pass_time(MS)
             reading = ForceReading(*begin, 1.0, 1.0, pull, *[0.1] * 3, 0)
             self.controller.on_force(reading, self.now_ns)
             sample = EncoderReading(*begin, 0, position, 0.0, True)
@@ -113,7 +112,7 @@ class Controller(RuleBasedStateMachine):
     @rule(enabled=st.sampled_from((True, True, False, None)), position=near(-0.2, 0.2))
     def amplifier(self, enabled, position):
         if enabled is None:  # the drive has said nothing for a while
-            self.controller._drive_ns = None
+            self.controller._drive.note(0)
             self.controller.end_tick(self.now_ns)
         else:
             self.controller.on_drive(enabled, position, self.now_ns)
@@ -146,7 +145,7 @@ def test_a_fault_that_the_amplifiers_end_follows_at_once_stays():
     machine = Controller()
     machine.bring_up(1, 50, (0.2, 0.0))
     machine.respond(
-        EncoderReading(*machine.pass_time(MS, 1, 0), 0, math.nan, 0.0, True), (0.2, 0.0)
+        EncoderReading(*machine.pass_time(MS), 0, math.nan, 0.0, True), (0.2, 0.0)
     )
     machine.controller.on_drive(False, 0.0, machine.now_ns)
     machine.work(20, 0.18, (0.2, 0.0))

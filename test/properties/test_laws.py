@@ -20,7 +20,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical import vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.vertical_state import VerticalInput, initial_state
-from screw_module_ros.control.watch import WatchSettings
+from screw_module_ros.safety.checks import WatchSettings
 from screw_module_ros.settings import declared, validated
 
 MODEL = thesis_friction()

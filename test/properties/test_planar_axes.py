@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from concurrent.futures import Future
 from contextlib import suppress
 
 from anything import MS, absurd, fixed, live_changes, near
@@ -18,19 +17,18 @@ from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.planar import LONGEST_STEP
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.devices.heartbeat import Heartbeat
-from screw_module_ros.loop.joint import JointSettings
-from screw_module_ros.loop.planar_axes import PlanarAxes
+from screw_module_ros.loop.plane import JointSettings, Plane
+from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 PERIOD_NS = 2 * MS
 NODES = (3, 4)
-GATE, LAW, JOINTS = GateSettings(), PlanarSettings(), JointSettings()
+GATE, LAW, JOINTS = PermitSettings(), PlanarSettings(), JointSettings()
 LARGEST = (LAW.shoulder_torque, LAW.elbow_torque)
 PER_MILLE = 10.0 / 1000.0
 ROUNDING = 1e-9
@@ -80,8 +78,8 @@ class PlanarAxesMachine(RuleBasedStateMachine):
             end.objects[0x6076, 0] = unsigned(10_000, 4)
             drive.configure()
             drive.start()
-        self.axes = PlanarAxes(self.drives, PERIOD_NS, LAW, JOINTS, GATE)
-        self.axes.drives._ask = self.ask
+        self.axes = Plane(self.drives, self.wire.port, PERIOD_NS, LAW, JOINTS, GATE)
+        self.axes.permit.requests.ask = self.ask
         self.waits = Waits(self)
         self.shown, self.shown_ns = [0, 0], [0, 0]
         for index, node in enumerate(NODES):
@@ -97,7 +95,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.setpoint = (*setpoint, 0.0, 0.0)
         self.bring_up()
         self.work(60)
-        assert self.axes.drives.enabled and any(abs(torque) > 0.1 for torque in self.axes.written)
+        assert self.axes.permit.enabled and any(abs(torque) > 0.1 for torque in self.axes.written)
 
     def teardown(self):
         if hasattr(self, "wire"):
@@ -118,7 +116,8 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         faulty = any(drive.fault for drive in self.drives)
         self.answered = self.axes.answered(now_ns)
         if self.answered:
-            self.axes.act(self.setpoint, now_ns)
+            self.axes.wanted.ask(self.setpoint[:2], self.setpoint[2:], now_ns)
+            self.axes.act(now_ns)
         else:
             self.axes.idle(now_ns)
         self.judge_law(now_ns)
@@ -147,10 +146,10 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     def judge(self, faulty: bool) -> None:
         """Look at what stands on the wire. faulty: a drive was, before the command went out."""
         axes, now_ns = self.axes, self.wire.now_ns
-        phase = axes.drives.gate.phase
+        phase = axes.permit.phase
         self.open_ns = (self.open_ns or now_ns) if phase == OPEN else None
         since = (now_ns - self.open_ns) * 1e-9 if self.open_ns else 0.0
-        if faulty or axes.drives.fault or not self.permitted:
+        if faulty or axes.permit.fault.reason or not self.permitted:
             self.asked = False  # only another wish may open it again
         may_pass = (
             phase == OPEN and self.asked and axes.homed and now_ns - self.safety_ns <= 100 * MS
@@ -207,7 +206,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.ends[drive].position = position
         self.work(1)
         far = min(moved, 2**32 - moved) * COUNT > 30.0 * JOINTS.jump  # late ticks count
-        assert not (far and self.answered and self.axes.drives.enabled)
+        assert not (far and self.answered and self.axes.permit.enabled)
 
     @rule(speeds=st.tuples(*[st.integers(-120, 120)] * 2), count=st.integers(1, 150))
     def push(self, speeds, count):
@@ -240,7 +239,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         self.tick()
 
     def told(self, permitted: bool, stamp_ns: int) -> None:
-        self.axes.drives.permit(permitted, "told so", stamp_ns)
+        self.axes.permit.supervise(permitted, "told so", stamp_ns)
         self.refused_ns = self.refused_ns if permitted else stamp_ns
         self.permitted = stamp_ns - self.refused_ns > REFUSAL_NS
         self.safety_ns = stamp_ns
@@ -254,20 +253,20 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def home(self):
-        self.axes.home(self.wire.now_ns)
+        self.axes.take_home(self.wire.now_ns)
 
     @rule()
     def enable(self):
         if self.axes.homed:
-            self.ask(self.axes.drives._open)
+            self.ask(self.axes.permit.open)
         self.work(5)
 
     @rule(slow=which)
     def enable_with_one_drive_slow(self, slow):
         """One never shows operation enabled: the other must not turn either."""
         self.disable()
-        if self.axes.homed and not self.axes.drives.faulted:
-            self.ask(self.axes.drives._open)
+        if self.axes.homed and not self.axes.permit.faulted:
+            self.ask(self.axes.permit.open)
         for _ in range(60):
             if self.ends[slow].state == "operation enabled":
                 self.ends[slow].state = "switched on"
@@ -275,7 +274,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     @rule()
     def disable(self):
-        self.axes.drives.disable(self.waits)
+        self.axes.permit.disable(self.waits)
         self.asked = False
         self.work(2)
 
@@ -289,7 +288,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         """Mend everything and do all an operator would, in order."""
         for end in self.ends:
             end.answering, end.cause_stands = True, False
-        self.refused_ns, self.axes.drives._refused_ns = -REFUSAL_NS, None
+        self.refused_ns, self.axes.permit._refused_ns = -REFUSAL_NS, None
         self.told(True, self.wire.now_ns)
         self.disable()
         self.work(40)
@@ -301,15 +300,14 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     def operate(self) -> None:
         """Have torque pass, so that there is something to lose."""
-        if not self.axes.drives.enabled:
+        if not self.axes.permit.enabled:
             self.setpoint = (0.15, 0.15, 0.0, 0.0)
             self.bring_up()
 
     def ask(self, action, _clock=None) -> str:
         """Ask as a service does and tick, so that it is answered."""
-        answer: Future = Future()
-        self.asked = self.asked or action == self.axes.drives._open
-        self.axes.drives._asked.put((action, answer))
+        self.asked = self.asked or action == self.axes.permit.open
+        answer = self.axes.permit.requests.put(action)
         self.work(1)
         return answer.result(timeout=0.0)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from concurrent.futures import Future
 
 import pytest
 from anything import MS, absurd, fixed, near
@@ -18,7 +17,6 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 from scripted import Wire
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
-from screw_module_ros.control.gate import CLOSED, OPEN, GateSettings
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.torque_chain import torque_chain
@@ -27,11 +25,12 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotEnabled
 from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.loop.drive import VerticalDrive
+from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 
 pytestmark = pytest.mark.long
 
 SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
-GATE, LIMITS, FORCES = GateSettings(), TorqueLimits(), CommandLimits()
+GATE, LIMITS, FORCES = PermitSettings(), TorqueLimits(), CommandLimits()
 PER_MILLE = 0.42 / 1000.0
 LINEARIZATION = default_linearization()
 CHAIN = torque_chain(FORCES, LIMITS, LINEARIZATION, SCREW, 0.42)
@@ -208,22 +207,21 @@ class AxisMachine(Machine):
     def __init__(self):
         super().__init__()
         self.axis = VerticalDrive(self.drive, self.wire.port, MS, GATE, CHAIN)
-        self.sequence = 0
         self.open_ns = None
         self.permitted, self.safety_ns = False, 0
         self.command_ns = 0
 
-    @rule(force=st.one_of(near(-90.0, 90.0), absurd), step=st.sampled_from((1, 1, 1, 2, 0, -1)),
+    @rule(force=st.one_of(near(-90.0, 90.0), absurd), off=st.sampled_from((0, 0, 0, 1, -1, 2)),
           age=st.sampled_from((0, 0, MS // 5, 4 * MS, 10 * MS, -5 * MS)),
           wait=st.integers(1, 15), repeats=st.sampled_from((1, 3, 120)))  # fmt: skip
-    def command(self, force, step, age, wait, repeats):
+    def command(self, force, off, age, wait, repeats):
         for _ in range(repeats):
             self.advance(wait if repeats == 1 else 1)
-            self.sequence = (self.sequence + step) & 0xFFFFFFFF
             now_ns = self.wire.now_ns
             if age > -MS:
                 self.command_ns = max(self.command_ns, now_ns - age)
-            self.axis.command(self.sequence, now_ns - age, force, now_ns)
+            number = ((now_ns - age) // MS + off) & 0xFFFFFFFF
+            self.axis.command(number, now_ns - age, force, now_ns)
             self.judge()
 
     @rule(wait=st.integers(1, 15), repeats=st.sampled_from((1, 3, 10)))
@@ -236,7 +234,7 @@ class AxisMachine(Machine):
     @rule(permitted=st.sampled_from((True, True, False)), age=st.sampled_from((0, 0, 0, 90, 200)))
     def permit(self, permitted, age):
         self.permitted, self.safety_ns = permitted, self.wire.now_ns - age * MS
-        self.axis.drives.permit(permitted, "told so", self.safety_ns)
+        self.axis.permit.supervise(permitted, "told so", self.safety_ns)
 
     @rule(repeats=st.sampled_from((10, 60)))
     def bring_up(self, repeats):
@@ -251,39 +249,39 @@ class AxisMachine(Machine):
         self.end.answering, self.end.cause_stands = True, False
         for _ in range(repeats):
             self.advance(1)
-            self.sequence = (self.sequence + 1) & 0xFFFFFFFF
             self.permit(True, 0)
             self.command_ns = self.wire.now_ns
-            self.axis.command(self.sequence, self.wire.now_ns, force, self.wire.now_ns)
+            now_ns = self.wire.now_ns
+            self.axis.command(now_ns // MS & 0xFFFFFFFF, now_ns, force, now_ns)
             self.judge()
 
     @rule()
     def enable(self):
-        self.ask(self.axis.drives._open)
+        self.ask(self.axis.permit.open)
         self.asked = True
         self.work(5)
 
     @rule()
     def disable(self):
-        self.ask(self.axis.drives._disable)
+        self.ask(self.axis.permit.shut)
         self.asked = False
 
     @rule()
     def clear(self):
-        for drive in self.axis.drives.drives:
+        for drive in self.axis.permit.drives:
             if drive.fault:
                 drive.clear_fault()
         self.work(20)
         if not self.drive.fault:
-            self.ask(self.axis.drives._clear)
+            self.ask(self.axis.permit.clear)
 
-    @precondition(lambda self: self.axis.drives.enabled)
+    @precondition(lambda self: self.axis.permit.enabled)
     @rule(force=st.sampled_from((150.0, 20.0, -20.0, -150.0)))
     def start_of_ramp_is_gentle(self, force):
         """From the gate's opening on the torque grows with time, whichever way it is asked for."""
         self.disable()
         self.work(3, force)
-        self.ask(self.axis.drives._open)
+        self.ask(self.axis.permit.open)
         self.asked = True
         self.work(20, force)
         most = largest_torque(1.0, force > 0.0)
@@ -298,11 +296,11 @@ class AxisMachine(Machine):
 
     def ask(self, action) -> None:
         """Ask as a service does, without waiting for the answer."""
-        self.axis.drives._asked.put((action, Future()))
+        self.axis.permit.requests.put(action)
 
     def judge(self) -> None:
-        drives, now_ns = self.axis.drives, self.wire.now_ns
-        phase = drives.gate.phase
+        permit, now_ns = self.axis.permit, self.wire.now_ns
+        phase = permit.phase
         if phase == OPEN:
             self.open_ns = self.open_ns or now_ns
         else:
@@ -315,12 +313,12 @@ class AxisMachine(Machine):
             and not self.drive.fault
         )
         for word, torque in self.commands():
-            if drives._asked.empty():
+            if not permit.requests.waiting:
                 self.asked = self.asked and holds  # only another wish may open it again
             self.judge_frame(word, torque)
             assert abs(torque) <= largest_command(scale, torque > 0.0) + PER_MILLE
             assert torque == 0.0 or (phase == OPEN and holds)
-        if phase == CLOSED and drives._asked.empty():
+        if phase == CLOSED and not permit.requests.waiting:
             self.asked = False
 
 

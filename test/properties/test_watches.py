@@ -9,11 +9,22 @@ from anything import MS, START_NS, absurd, fixed, near, stamps
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.control.watch import CommandWatch, VerticalWatch, WatchSettings
+from screw_module_ros.safety.checks import (
+    LARGEST_COMMAND,
+    Stream,
+    VerticalChecks,
+    WatchSettings,
+    command_problem,
+)
+from screw_module_ros.safety.latch import Latch
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-LARGEST = 150.0
-numbers = st.one_of(st.integers(-2, 3), st.integers(-(2**33), 2**33))
+#: How far the number of a sample is off that of its tick.
+numbers = st.one_of(st.sampled_from((0, 0, 0, 0, 1, -1)), st.integers(-(2**33), 2**33))
+
+
+def numbered(stamp: int, off: int) -> int:
+    return (stamp // MS + off) & 0xFFFFFFFF
 waits = st.integers(0, 8 * MS)
 
 
@@ -22,28 +33,28 @@ class Commands(RuleBasedStateMachine):
 
     def __init__(self):
         super().__init__()
-        self.watch = CommandWatch(MS, LARGEST)
-        self.now_ns, self.sequence, self.newest_ns = START_NS, 0, None
+        self.fault = Latch()
+        self.stream = Stream("force command", MS, self.fault)
+        self.now_ns, self.newest_ns = START_NS, None
 
-    @rule(step=numbers, age=stamps, force=st.one_of(near(-65.0, 65.0), absurd), wait=waits)
-    def command(self, step, age, force, wait):
+    @rule(off=numbers, age=stamps, force=st.one_of(near(-65.0, 65.0), absurd), wait=waits)
+    def command(self, off, age, force, wait):
         self.now_ns += wait
-        self.sequence = (self.sequence + step) & 0xFFFFFFFF
         stamp = self.now_ns + age
-        fault = self.watch.fault
-        if self.watch.accept(self.sequence, stamp, force, self.now_ns):
-            assert math.isfinite(force) and abs(force) <= LARGEST
-            assert stamp <= self.now_ns + MS
+        fault = self.fault.reason
+        newer = self.stream.accept(numbered(stamp, off), stamp, self.now_ns)
+        if newer:
+            assert stamp <= self.now_ns + MS and (off + 1) % 2**32 <= 2
             assert self.newest_ns is None or stamp > self.newest_ns
-        elif not (math.isfinite(force) and abs(force) <= LARGEST) and stamp == self.now_ns:
-            assert self.watch.fault or self.newest_ns is not None
-        assert not fault or self.watch.fault == fault  # the first reason stays
-        self.newest_ns = self.watch.newest_ns or self.newest_ns
+        possible = math.isfinite(force) and abs(force) <= LARGEST_COMMAND
+        assert bool(command_problem(force)) != possible
+        assert not fault or self.fault.reason == fault  # the first reason stays
+        self.newest_ns = self.stream.monotonic_ns or self.newest_ns
 
     @rule()
     def reset(self):
-        self.watch.reset()
-        assert self.watch.fault == ""
+        self.fault.clear()
+        self.stream.restart()
 
 
 class Samples(RuleBasedStateMachine):
@@ -52,17 +63,16 @@ class Samples(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.settings = WatchSettings()
-        self.watch = VerticalWatch(self.settings, MS)
-        self.now_ns, self.sequence, self.heard_ns = START_NS, 0, {}
+        self.watch = VerticalChecks(self.settings, MS)
+        self.now_ns, self.heard_ns = START_NS, {}
 
-    def step(self, step, age, wait):
+    def step(self, off, age, wait):
         self.now_ns += wait
-        self.sequence = (self.sequence + step) & 0xFFFFFFFF
-        self.fault = self.watch.fault
-        return self.sequence, self.now_ns + age, 0
+        self.fault = self.watch.fault.reason
+        return numbered(self.now_ns + age, off), self.now_ns + age, 0
 
     def judge(self, stream, accepted, stamp, values):
-        assert not self.fault or self.watch.fault == self.fault
+        assert not self.fault or self.watch.fault.reason == self.fault
         if stamp <= self.now_ns + MS:
             self.heard_ns[stream] = max(stamp, self.heard_ns.get(stream, stamp))
         if not accepted:
@@ -72,10 +82,10 @@ class Samples(RuleBasedStateMachine):
         if self.now_ns - stamp > self.settings.stale_periods * MS:
             assert reason
 
-    @rule(step=numbers, age=stamps, wait=waits, position=near(-0.02, 0.38),
+    @rule(off=numbers, age=stamps, wait=waits, position=near(-0.02, 0.38),
           velocity=near(-1.2, 1.2), homed=st.sampled_from((True, True, False)))  # fmt: skip
-    def encoder(self, step, age, wait, position, velocity, homed):
-        begin = self.step(step, age, wait)
+    def encoder(self, off, age, wait, position, velocity, homed):
+        begin = self.step(off, age, wait)
         sample = EncoderReading(*begin, 0, position, velocity, homed)
         accepted = self.watch.encoder(sample, self.now_ns)
         self.judge("encoder", accepted, begin[1], (position, velocity))
@@ -84,17 +94,17 @@ class Samples(RuleBasedStateMachine):
         if accepted and not (homed and inside):
             assert self.watch.check(self.now_ns)
 
-    @rule(step=numbers, age=stamps, wait=waits, wrench=st.tuples(*[near(-160.0, 160.0)] * 6),
+    @rule(off=numbers, age=stamps, wait=waits, wrench=st.tuples(*[near(-160.0, 160.0)] * 6),
           status=st.one_of(st.just(0), st.integers(0, 0xFFFF)))  # fmt: skip
-    def force(self, step, age, wait, wrench, status):
-        begin = self.step(step, age, wait)
+    def force(self, off, age, wait, wrench, status):
+        begin = self.step(off, age, wait)
         accepted = self.watch.force(ForceReading(*begin, *wrench, status), self.now_ns)
         self.judge("force", accepted, begin[1], wrench)
 
     @rule(wait=st.integers(0, 20 * MS))
     def silence(self, wait):
         self.now_ns += wait
-        fault = self.watch.fault
+        fault = self.watch.fault.reason
         reason = self.watch.check(self.now_ns)
         assert not fault or reason == fault
         old = [ns for ns in self.heard_ns.values() if self.now_ns - ns > 5 * MS]

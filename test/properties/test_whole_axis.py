@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import Future
 
 import pytest
 from anything import fixed, near
@@ -12,13 +11,13 @@ from bench import Bench
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from screw_module_ros.control.gate import CLOSED, OPEN
 from screw_module_ros.control.limits import CommandLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
+from screw_module_ros.safety.permit import CLOSED, OPEN
 
 pytestmark = pytest.mark.long
 
@@ -63,19 +62,19 @@ class WholeAxis(RuleBasedStateMachine):
             self.judge(bench.rows[-1])
 
     def judge(self, row) -> None:
-        drives = self.bench.axis.drives
+        permit = self.bench.axis.permit
         assert math.isfinite(row.torque) and math.isfinite(row.force)
         step, elapsed = abs(row.force - self.force), self.elapsed()
         assert row.force == 0.0 or step <= FORCE_RATE * elapsed + ROUNDING
         self.force = row.force
-        self.open_ticks = self.open_ticks + 1 if drives.gate.phase == OPEN else 0
+        self.open_ticks = self.open_ticks + 1 if permit.phase == OPEN else 0
         ramp = min(1.0, self.open_ticks / 500.0)
         assert abs(row.torque) <= ramp * LARGEST + 0.001
-        if not (self.asked and self.bench.permitted and drives.gate.phase == OPEN):
+        if not (self.asked and self.bench.permitted and permit.phase == OPEN):
             assert row.torque == 0.0
         if self.bench.controller.faulted:
             assert self.bench.controller.output.force == 0.0
-        if drives.gate.phase == CLOSED and drives._asked.empty():
+        if permit.phase == CLOSED and not permit.requests.waiting:
             self.asked = False
 
     def elapsed(self) -> float:
@@ -118,15 +117,15 @@ class WholeAxis(RuleBasedStateMachine):
             bench.drive.clear_fault()
         self.work(150)
         bench.controller.reset(bench.now_ns)
-        for action in (bench.axis.drives._clear, bench.axis.drives._open):
-            bench.axis.drives._asked.put((action, Future()))
-            self.asked = self.asked or action == bench.axis.drives._open
+        for action in (bench.axis.permit.clear, bench.axis.permit.open):
+            bench.axis.permit.requests.put(action)
+            self.asked = self.asked or action == bench.axis.permit.open
             self.work(10)
         self.work(100)
 
     @rule()
     def disable(self):
-        self.bench.axis.drives._asked.put((self.bench.axis.drives._disable, Future()))
+        self.bench.axis.permit.requests.put(self.bench.axis.permit.shut)
         self.asked = False
         self.work(5)
 

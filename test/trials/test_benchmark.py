@@ -11,8 +11,8 @@ import time
 import pytest
 from rich.console import Console
 
-from screw_module_ros.control.timing import BIN_NS, empty_histogram, note_latency
 from screw_module_ros.identification.speed import Speed
+from screw_module_ros.safety.timing import BIN_NS, empty_histogram, note_latency
 from screw_module_ros.trials.benchmark.figures import (
     COMPOSED,
     SEPARATE,

@@ -17,7 +17,6 @@ from typing import Any
 
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.trials import (
     MotionTrial,
     NotPossible,
@@ -30,6 +29,7 @@ from screw_module_ros.identification.trials import (
 )
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.safety.checks import WatchSettings
 
 from .experiment import Experiment
 from .fixture import Fixture

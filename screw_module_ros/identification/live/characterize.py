@@ -22,7 +22,6 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.clock import TimeStandsStill, WallClock
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification import calibration, certificate, delivered_impedance
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
@@ -35,6 +34,7 @@ from screw_module_ros.nodes.support.runtime import main as run_node
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.quoting import quoted
+from screw_module_ros.safety.checks import WatchSettings
 from screw_module_ros.settings import Setting
 
 from .action import OneGoalServer, Outcome

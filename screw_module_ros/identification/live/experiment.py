@@ -11,12 +11,12 @@ from screw_module_msgs.msg import AmplifierState, ImpedanceState, SafetyState
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import SCREW
 from screw_module_ros.identification.trials import NotPossible, OnProgress
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.safety.checks import WatchSettings
 
 from .fixture import Fixture
 from .graph import disabling, parameters, topic_of

@@ -17,13 +17,13 @@ from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample, Impe
 
 from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
 from screw_module_ros.nodes.support.module_node import ModuleNode
 from screw_module_ros.nodes.support.rates import Due
 from screw_module_ros.nodes.support.topics import offered
+from screw_module_ros.safety.checks import WatchSettings
 
 from .samples import Recording
 from .torque_source import Output, TorqueSource

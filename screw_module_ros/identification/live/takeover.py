@@ -15,12 +15,11 @@ from screw_module_msgs.msg import AmplifierState, PlanarState, SafetyState
 
 from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.control.limits import TRIAL_RATE
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import torque_to_force
 from screw_module_ros.identification.trials import NotPossible
-from screw_module_ros.loop.drive import LARGEST_FORCE
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
+from screw_module_ros.safety.checks import LARGEST_COMMAND, WatchSettings
 
 from .graph import (
     ACTIVE,
@@ -56,11 +55,11 @@ class Takeover:
         `give_back` undoes the steps so far.
         """
         force = torque_to_force(peak)
-        if force > LARGEST_FORCE:
-            largest = peak * LARGEST_FORCE / force
+        if force > LARGEST_COMMAND:
+            largest = peak * LARGEST_COMMAND / force
             raise NotPossible(
                 f"a torque command of {peak:.3f} Nm: the amplifier accepts at most "
-                f"{largest:.3f} Nm ({LARGEST_FORCE:g} N)"
+                f"{largest:.3f} Nm ({LARGEST_COMMAND:g} N)"
             )
         if self._begun and min(self._limits()) >= force:
             return self.source
@@ -75,7 +74,7 @@ class Takeover:
             self.source = self._loop.take_place(watch, period_ns)
         bring(self._robot, AMPLIFIER, INACTIVE)
         bring(self._robot, AMPLIFIER, UNCONFIGURED)
-        wide = min(LARGEST_FORCE, _MARGIN * force)
+        wide = min(LARGEST_COMMAND, _MARGIN * force)
         widened = {
             name: max(float(self._found[name]), wide) for name in ("command_up", "command_down")
         }

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from screw_module_ros.control.linearization import Linearization, torque_command
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.control.watch import EncoderLike, ForceLike, VerticalWatch, WatchSettings
 from screw_module_ros.geometry import torque_to_force
+from screw_module_ros.safety.checks import EncoderLike, ForceLike, VerticalChecks, WatchSettings
 from screw_module_ros.samples import sequence_gap
 
 LARGEST_MOVE = 0.001
@@ -67,7 +67,7 @@ class TorqueSource:
         self.out = 0.0
         self.answered: EncoderLike | None = None
         self._watch_settings, self._period_ns = watch, period_ns
-        self._watch = VerticalWatch(watch, period_ns)
+        self._watch = VerticalChecks(watch, period_ns)
         self._sine: Sine | None = None
         self._begun: Callable[[int], None] = lambda tick: None
         self._first: tuple[Sine, int, float] | None = None  # sine, its first tick, height then
@@ -89,7 +89,7 @@ class TorqueSource:
     def clear(self) -> None:
         """Clear the latched fault and the watch; only with the torque off."""
         self._sine = self._first = None
-        self._watch = VerticalWatch(self._watch_settings, self._period_ns)
+        self._watch = VerticalChecks(self._watch_settings, self._period_ns)
         self.fault = ""
 
     def on_force(self, sample: ForceLike, now_ns: int) -> None:

@@ -7,10 +7,9 @@ from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.control.gate import GateSettings
 from screw_module_ros.devices import drive_start
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.safety.permit import Permit, PermitSettings
 
 from .driver import DriverNode
 from .health import ERROR, OK, WARN, Health
@@ -24,11 +23,11 @@ _CLEARED = "cleared; call ~/enable to enable"
 
 
 class DriveNode(DriverNode):
-    """A node with drives. Subclasses define `gated` and override further methods."""
+    """A node with drives. Subclasses define `permit` and override further methods."""
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name, rate)
-        self.parameters.declare(GateSettings, "gate")
+        self.parameters.declare(PermitSettings, "gate")
         self.drives: tuple[Drive, ...] = ()
         self._alone: tuple[str, ...] = ()
         self._senders: Senders | None = None
@@ -36,13 +35,13 @@ class DriveNode(DriverNode):
         self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
 
     @property
-    def gated(self) -> GatedDrives:
+    def permit(self) -> Permit:
         """The gate with its drives."""
         raise NotImplementedError
 
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
-        return self.two_senders() or self.gated.enable(self.clock)
+        return self.two_senders() or self.permit.enable(self.clock)
 
     def two_senders(self) -> str:
         """Return a message if a topic of `want_one_sender` has several now, else empty."""
@@ -56,7 +55,7 @@ class DriveNode(DriverNode):
 
     def clear_fault(self) -> str:
         """Recover; return the remaining fault, empty if none."""
-        return self.gated.clear_fault(self.clock)
+        return self.permit.clear_fault(self.clock)
 
     def leave(self) -> str:
         """Shut the drives down cleanly, after the loop has ended; return the errors."""
@@ -83,11 +82,11 @@ class DriveNode(DriverNode):
         """Follow this field of safety_state."""
         self._permission = Permission(self, inbox, field)
 
-    def permission(self, drives: GatedDrives, now_ns: int) -> None:
+    def permission(self, permit: Permit, now_ns: int) -> None:
         """Pass the supervisor's permission to the gate; two senders close an open gate."""
-        self._permission.pass_on(drives, now_ns)
-        if self._senders is not None and self._senders.warning and drives.enabled:
-            drives.fault = drives.fault or self._senders.warning
+        self._permission.pass_on(permit, now_ns)
+        if self._senders is not None and permit.enabled:
+            permit.fault.set(self._senders.warning)
 
     def end(self) -> None:
         """Switch the torque off and exit cleanly, so that the next start finds no fault."""
@@ -109,17 +108,17 @@ class DriveNode(DriverNode):
     def _enable(self, request: SetBool.Request) -> str:
         if request.data:
             return self.enable() or Done("enabled")
-        return self.gated.disable(self.clock) or Done("disabled")
+        return self.permit.disable(self.clock) or Done("disabled")
 
     def drive_health(self, values: dict, state: Any) -> Health:
         """Return the diagnostics with these values; state: the newest state message."""
-        gated = self.gated
-        if gated.faulted:
-            return Health(ERROR, gated.reason, values)
+        permit = self.permit
+        if permit.faulted:
+            return Health(ERROR, permit.reason, values)
         warnings = [self._permission.warning]
         warnings += [warning for drive in self.drives for warning in drive.warnings]
-        if gated.enabled:
+        if permit.enabled:
             warnings.append(broken_contract(state))
         if warning := next(filter(None, warnings), ""):
             return Health(WARN, warning, values)
-        return Health(OK, "enabled" if gated.enabled else gated.reason, values)
+        return Health(OK, "enabled" if permit.enabled else permit.reason, values)

@@ -46,7 +46,7 @@ class ModuleNode(ServingNode):
 
     Two threads share a node. The loop's thread runs `step` and owns the data of the loop. The
     service thread runs services, timers and the lifecycle. It affects the loop only by replacing
-    whole values or by requests that the loop carries out (see `loop/gated_drives`).
+    whole values or by requests that the loop carries out (see `loop/requests`).
 
     Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
     the lifecycle), `health` and `changed`.

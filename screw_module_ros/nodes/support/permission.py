@@ -8,7 +8,7 @@ from itertools import islice
 from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros import graph
-from screw_module_ros.loop.gated_drives import GatedDrives
+from screw_module_ros.safety.permit import Permit
 
 from . import qos
 from .hot_topics import Inbox
@@ -36,12 +36,12 @@ class Permission:
         """Message when more than one node publishes safety_state, else empty."""
         return self._senders.warning
 
-    def pass_on(self, drives: GatedDrives, now_ns: int) -> None:
+    def pass_on(self, permit: Permit, now_ns: int) -> None:
         """Pass new messages to the gate; two senders count as a refusal. now_ns [ns]."""
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
-            drives.permit(getattr(safety, self._field), why_not(safety, self._field), now_ns)
+            permit.supervise(getattr(safety, self._field), why_not(safety, self._field), now_ns)
         if self.warning:
-            drives.permit(False, self.warning, now_ns)
+            permit.supervise(False, self.warning, now_ns)
 
     def close(self) -> None:
         """Stop counting; the inbox closes the subscription."""

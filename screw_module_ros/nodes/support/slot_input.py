@@ -7,7 +7,7 @@ from screw_module_msgs.msg import TherapySlot
 
 from screw_module_ros import graph
 from screw_module_ros.control.slot import Slot
-from screw_module_ros.loop.guide import Guide
+from screw_module_ros.loop.inputs import Guide
 
 from .hot_topics import Inbox
 from .topics import requested

@@ -10,11 +10,11 @@ from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
 
 from screw_module_ros.control.modes import OFF
-from screw_module_ros.control.timing import DeadlineMeter
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
-from screw_module_ros.loop.gated_drives import GatedDrives
-from screw_module_ros.loop.plane import PlaneLoop
+from screw_module_ros.loop.plane import Plane
+from screw_module_ros.safety.permit import Permit
+from screw_module_ros.safety.timing import DeadlineMeter
 from screw_module_ros.samples import ForceReading
 
 from .hot_topics import fill_stamp
@@ -49,7 +49,7 @@ def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) ->
     message.state = int(drive.state(now_ns))
     message.statusword = reading.statusword if reading else 0
     message.error_code = drive.error_code
-    _fill_gate(message, part.drives)
+    _fill_permit(message, part.permit)
     message.commanded_force = part.asked
     message.commanded_torque = part.last.torque
     message.measured_torque = reading.torque if reading else 0.0
@@ -59,16 +59,16 @@ def fill_amplifier(message: AmplifierState, part: VerticalDrive, now_ns: int) ->
     _fill_latencies(message, part.meter, now_ns)
 
 
-def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
+def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     """Write the plane's state into its message; where the drives are silent, NaN as positions."""
-    axes, drives, output = loop.axes, loop.axes.drives.drives, loop.axes.output
-    message.homed = axes.homed
-    _fill_gate(message, axes.drives)
+    drives, output = plane.permit.drives, plane.output
+    message.homed = plane.homed
+    _fill_permit(message, plane.permit)
     message.drive_state = [int(drive.state(now_ns)) for drive in drives]
     message.error_code = [drive.error_code for drive in drives]
-    message.joint_position = [joint.angle for joint in axes.joints]
-    message.joint_velocity = [joint.velocity for joint in axes.joints]
-    message.commanded_torque = list(axes.written)
+    message.joint_position = [joint.angle for joint in plane.joints]
+    message.joint_velocity = [joint.velocity for joint in plane.joints]
+    message.commanded_torque = list(plane.written)
     message.measured_torque = [
         drive.reading.torque if drive.reading else 0.0 for drive in drives
     ]
@@ -78,12 +78,12 @@ def fill_plane(message: PlanarState, loop: PlaneLoop, now_ns: int) -> None:
         message.force = [output.force_x, output.force_y]
         message.desired_position = [output.desired_x, output.desired_y]
         message.saturated = output.saturated
-    if not axes.measures(now_ns):
+    if not plane.measures(now_ns):
         message.position = message.velocity = _UNKNOWN
         message.joint_position = message.joint_velocity = _UNKNOWN
-    message.stiffness, message.damping = axes.settings.stiffness, axes.settings.damping
-    message.samples = loop.meter.samples
-    _fill_counts(message, loop.meter, now_ns)
+    message.stiffness, message.damping = plane.settings.stiffness, plane.settings.damping
+    message.samples = plane.meter.samples
+    _fill_counts(message, plane.meter, now_ns)
 
 
 def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
@@ -94,9 +94,9 @@ def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
     torque.x, torque.y, torque.z = reading.tx, reading.ty, reading.tz
 
 
-def _fill_gate(message: Any, drives: GatedDrives) -> None:
-    message.enabled, message.faulted = drives.enabled, drives.faulted
-    message.reason = drives.reason
+def _fill_permit(message: Any, permit: Permit) -> None:
+    message.enabled, message.faulted = permit.enabled, permit.faulted
+    message.reason = permit.reason
 
 
 def _fill_counts(message: Any, meter: DeadlineMeter, now_ns: int) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The timing contract (`control/timing.py`) in a node's diagnostics.
+"""The timing contract (`safety/timing.py`) in a node's diagnostics.
 
 Rates and latencies come from the newest state message: the hot loop owns the meter, and another
 thread creates the diagnostics.
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from screw_module_ros.control.timing import (
+from screw_module_ros.safety.timing import (
     BIN_NS,
     LEAST_SUCCESS,
     DeadlineMeter,

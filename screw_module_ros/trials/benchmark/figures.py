@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import NamedTuple
 
-from screw_module_ros.control.timing import quantile
+from screw_module_ros.safety.timing import quantile
 
 SEPARATE, COMPOSED = "separate", "composed"
 TIMING = ("p50", "p99", "p99.9", "late", "lost")
@@ -29,7 +29,7 @@ class Counts(NamedTuple):
 
     latency: SYNC to drive write; answer: SYNC to reception of the encoder's answer; own: from
     reception of the input (separate: the command, composed: the samples) to the drive write; all
-    histograms of control/timing. late, lost: commands. processor: time used by each process [s].
+    histograms of safety/timing. late, lost: commands. processor: time used by each process [s].
     seconds: clock.
     """
 

@@ -12,11 +12,11 @@ from contextlib import ExitStack
 from diagnostic_msgs.msg import DiagnosticArray
 from screw_module_msgs.msg import AmplifierState, ForceCommand
 
-from screw_module_ros.control.timing import histogram_of
 from screw_module_ros.graph import COMPOSED as MODULE
 from screw_module_ros.graph import DIAGNOSTICS
 from screw_module_ros.nodes.support.timing_report import histogram_key
 from screw_module_ros.operator.robot import Robot, RobotError, arm
+from screw_module_ros.safety.timing import histogram_of
 
 from ..graph_run import GraphRun
 from .figures import COMPOSED, PAGE, Case, Counts, Run, figures, processor_shares

@@ -17,7 +17,6 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.modes import FORCE_FEEDBACK
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.identification.live import experiment as live_session
 from screw_module_ros.identification.live import trials as live_trials
@@ -40,6 +39,7 @@ from screw_module_ros.identification.trials import (
     TorqueTrial,
 )
 from screw_module_ros.operator.client import RobotError
+from screw_module_ros.safety.checks import WatchSettings
 
 RATE, PERIOD_NS = 200.0, 5_000_000
 FIRST = 2**32 - 30  # the tick numbers start again within each of these tests
@@ -47,7 +47,7 @@ SPEED = 0.02
 
 
 def stamp(tick: int, late_ns: int = 0) -> int:
-    return 10**12 + tick * PERIOD_NS + late_ns
+    return (FIRST + tick) * PERIOD_NS + late_ns
 
 
 def encoder(tick: int, position: float = 0.2, velocity: float = 0.0, late_ns: int = 0):

@@ -10,11 +10,11 @@ import pytest
 from screw_module_msgs.msg import AmplifierState, SafetyState
 
 from screw_module_ros.clock import TimeStandsStill
-from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.identification.live import takeover
 from screw_module_ros.identification.live.graph import ACTIVE
 from screw_module_ros.identification.live.takeover import AMPLIFIER, CONTROLLER, Takeover
 from screw_module_ros.identification.trials import NotPossible
+from screw_module_ros.safety.checks import WatchSettings
 
 OWN = {"linearize": True, "command_up": 95.0, "command_down": 75.0, "command_rate": 4000.0}
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.supervision import (
+from screw_module_ros.safety.supervision import (
     ALL_NODES,
     OK,
     STOPPED,

@@ -3,7 +3,7 @@
 
 import math
 
-from screw_module_ros.control.agreement import Agreement, AgreementSettings
+from screw_module_ros.safety.checks import Agreement, AgreementSettings
 
 STEP_NS = 10_000_000
 
@@ -55,5 +55,5 @@ def test_restart_takes_a_new_reference():
     agreement = Agreement(AgreementSettings())
     agreement.check(0.1, 0.1, 0.0, 0)
     agreement.restart()
-    assert agreement.check(0.3, 0.1, 0.0, STEP_NS) is None
-    assert agreement.check(0.3, 0.1, 0.0, 20 * STEP_NS) is None
+    assert agreement.check(0.3, 0.1, 0.0, STEP_NS) == ""
+    assert agreement.check(0.3, 0.1, 0.0, 20 * STEP_NS) == ""

@@ -5,15 +5,10 @@ import math
 
 import pytest
 
-from screw_module_ros.control.freeze import (
-    FreezeSettings,
-    FreezeState,
-    clear_of_stops,
-    freeze_step,
-    hand_torques,
-)
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import inverse
+from screw_module_ros.loop.plane import clear_of_stops, hand_torques
+from screw_module_ros.safety.checks import FreezeSettings, Frozen
 
 SETTINGS = FreezeSettings()
 COUNT = 2.0 * math.pi / 65536
@@ -23,10 +18,9 @@ NEEDED = round(SETTINGS.time / DT)
 
 def frozen_at(steps):
     """Return the step at which (position, torque) pairs are judged frozen, None when never."""
-    state = FreezeState(math.nan, 0.0)
+    check = Frozen(SETTINGS)
     for number, (position, torque) in enumerate(steps):
-        frozen, state = freeze_step(SETTINGS, state, position, torque, DT)
-        if frozen:
+        if check.check(position, torque, DT):
             return number
     return None
 
@@ -52,9 +46,8 @@ def test_one_count_takes_the_doubt_away():
 
 
 def test_off():
-    state = FreezeState(1.0, 0.0)
-    frozen, _ = freeze_step(SETTINGS._replace(time=0.0), state, 1.0, 50.0, 1.0)
-    assert not frozen
+    check = Frozen(SETTINGS._replace(time=0.0))
+    assert not any(check.check(1.0, 50.0, 1.0) for _ in range(10))
 
 
 def test_a_hand_s_force_does_its_work_at_the_joints():

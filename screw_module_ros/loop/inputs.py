@@ -1,17 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slot of a therapy session in the control loops.
+"""What games and therapy sessions ask of the control loops: a set point, a slot.
 
-A slot that is not requested again within `RENEWED_NS` fades out.
+The velocity of a set point expires after `MOVING_NS`; its position stays valid. A slot that is not
+requested again within `RENEWED_NS` fades out.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from ..control.slot import OPEN, Slot, SlotInput, SlotLimits, initial_state, slot_step
+from ..safety.latch import Age
 
+MOVING_NS = 200_000_000
 RENEWED_NS = 300_000_000
 _NO_SLOT = Slot()
+
+
+class SetpointInput:
+    """The newest set point of some axes; NaN until one was given."""
+
+    def __init__(self, axes: int):
+        self._position = (math.nan,) * axes
+        self._velocity = self._rest = (0.0,) * axes
+        self._moving = Age(MOVING_NS)
+
+    def ask(self, position: tuple[float, ...], velocity: tuple[float, ...], now_ns: int) -> None:
+        """Set the set point: position [m], NaN = leave that axis alone, and velocity [m/s]."""
+        self._position, self._velocity = position, velocity
+        self._moving.note(now_ns)
+
+    def at(self, now_ns: int) -> tuple[float, ...]:
+        """Return positions [m], then velocities [m/s], which are zero once they expired."""
+        return (*self._position, *(self._velocity if self._moving.fresh(now_ns) else self._rest))
 
 
 class Guidance(NamedTuple):
@@ -33,7 +55,7 @@ class Guide:
         self._state = initial_state()
         self._slot: Slot | None = None
         self._start_ns = 0
-        self._asked_ns = 0
+        self._asked = Age(RENEWED_NS)
 
     def ask(self, slot: Slot | None, start_ns: int, now_ns: int) -> None:
         """Request a slot, None for no slot, with its start time [ns], 0 = open.
@@ -42,13 +64,14 @@ class Guide:
         """
         self._slot = None
         if slot is not None:
-            self._slot, self._start_ns, self._asked_ns = slot.validated(), start_ns, now_ns
+            self._slot, self._start_ns = slot.validated(), start_ns
+            self._asked.note(now_ns)
 
     def guidance(
         self, x: float, y: float, vx: float, vy: float, now_ns: int, dt: float
     ) -> Guidance:
         """Return the slot's part for the hand at x, y [m], vx, vy [m/s], dt [s] after the last."""
-        present = self._slot is not None and now_ns - self._asked_ns <= RENEWED_NS
+        present = self._slot is not None and self._asked.fresh(now_ns)
         if not present and self._state.weight == 0.0:
             return Guidance(0.0, 0.0, 0.0)
         since = (now_ns - self._start_ns) * 1e-9 if self._start_ns else OPEN

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.timing import (
+from screw_module_ros.safety.timing import (
     BIN_NS,
     DeadlineMeter,
     histogram_of,

@@ -1,0 +1,350 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one gate before the drives: torque passes only while every guard of `GUARDS` holds.
+
+::
+
+              open (service)            every drive in operation enabled
+    CLOSED ------------------> OPENING ---------------------------------> OPEN: torque ramps in
+       ^                          |                                        |
+       +--------------------------+-------- a guard, or close -------------+
+
+Only another `enable` opens it again. A guard that latches needs `clear_fault` before that. The
+loop's thread calls `step` before each write; other threads call `enable`, `disable`, `clear_fault`,
+whose requests the loop carries out, so that gate and drives change only between two writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any, NamedTuple, Protocol
+
+from ..settings import Setting
+from .latch import Age, Latch
+
+# Phases of the gate.
+CLOSED = 0
+OPENING = 1
+OPEN = 2
+
+NOT_ENABLED = "not enabled"
+STARTING = "the drive is on its way to operation enabled"
+
+LONGEST_STEP_NS = 20_000_000  # a longer pause counts as this one in the ramp
+_ANSWER_S = 1.0
+_REFUSAL_STANDS_NS = 200_000_000
+_PERMISSION_NS = _REFUSAL_STANDS_NS + 100_000_000
+_ASK_AGAIN_S = 0.005
+
+
+class PermitSettings(NamedTuple):
+    """Largest ages of command and permission; duration of the torque's ramp."""
+
+    command_periods: Annotated[
+        float, Setting("age of the newest command that closes the gate", "periods", 2.0, 1000.0)
+    ] = 5.0
+    safety_timeout: Annotated[
+        float, Setting("age of safety_state that closes the gate", "s", 0.02, 1.0)
+    ] = 0.1
+    drive_timeout: Annotated[
+        float, Setting("time the drive has to reach operation enabled", "s", 0.05, 10.0)
+    ] = 1.0
+    ramp_time: Annotated[
+        float, Setting("time in which torque ramps in after enabling", "s", 0.05, 10.0)
+    ] = 0.5
+
+
+class Switch(Protocol):
+    """What the gate needs of a drive."""
+
+    fault: str
+    recovering: bool
+
+    def is_on(self, now_ns: int) -> bool:
+        """Return whether it is in operation enabled, by a fresh statusword."""
+
+    def refusal(self) -> str:
+        """Return why it cannot be enabled now, empty if it can."""
+
+    def request_enable(self) -> None:
+        """Request operation enabled; the loop's thread calls it right after `refusal`."""
+
+    def request_disable(self) -> None:
+        """Request torque off."""
+
+    def clear_fault(self) -> None:
+        """Begin to recover from a fault."""
+
+
+class Queue(Protocol):
+    """Requests of other threads: `loop.requests.Requests`."""
+
+    def put(self, act: Callable[[], Any]) -> Any:
+        """Have the loop carry out an act."""
+
+    def ask(self, act: Callable[[], str], clock: Any) -> str:
+        """Have the loop carry out an act and wait for its answer."""
+
+    def serve(self) -> None:
+        """Carry out what has been asked for; the loop's thread calls it."""
+
+
+class Moment(NamedTuple):
+    """What is known at now_ns [ns]. on: every drive is; drive_fault: of the first faulty one."""
+
+    now_ns: int
+    on: bool
+    drive_fault: str
+
+
+class Permit:
+    """Gate and drives of one axis group: no torque passes to any drive unless it may pass to all.
+
+    period_ns: between commands. recovery_s: longest time that a drive's recovery takes [s]. fault:
+    the owner's own reason to stop. phase, scale: the gate, and its factor on the torque, 0 to 1.
+    latched: `clear_fault` is needed before `enable`.
+    """
+
+    def __init__(
+        self, drives: Sequence[Switch], requests: Queue, settings: PermitSettings, period_ns: int,
+        recovery_s: float = 1.0,
+    ):  # fmt: skip
+        self.drives = tuple(drives)
+        self.requests = requests
+        self.fault = Latch()
+        self.phase = CLOSED
+        self.scale = 0.0
+        self.latched = False
+        self.command = Age(settings.command_periods * period_ns, period_ns)
+        self.safety = Age(settings.safety_timeout * 1e9, period_ns)
+        self.settings = settings
+        self._recovery_s = recovery_s
+        self._closed_because = NOT_ENABLED
+        self._permitted = False
+        self._refused_ns: int | None = None
+        self._refusal = ""
+        self._moment = Moment(0, False, "")
+        self._since_ns = self._last_ns = 0
+
+    # -- loop's thread ---------------------------------------------------------------------------
+
+    def supervise(self, permitted: bool, reason: str, now_ns: int) -> None:
+        """Process a safety_state that arrived at now_ns [ns]; reason: why not permitted.
+
+        A refusal holds for a while, so that a second sender cannot override the supervisor's.
+        """
+        if not permitted:
+            self._refused_ns, self._refusal = now_ns, reason
+        self._permitted = self._refused_ns is None or now_ns - self._refused_ns > _REFUSAL_STANDS_NS
+        self.safety.note(now_ns)
+
+    def missed(self, in_a_row: int, limit: int) -> None:
+        """Stop with a fault after `limit` missed deadlines in a row while torque passes."""
+        if self.enabled and in_a_row >= limit:
+            self.fault.set(f"{in_a_row} deadlines missed in a row")
+
+    def step(self, command_ns: int, now_ns: int) -> float:
+        """Update gate and drives; return the factor on the torque, 0 to 1.
+
+        command_ns: acquisition time of the newest command's sample [ns], 0 = none yet.
+        """
+        self.command.note(command_ns)
+        self._moment = self._look(now_ns)
+        self.requests.serve()
+        if self.phase != CLOSED:
+            against, guard = self._against()
+            if guard:
+                self._close(against, guard.latches)
+            elif self.phase == OPENING and self._moment.on:
+                self.phase, self.scale = OPEN, 0.0
+            elif self.phase == OPEN:
+                elapsed_ns = min(max(now_ns - self._last_ns, 0), LONGEST_STEP_NS)
+                self.scale = min(1.0, self.scale + elapsed_ns * 1e-9 / self.settings.ramp_time)
+        self._last_ns = now_ns
+        return self.scale
+
+    def close(self) -> None:
+        """Close the gate as `disable` does, also after the loop has ended. A latch stays."""
+        if self.phase == CLOSED:
+            self._let_go()
+        else:
+            self._close(NOT_ENABLED, latches=False)
+
+    def _look(self, now_ns: int) -> Moment:
+        on = all(drive.is_on(now_ns) for drive in self.drives)
+        return Moment(now_ns, on, self._drive_fault())
+
+    def _drive_fault(self) -> str:
+        return next((drive.fault for drive in self.drives if drive.fault), "")
+
+    def _against(self) -> tuple[str, Guard | None]:
+        """Return the first guard that does not hold, and its reason."""
+        for guard in GUARDS:
+            if reason := guard.wrong(self, self._moment):
+                return reason, guard
+        return "", None
+
+    def _close(self, reason: str, latches: bool) -> None:
+        self.phase, self.scale = CLOSED, 0.0
+        self.latched, self._closed_because = latches, reason
+        self._let_go()
+
+    def _let_go(self) -> None:
+        for drive in self.drives:
+            drive.request_disable()
+
+    # What the loop carries out for other threads; each returns the problem, empty when done.
+
+    def open(self) -> str:
+        """Begin to open: every drive is asked to enable, or none."""
+        if self.phase != CLOSED:
+            return ""
+        if self.latched and not (self.fault.reason or self._moment.drive_fault):
+            return f"{self._closed_because} is latched: call ~/clear_fault first"
+        self.phase, self._since_ns = OPENING, self._moment.now_ns
+        refused, _ = self._against()
+        refused = refused or next(filter(None, (drive.refusal() for drive in self.drives)), "")
+        if refused:
+            self.phase = CLOSED
+            return refused
+        self._closed_because = STARTING
+        for drive in self.drives:
+            drive.request_enable()
+        return ""
+
+    def shut(self) -> str:
+        """Close on request."""
+        self.close()
+        return ""
+
+    def clear(self) -> str:
+        """Clear what is latched; the gate stays closed."""
+        if self.phase != CLOSED:
+            return self.fault.reason  # it has come just now, and closes the gate first
+        self.fault.clear()
+        self.latched, self._closed_because = False, NOT_ENABLED
+        return ""
+
+    # -- any thread ------------------------------------------------------------------------------
+
+    @property
+    def enabled(self) -> bool:
+        """Whether torque passes."""
+        return self.phase == OPEN
+
+    def at_rest(self, now_ns: int) -> bool:
+        """Return whether the gate is closed and no drive is in operation enabled at now_ns [ns]."""
+        return self.phase == CLOSED and not any(drive.is_on(now_ns) for drive in self.drives)
+
+    @property
+    def faulted(self) -> bool:
+        """Whether a fault is latched; `clear_fault` clears it."""
+        return self.latched or bool(self.fault.reason or self._drive_fault())
+
+    @property
+    def reason(self) -> str:
+        """Why no torque passes, empty while it does."""
+        fault = self.fault.reason or self._drive_fault()
+        return fault or ("" if self.phase == OPEN else self._closed_because)
+
+    def enable(self, clock: Any) -> str:
+        """Enable and wait until torque passes; return why it does not, empty when it does.
+
+        clock: of the wait. A permission may still be on its way, so a missing one does not refuse
+        at once. Raises TimeStandsStill; then the drives do not become enabled later either.
+        """
+        answered = False
+        try:
+            refused = self._ask_to_open(clock)
+            if not refused:
+                longest_s = self.settings.drive_timeout + _ANSWER_S
+                clock.wait_for(lambda: self.phase != OPENING, longest_s)
+            answered = True
+        finally:
+            if not answered:
+                self.requests.put(self.shut)
+        return refused or self.reason
+
+    def _ask_to_open(self, clock: Any) -> str:
+        deadline_ns = clock.now_ns() + _PERMISSION_NS
+        while True:
+            lacking = not self._permitted  # read before the request: it may come in between
+            refused = self.requests.ask(self.open, clock)
+            if not refused or not lacking or clock.now_ns() > deadline_ns:
+                return refused
+            clock.sleep(_ASK_AGAIN_S)
+
+    def disable(self, clock: Any) -> str:
+        """Disable; return the problem, empty when done."""
+        return self.requests.ask(self.shut, clock)
+
+    def clear_fault(self, clock: Any) -> str:
+        """Recover the drives, up to switched on at most; return the remaining fault, empty if none.
+
+        Raises DeviceError when a restarted drive cannot be configured again.
+        """
+        for drive in self.drives:
+            if drive.fault:
+                drive.clear_fault()
+        clock.wait_for(
+            lambda: not any(drive.recovering for drive in self.drives), self._recovery_s + _ANSWER_S
+        )
+        return self._drive_fault() or self.requests.ask(self.clear, clock)
+
+
+class Guard(NamedTuple):
+    """One reason against torque.
+
+    wrong: returns the reason at a moment, empty while the guard holds. limit: parameters that set
+    it. latches: `clears` is needed before the next enable, else the enable alone. hazard: of
+    docs/hazards.md.
+    """
+
+    wrong: Callable[[Permit, Moment], str]
+    limit: str
+    latches: bool
+    clears: str
+    hazard: str
+
+
+def _faulty(permit: Permit, moment: Moment) -> str:
+    return permit.fault.reason or moment.drive_fault
+
+
+def _left(permit: Permit, moment: Moment) -> str:
+    left = permit.phase == OPEN and not moment.on
+    return "the drive left operation enabled by itself" if left else ""
+
+
+def _unsupervised(permit: Permit, moment: Moment) -> str:
+    return "" if permit.safety.fresh(moment.now_ns) else "no fresh safety_state"
+
+
+def _refused(permit: Permit, moment: Moment) -> str:
+    if permit._permitted:
+        return ""
+    if permit._refusal:
+        return f"not permitted: {permit._refusal}"
+    return "safety_state does not permit motion"
+
+
+def _uncommanded(permit: Permit, moment: Moment) -> str:
+    return "" if permit.command.fresh(moment.now_ns) else "no fresh command"
+
+
+def _slow(permit: Permit, moment: Moment) -> str:
+    late_ns = moment.now_ns - permit._since_ns - permit.settings.drive_timeout * 1e9
+    late = permit.phase == OPENING and late_ns > 0
+    return "the drive did not reach operation enabled in time" if late else ""
+
+
+GUARDS = (
+    Guard(_faulty, "", True, "~/clear_fault", "Torque without a request"),
+    Guard(_left, "", True, "~/clear_fault", "Torque without a request"),
+    Guard(_unsupervised, "gate.safety_timeout", True, "~/clear_fault", "Supervisor gone"),
+    Guard(_refused, "", False, "supervisor/reset, ~/enable",
+          "Emergency stop without effect, or undone by itself"),
+    Guard(_uncommanded, "gate.command_periods", True, "~/clear_fault",
+          "Controller silent, torque held"),
+    Guard(_slow, "gate.drive_timeout", False, "~/enable", "Torque without a request"),
+)  # fmt: skip
+"""In this order: the first that does not hold is the reason."""

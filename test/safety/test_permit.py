@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gate: torque only after `enable`, only while everything holds, and never by itself again."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from screw_module_ros.loop.requests import Requests
+from screw_module_ros.safety.permit import (
+    CLOSED,
+    GUARDS,
+    OPEN,
+    OPENING,
+    STARTING,
+    Permit,
+    PermitSettings,
+)
+from screw_module_ros.settings import declared
+
+SETTINGS = PermitSettings()
+PERIOD_NS = 1_000_000
+START_NS = 10**12
+HAZARDS = Path(__file__).parents[2] / "docs" / "hazards.md"
+
+
+@dataclass
+class Switch:
+    """A drive as the gate sees it."""
+
+    on: bool = True
+    fault: str = ""
+    refused: str = ""
+    recovering: bool = False
+    asked: list[str] = field(default_factory=list)
+
+    def is_on(self, now_ns):
+        return self.on
+
+    def refusal(self):
+        return self.refused
+
+    def request_enable(self):
+        self.asked.append("enable")
+
+    def request_disable(self):
+        self.asked.append("disable")
+
+
+class Gate:
+    """A permit with its time; what is not said otherwise is as it should be."""
+
+    def __init__(self, drives=1):
+        self.drives = [Switch() for _ in range(drives)]
+        self.permit = Permit(self.drives, Requests(), SETTINGS, PERIOD_NS)
+        self.now_ns = START_NS
+
+    def step(self, command=-200_000, safety=-10_000_000, permitted=True, elapsed=PERIOD_NS):
+        """One tick; command, safety: stamps from now on [ns]."""
+        self.now_ns += elapsed
+        self.permit.supervise(permitted, "", self.now_ns + safety)
+        if permitted:  # a refusal stands for 200 ms, which is `test_permission`'s concern
+            self.permit._permitted = True
+        return self.permit.step(self.now_ns + command, self.now_ns)
+
+    def ask(self, act, **wrong):
+        """Ask as a service does; return the answer of the next tick."""
+        answer = self.permit.requests.put(act)
+        self.step(**wrong)
+        return answer.result(timeout=0.0)
+
+
+@pytest.fixture
+def opened():
+    """A gate that has been open long enough for its ramp."""
+    gate = Gate()
+    gate.step()
+    assert gate.ask(gate.permit.open) == ""
+    for _ in range(1000):
+        gate.step()
+    assert (gate.permit.phase, gate.permit.scale, gate.permit.reason) == (OPEN, 1.0, "")
+    return gate
+
+
+def test_closed_stays_closed_however_well_everything_is():
+    gate = Gate()
+    assert [gate.step() for _ in range(100)] == [0.0] * 100
+    assert (gate.permit.phase, gate.permit.reason) == (CLOSED, "not enabled")
+
+
+def test_opens_once_every_drive_is_there_and_ramps_in():
+    gate = Gate(drives=2)
+    gate.drives[1].on = False
+    assert gate.ask(gate.permit.open) == ""
+    for _ in range(20):
+        assert gate.step() == 0.0
+    assert (gate.permit.phase, gate.permit.reason) == (OPENING, STARTING)
+    gate.drives[1].on = True
+    scales = [gate.step() for _ in range(600)]
+    steps = [after - before for before, after in zip(scales, scales[1:], strict=False)]
+    assert (scales[0], scales[-1]) == (0.0, 1.0)
+    assert 0.0 <= min(steps) and max(steps) <= 0.001 / 0.5 + 1e-9
+
+
+def test_a_pause_makes_no_leap_in_the_ramp():
+    gate = Gate()
+    gate.ask(gate.permit.open)
+    gate.step()
+    assert gate.step(elapsed=10**10) <= 0.02 / 0.5 + 0.01
+
+
+def fault(gate):
+    gate.drives[0].fault = "over-current"
+
+
+def leave(gate):
+    gate.drives[0].on = False
+
+
+def own(gate):
+    gate.permit.fault.set("a fault of the owner")
+
+
+WRONG = [
+    (None, {"command": -6 * PERIOD_NS}, "no fresh command", True),
+    (None, {"command": 2 * PERIOD_NS}, "no fresh command", True),
+    (None, {"safety": -101_000_000}, "no fresh safety_state", True),
+    (None, {"safety": 2 * PERIOD_NS}, "no fresh safety_state", True),
+    (fault, {}, "over-current", True),
+    (own, {}, "a fault of the owner", True),
+    (leave, {}, "the drive left operation enabled by itself", True),
+    (None, {"permitted": False}, "safety_state does not permit motion", False),
+]
+
+
+@pytest.mark.parametrize(("happens", "wrong", "reason", "latched"), WRONG)
+def test_anything_wrong_closes_at_once_and_does_not_open_again(
+    opened, happens, wrong, reason, latched
+):
+    if happens:
+        happens(opened)
+    assert opened.step(**wrong) == 0.0
+    permit = opened.permit
+    assert (permit.phase, permit.scale, permit.reason, permit.latched) == (
+        CLOSED, 0.0, reason, latched
+    )  # fmt: skip
+    assert opened.drives[0].asked == ["enable", "disable"]
+    opened.drives[0].on = True
+    assert [opened.step() for _ in range(50)] == [0.0] * 50
+    assert permit.reason == reason
+
+
+@pytest.mark.parametrize(("happens", "wrong", "reason", "latched"), WRONG)
+def test_after_a_latch_clear_comes_before_enable(opened, happens, wrong, reason, latched):
+    if happens:
+        happens(opened)
+    opened.step(**wrong)
+    opened.drives[0].on, opened.drives[0].fault = True, ""
+    permit = opened.permit
+    refusal = opened.ask(permit.open)
+    assert (reason in refusal) == latched
+    assert (permit.phase == CLOSED) == latched
+    opened.ask(permit.shut)
+    assert opened.ask(permit.clear) == ""
+    assert opened.ask(permit.open) == ""
+
+
+@pytest.mark.parametrize(
+    ("happens", "wrong", "reason"),
+    [
+        (None, {"permitted": False}, "safety_state does not permit motion"),
+        (None, {"safety": -(10**12)}, "no fresh safety_state"),
+        (None, {"command": -(10**12)}, "no fresh command"),
+        (fault, {}, "over-current"),
+    ],
+)
+def test_enable_is_refused_with_its_reason_and_no_drive_is_asked(happens, wrong, reason):
+    gate = Gate()
+    if happens:
+        happens(gate)
+    assert gate.ask(gate.permit.open, **wrong) == reason
+    assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
+
+
+def test_what_one_drive_refuses_is_asked_of_none():
+    gate = Gate(drives=2)
+    gate.drives[1].refused = "it is still recovering"
+    assert gate.ask(gate.permit.open) == "it is still recovering"
+    assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
+
+
+def test_a_drive_that_never_starts_is_given_up():
+    gate = Gate()
+    gate.drives[0].on = False
+    gate.ask(gate.permit.open)
+    gate.step(elapsed=999_000_000)
+    assert gate.permit.phase == OPENING
+    gate.step(elapsed=2_000_000)
+    assert gate.permit.phase == CLOSED and not gate.permit.latched
+    assert gate.permit.reason == "the drive did not reach operation enabled in time"
+
+
+def test_enabling_twice_does_not_start_the_ramp_again(opened):
+    assert opened.ask(opened.permit.open) == ""
+    assert opened.step() == 1.0 and opened.drives[0].asked == ["enable"]
+
+
+def test_disable_closes_and_keeps_a_latch(opened):
+    opened.ask(opened.permit.shut)
+    permit = opened.permit
+    assert (permit.phase, permit.scale, permit.reason) == (CLOSED, 0.0, "not enabled")
+    opened.ask(permit.open)
+    opened.step()
+    opened.step(command=-(10**9))
+    opened.ask(permit.shut)
+    assert permit.latched and permit.reason == "no fresh command"
+
+
+def test_clear_does_not_touch_an_open_gate(opened):
+    assert opened.ask(opened.permit.clear) == ""
+    assert opened.step() == 1.0
+
+
+def test_missed_deadlines_stop_only_while_torque_passes(opened):
+    opened.permit.missed(19, 20)
+    assert opened.step() == 1.0
+    opened.permit.missed(20, 20)
+    assert opened.step() == 0.0
+    assert opened.permit.reason == "20 deadlines missed in a row"
+    opened.ask(opened.permit.clear)
+    opened.permit.missed(20, 20)
+    assert opened.permit.fault.reason == ""
+
+
+def test_at_rest_is_closed_with_every_drive_off(opened):
+    assert not opened.permit.at_rest(opened.now_ns)
+    opened.ask(opened.permit.shut)
+    assert not opened.permit.at_rest(opened.now_ns), "the drive still shows operation enabled"
+    opened.drives[0].on = False
+    assert opened.permit.at_rest(opened.now_ns)
+
+
+near = st.integers(-150_000_000, 3_000_000)
+anywhere = st.integers(-(2**63), 2**63 - 1)
+seen = st.tuples(
+    st.integers(-2_000_000, 50_000_000),  # time since the last tick, the clock may even go back
+    st.one_of(near, anywhere),
+    st.one_of(near, anywhere),
+    st.booleans(),
+    st.booleans(),
+    st.booleans(),
+)
+good = st.just((1_000_000, -200_000, -10_000_000, True, True, False))
+acts = st.sampled_from(["open", "shut", "clear"])
+
+
+@given(st.lists(st.one_of(good, seen, acts), max_size=60))
+def test_whatever_happens_torque_passes_only_while_all_holds_since_an_enable(events):
+    gate, permit, asked = Gate(), None, False
+    permit, drive = gate.permit, gate.drives[0]
+    opening = None
+    for event in events:
+        if isinstance(event, str):
+            opening = permit.requests.put(getattr(permit, event)) if event == "open" else opening
+            if event != "open":
+                permit.requests.put(getattr(permit, event))
+            asked = asked and event != "shut"
+            continue
+        elapsed, command, safety, permitted, drive.on, faulted = event
+        drive.fault = "a fault" if faulted else ""
+        before = permit.scale
+        gate.step(command, safety, permitted, elapsed)
+        if opening is not None:
+            asked = asked or opening.result(timeout=0.0) == ""
+            opening = None
+        holds = (
+            permitted and not faulted and -5 * PERIOD_NS <= command <= PERIOD_NS
+            and -100_000_000 <= safety <= PERIOD_NS
+        )  # fmt: skip
+        asked = asked and holds and permit.phase != CLOSED
+        assert 0.0 <= permit.scale <= before + 0.02 / 0.5 + 1e-9
+        if permit.scale > 0.0 or permit.phase == OPEN:
+            assert asked
+            assert drive.on
+        assert (permit.reason == "") == (permit.phase == OPEN)
+
+
+@pytest.mark.parametrize("guard", GUARDS, ids=lambda guard: guard.wrong.__name__)
+def test_every_guard_names_a_hazard_and_the_parameters_that_exist(guard):
+    hazards = re.findall(r"^\| ([^|]+) \|", HAZARDS.read_text(encoding="utf-8"), re.MULTILINE)
+    assert guard.hazard in hazards
+    for name in filter(None, guard.limit.split(", ")):
+        assert name.removeprefix("gate.") in declared(PermitSettings)
