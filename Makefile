@@ -44,10 +44,11 @@ test: build  ## the tests that take minutes in all; pass options with ARGS="-k f
 test-all: build  ## all tests, with whole sessions, browsers and experiments on the running graph
 	@$(VENV_PYTHON) tools/run_tests.py --all
 
-lint: build  ## style, docstrings, the import rule and the clock rule
+lint: build  ## style, docstrings, the import rule, the clock rule, no room heavier than before
 	@$(VENV_PYTHON) -m ruff check .
 	@$(VENV_PYTHON) tools/import_rule.py
 	@$(VENV_PYTHON) tools/clock_rule.py
+	@$(VENV_PYTHON) tools/ratchet.py
 
 shell: build  ## a shell in which the nodes can be started by name
 	@tools/run $${SHELL:-sh}

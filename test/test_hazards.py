@@ -9,6 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from screw_module_ros.control.limits import CommandLimits, TorqueLimits
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.loop.plane import JointSettings, PlaneLimits
+from screw_module_ros.nodes.amplifier import AmplifierSettings
+from screw_module_ros.safety.checks import AgreementSettings, FreezeSettings, WatchSettings
+from screw_module_ros.safety.permit import GUARDS, PermitSettings
+from screw_module_ros.safety.supervision import SupervisionSettings
 from screw_module_ros.trials.faults.catalogue import all_rows
 from screw_module_ros.trials.faults.row import EITHER, GOES_ON, OFF, VERTICAL_OFF, Row
 
@@ -18,11 +27,27 @@ NAMED = sorted(set(re.findall(r"`(test/[^`]+)`", TEXT)))
 FILES = sorted(set(re.findall(r"`([a-z_/0-9]+\.py)`", TEXT)) - set(NAMED))
 HAZARDS = [
     cells
-    for line in TEXT.splitlines()
+    for line in TEXT.partition("## Force and motion")[2].splitlines()
     if line.startswith("| ")
     and len(cells := [cell.strip() for cell in line.split("|")[1:-1]]) > 1
     and cells[0] != "hazard"
 ]
+STOPS = [
+    [cell.strip() for cell in line.split("|")[1:-1]]
+    for line in TEXT.partition("## What stops the torque")[2].partition("## Force")[0].splitlines()
+    if line.startswith("| ") and not line.startswith("| guard")
+]
+LIMITS = {
+    "": (
+        CommandLimits, DriveSettings, PlanarSettings, PlaneLimits, SupervisionSettings,
+        VerticalSettings, AmplifierSettings,
+    ),
+    "agreement.": (AgreementSettings,), "freeze.": (FreezeSettings,), "gate.": (PermitSettings,),
+    "joints.": (JointSettings,), "torque.": (TorqueLimits,), "watch.": (WatchSettings,),
+}  # fmt: skip
+PARAMETERS = {
+    prefix + name for prefix, kinds in LIMITS.items() for kind in kinds for name in kind._fields
+}
 PROOFS = " ; ".join(cells[-1] for cells in HAZARDS)
 QUOTED = sorted(set(re.findall(r"`([^`]+)`", PROOFS)))
 COMMANDS = [text for text in QUOTED if text.startswith("make ")]
@@ -78,6 +103,21 @@ def test_every_group_named_is_there(catalogue, group):
 def test_every_command_named_is_there(command):
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert re.search(rf"^{command.removeprefix('make ')}:", makefile, re.MULTILINE)
+
+
+@pytest.mark.parametrize("stop", STOPS, ids=lambda stop: stop[0])
+def test_every_limit_of_what_stops_the_torque_is_a_parameter(stop):
+    assert set(re.findall(r"`([^`]+)`", stop[2])) <= PARAMETERS
+
+
+@pytest.mark.parametrize("guard", GUARDS, ids=lambda guard: guard.wrong.__name__)
+def test_every_guard_of_the_permit_stands_there_with_what_clears_it(guard):
+    latches = "yes" if guard.latches else "no"
+    found = [
+        stop for stop in STOPS
+        if "safety/permit.py" in stop[1] and stop[3] == latches and guard.limit in stop[2]
+    ]  # fmt: skip
+    assert any(stop[4].strip("`") in guard.clears for stop in found)
 
 
 def test_rows_and_groups_are_found_in_the_text():

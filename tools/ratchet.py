@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ratchet: no room of the package weighs more than `weights.txt` beside this file allows.
+
+A room's weight is the number of its statements, without docstrings. Whoever makes a room lighter
+lowers its figure (`python tools/ratchet.py --lower`); whoever raises one says why in the commit.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections import Counter
+from pathlib import Path
+
+import rules
+
+WEIGHTS = Path(__file__).with_name("weights.txt")
+
+
+def weights(package: Path) -> Counter[str]:
+    """Return the statements of each room; files directly in the package are the room `.`."""
+    found: Counter[str] = Counter()
+    for file in sorted(package.rglob("*.py")):
+        room, *inner = file.relative_to(package).parts
+        tree = ast.parse(file.read_text("utf-8"), str(file))
+        found[room if inner else "."] += sum(map(_counts, ast.walk(tree)))
+    return found
+
+
+def _counts(node: ast.AST) -> bool:
+    """Return whether a node is a statement other than a docstring."""
+    if not isinstance(node, ast.stmt):
+        return False
+    text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    return not (text and isinstance(node.value.value, str))
+
+
+def allowed(text: str) -> dict[str, int]:
+    """Return the figures of `weights.txt`: a room and its statements in each line."""
+    lines = [line.split() for line in text.splitlines() if line and not line.startswith("#")]
+    return {room: int(figure) for room, figure in lines}
+
+
+def too_heavy(found: Counter[str], limits: dict[str, int]) -> list[str]:
+    """Return a sentence for each room that is heavier than allowed, or not in the list."""
+    return [
+        f"{room} weighs {weight} statements, {limits.get(room, 0)} are allowed: make it lighter, "
+        f"or raise the figure in tools/{WEIGHTS.name} and say why in the commit"
+        for room, weight in sorted(found.items())
+        if weight > limits.get(room, 0)
+    ]
+
+
+def main() -> int:
+    """Check the package beside this folder; `--lower` writes smaller figures. Return the code."""
+    found, text = weights(rules.FOLDER), WEIGHTS.read_text("utf-8")
+    limits = allowed(text)
+    if "--lower" in sys.argv[1:]:
+        head = [line for line in text.splitlines() if line.startswith("#")]
+        kept = [f"{room} {min(n, limits.get(room, n))}" for room, n in sorted(found.items())]
+        WEIGHTS.write_text("\n".join([*head, *kept]) + "\n", encoding="utf-8")
+        return 0
+    return rules.verdict(too_heavy(found, limits), "Ratchet: no room has become heavier.")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
