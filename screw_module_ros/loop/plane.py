@@ -74,7 +74,7 @@ class PlaneLimits(NamedTuple):
     """Limits that stop the plane, besides those of drives and law."""
 
     handle_force_limit: Annotated[
-        float, Setting("handle force that stops the plane", "N", 1.0, 1000.0)
+        float, Setting("planar handle force that stops the plane", "N", 1.0, 1000.0)
     ] = 150.0
     missed_limit: Annotated[
         int, Setting("deadlines missed in a row that stop the torque", "", 1, 1000)
@@ -250,7 +250,8 @@ class Plane:
         """Check the force of the patient on the robot, and take it as the hand's."""
         if not self._forces.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return
-        problem = force_problem(self._limits.handle_force_limit, sample)
+        size = math.hypot(sample.fx, sample.fy)
+        problem = force_problem(sample, size, self._limits.handle_force_limit)
         self.permit.fault.set(problem)
         self._force_age.note(sample.monotonic_ns)
         self._hand = _UNKNOWN if problem else (sample.fx, sample.fy)

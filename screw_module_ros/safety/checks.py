@@ -216,17 +216,23 @@ def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderLike, period_ns:
     return f"encoder: jumped by {jump:.4g} mm, more than any motor can move it"
 
 
-def force_problem(largest: float, sample: ForceLike) -> str:
-    """Return why a force sample must not be used, or stops the robot. largest: force [N]."""
-    fx, fy, fz = sample.fx, sample.fy, sample.fz
-    if not math.isfinite(fx + fy + fz + sample.tx + sample.ty + sample.tz):
+def force_problem(sample: ForceLike, size: float, largest: float) -> str:
+    """Return why a force sample must not be used, or stops the robot.
+
+    size: of the force on the axes that are judged; largest: what stops them, both [N].
+    """
+    if not is_finite(sample):
         return "force sensor: a force or torque is not a finite number"
     if fault := status_problem(sample.status):
         return fault
-    size = math.sqrt(fx * fx + fy * fy + fz * fz)
     if size > largest:
         return f"force sensor: {size:.4g} N on the handle, more than {largest:g} N"
     return ""
+
+
+def is_finite(sample: ForceLike) -> bool:
+    """Return whether every force and torque of a sample is a finite number."""
+    return math.isfinite(sample.fx + sample.fy + sample.fz + sample.tx + sample.ty + sample.tz)
 
 
 def status_problem(status: int) -> str:
@@ -278,8 +284,10 @@ class VerticalChecks:
         """Check a force sample; return whether the controller may use it."""
         if not self._force.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return False
-        self.fault.set(force_problem(self._settings.force, sample))
-        return math.isfinite(sample.fx + sample.fy + sample.fz + sample.tx + sample.ty + sample.tz)
+        fx, fy, fz = sample.fx, sample.fy, sample.fz
+        size = math.sqrt(fx * fx + fy * fy + fz * fz)
+        self.fault.set(force_problem(sample, size, self._settings.force))
+        return is_finite(sample)
 
     def check(self, now_ns: int) -> str:
         """Return why the force must be zero at now_ns; call before every command."""

@@ -174,7 +174,7 @@ class Bench:
         self.setpoint = (math.nan, 0.0)
         self.planar_setpoint = (math.nan, math.nan, 0.0, 0.0)
         self.permitted = True
-        self.commanding = True
+        self.commanding = self.plane_hears_force = True
         self.rows: list[Row] = []
         self._sample: EncoderReading | None = None
         self._readings: list[ForceReading] = []
@@ -281,7 +281,8 @@ class Bench:
 
     def _on_force(self, force: ForceReading) -> None:
         self._readings.append(force)
-        self.plane.on_force(force, self.now_ns)
+        if self.plane_hears_force:
+            self.plane.on_force(force, self.now_ns)
 
     def _row(self, sample: EncoderReading | None) -> Row:
         controller, axis = self.controller, self.axis

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plane judges the force samples that it takes: status, numbers, size and age."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from screw_module_ros.samples import ForceReading
+
+MS = 1_000_000
+
+
+def sent(bench, age_ms=0, **changed) -> None:
+    """Have a force sample arrive at the plane, in place of the sensor's own."""
+    stamp_ns = bench.now_ns - age_ms * MS
+    reading = ForceReading(stamp_ns // MS, stamp_ns, 0, *[0.0] * 6, 0)
+    bench.plane.on_force(reading._replace(**changed), bench.now_ns)
+
+
+@pytest.fixture
+def moving(bench):
+    """A plane with torque, whose force samples the test sends."""
+    assert bench.enable_plane() == ""
+    bench.plane_hears_force = False
+    bench.ticks(3)
+    return bench
+
+
+def alive(bench, count=20) -> None:
+    for _ in range(count):
+        bench.tick()
+        sent(bench)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"status": 1 << 4}, "supply too high (status bit 4)"),
+        ({"fx": math.nan}, "not a finite number"),
+        ({"tz": math.inf}, "not a finite number"),
+        ({"fx": 110.0, "fy": -110.0}, "155.6 N on the handle, more than 150 N"),
+    ],
+)
+def test_a_sample_that_cannot_be_used_stops_the_plane(moving, changed, said):
+    alive(moving)
+    assert moving.plane.permit.enabled
+    moving.tick()
+    sent(moving, **changed)
+    moving.tick()
+    assert said in moving.plane.permit.reason
+    assert moving.plane.written == (0.0, 0.0)
+    alive(moving)
+    assert said in moving.plane.permit.reason, "it stays until clear_fault"
+
+
+def test_what_presses_on_the_screw_alone_is_the_controllers_concern(moving):
+    alive(moving)
+    sent(moving, fz=400.0)
+    moving.tick()
+    assert moving.plane.permit.enabled
+
+
+def test_a_silent_sensor_stops_the_plane_that_had_one(moving):
+    """The guard of 150 N used to end after 0.2 s without a word."""
+    alive(moving)
+    moving.ticks(4)
+    assert moving.plane.permit.enabled
+    moving.ticks(4)
+    assert "force sensor: no sample for" in moving.plane.permit.reason
+
+
+def test_a_plane_that_never_had_a_force_sensor_works(bench):
+    bench.plane_hears_force = False
+    bench.plane.restart()
+    bench.ticks(30)
+    assert bench.plane.take_home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""
+    bench.ticks(100)
+    assert bench.plane.permit.enabled
