@@ -19,8 +19,8 @@ from ..compiled import compiled, packed
 from ..control import modes
 from ..control.limits import CommandLimits, TorqueLimits
 from ..control.torque_chain import torque_chain
+from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
-from ..control.vertical_state import initial_state
 from ..filters import lowpass_coefficients, velocity_settled
 from ..geometry import SCREW
 from ..plant.arm import HumanArm, arm_force, resting
@@ -202,7 +202,7 @@ class InProcessBench:
         Every trial has its own noise, which is the same in each repetition.
         """
         noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
-        law = initial_state(params.law)
+        law = packed(initial_state(params.law))
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
             0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0,

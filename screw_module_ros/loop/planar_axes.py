@@ -128,7 +128,7 @@ class PlanarAxes:
             self.homed and self.drives.enabled,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
-        self.output, self._law = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
+        self.output = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
         self._write(now_ns)
 
     def _guidance(self, now_ns: int, dt: float) -> Guidance:

@@ -20,9 +20,8 @@ from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import planar
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.vertical import vertical_step
+from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 
 MODEL = thesis_friction()
@@ -115,10 +114,11 @@ def vertical_run(mode: int) -> str:
         )
         if sometimes(chance, 700):
             inp = inp._replace(**{chance.choice(inp._fields[1:4]): chance.choice(ODD)})
-        output, state = vertical_step(law, MODEL, state, inp, dt)
+        output = vertical_step(law, MODEL, state, inp, dt)
         shown += [
-            output.force, output.impedance, output.gravity, output.friction, output.feedback,
-            output.saturated, output.desired_position, output.desired_velocity, output.share,
+            output.force, output.impedance, output.gravity, output.friction,
+            output.feedback + output.carried, output.saturated, output.desired_position,
+            output.desired_velocity, output.share,
         ]  # fmt: skip
     return digest(shown)
 
@@ -160,7 +160,7 @@ def planar_run(joint_friction: float, carried_mass: float) -> str:
             inp = inp._replace(**{chance.choice(inp._fields[:4]): chance.choice(ODD)})
         elif sometimes(chance, 500):
             inp = inp._replace(elbow=inp.shoulder + chance.choice((0.0, 0.01, math.pi)))
-        output, state = planar.planar_step(law, state, inp, dt)
+        output = planar.planar_step(law, state, inp, dt)
         shown += output
     return digest(shown)
 

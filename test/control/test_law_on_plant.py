@@ -15,8 +15,8 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.torque_chain import COLD, commanded, on_the_wire, torque_chain
-from screw_module_ros.control.vertical import VerticalSettings, vertical_step
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
+from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 
 DT, DELAY = 0.001, 0.0007  # [s] sample to drive write
@@ -52,7 +52,7 @@ def offsets(mode, model, seconds=9.0):
         velocity, motion = filters.velocity_step(smooth, motion, height, DT)
         inp = VerticalInput(mode, height, velocity, world.wrench()[2] - bias, 0.18, 0.0, True)
         previous = state.force
-        output, state = vertical_step(SETTINGS, model, state, inp, DT)
+        output = vertical_step(SETTINGS, model, state, inp, DT)
         largest = max(largest, abs(output.force - previous))
         world.advance(DELAY)
         made, heat = commanded(CHAIN, heat, output.force, 1.0, DT)

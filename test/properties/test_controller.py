@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control.agreement import AgreementSettings
-from screw_module_ros.control.vertical import LONGEST_STEP
+from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.loop.controller import VerticalController
