@@ -17,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import dis
 import fcntl
+import functools
 import hashlib
 import os
 import shutil
@@ -206,6 +207,7 @@ def _cache_folder(fingerprint: str) -> Iterator[None]:
 
 
 def _folder(fingerprint: str) -> Path:
+    """Return the folder of a fingerprint; one that ends with the process if home is read-only."""
     try:
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         base = home / PACKAGE / "compiled"
@@ -213,23 +215,16 @@ def _folder(fingerprint: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         os.utime(folder)
-        with contextlib.suppress(OSError):  # another process may do the same
-            _prune(base)
-        return folder
-    except (OSError, RuntimeError):  # no home folder, or a read-only one
-        return _private_folder(fingerprint)
-
-
-def _private_folder(fingerprint: str) -> Path:
-    """Return a folder in the temporary directory that no other user can write into."""
-    base = Path(tempfile.gettempdir()) / f"{PACKAGE}-{os.getuid()}"
-    base.mkdir(mode=0o700, exist_ok=True)
-    state = base.lstat()
-    if base.is_symlink() or state.st_uid != os.getuid() or state.st_mode & 0o022:
-        base = Path(tempfile.mkdtemp(prefix=f"{PACKAGE}-"))  # code of others is never loaded
-    folder = base / fingerprint
-    folder.mkdir(exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return Path(_own_folder().name)
+    with contextlib.suppress(OSError):  # another process may do the same
+        _prune(base)
     return folder
+
+
+@functools.cache
+def _own_folder() -> tempfile.TemporaryDirectory:
+    return tempfile.TemporaryDirectory(prefix=f"{PACKAGE}-")
 
 
 def _prune(base: Path) -> None:
