@@ -19,10 +19,9 @@ from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.agreement import AgreementSettings
 from screw_module_ros.control.gate import OPEN, GateSettings
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.torque_chain import torque_chain
+from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.control.watch import WatchSettings
 from screw_module_ros.devices.drive import Drive
@@ -146,7 +145,7 @@ class Bench:
             self.ports["drive"],
             PERIOD_NS,
             GateSettings(),
-            torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
+            TorqueChain(linearization=default_linearization()),
         )
         self.axes = PlanarAxes(
             self.planar_drives, PERIOD_NS, PlanarSettings(), JointSettings(), GateSettings()
