@@ -50,8 +50,10 @@ def lowpass_coefficients(cutoff_hz: float, dt: float) -> LowpassCoefficients:
 
 @dataclass(slots=True)
 class Lowpass:
-    """A low pass: coefficients of `tune`, last input x and last output y in the signal's unit."""
+    """A low pass: cutoff [Hz] and coefficients, from `tune`; last input x and last output y in the
+    signal's unit."""
 
+    cutoff: float = 0.0
     gain: float = 0.0
     feedback: float = 0.0
     x: float = 0.0
@@ -68,14 +70,14 @@ class Highpass:
 
 def tune(lowpass: Lowpass, cutoff_hz: float, dt: float) -> None:
     """Set the cutoff [Hz] for a sample time dt [s]; see `lowpass_coefficients`."""
+    lowpass.cutoff = cutoff_hz
     lowpass.gain, lowpass.feedback = lowpass_coefficients(cutoff_hz, dt)
 
 
 def tune_highpass(highpass: Highpass, cutoff_hz: float, dt: float) -> None:
     """Set the cutoff [Hz] of both stages for a sample time dt [s]."""
     tune(highpass.first, cutoff_hz, dt)
-    highpass.second.gain = highpass.first.gain
-    highpass.second.feedback = highpass.first.feedback
+    tune(highpass.second, cutoff_hz, dt)
 
 
 def smoothed(lowpass: Lowpass, x: float) -> float:
@@ -85,9 +87,9 @@ def smoothed(lowpass: Lowpass, x: float) -> float:
     return y
 
 
-def derivative(lowpass: Lowpass, x: float, cutoff_hz: float) -> float:
-    """Return the rate of change of x [unit/s], low-passed; cutoff_hz: of the low pass [Hz]."""
-    return 2.0 * math.pi * cutoff_hz * (x - smoothed(lowpass, x))
+def derivative(lowpass: Lowpass, x: float) -> float:
+    """Return the low-passed rate of change of x [unit/s]; one call per sample."""
+    return 2.0 * math.pi * lowpass.cutoff * (x - smoothed(lowpass, x))
 
 
 def rapid(highpass: Highpass, x: float) -> float:

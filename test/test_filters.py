@@ -62,7 +62,7 @@ def test_derivative_of_a_ramp_is_its_slope():
     lowpass = filters.Lowpass()
     filters.tune(lowpass, 6.0, 0.001)
     for tick in range(1000):
-        slope = filters.derivative(lowpass, 0.3 * tick * 0.001, 6.0)
+        slope = filters.derivative(lowpass, 0.3 * tick * 0.001)
     assert slope == pytest.approx(0.3, rel=1e-3)
 
 

@@ -26,10 +26,10 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..filters import Lowpass, clear, derivative, envelope, tune
+from ..filters import Lowpass, clear, derivative, envelope, tune, tune_highpass
 from ..geometry import MANUS, forward, jacobian
 from .friction import hysteresis
-from .guard import Guard, forget_chatter, guard_step, tune_guard
+from .guard import CHATTER_HZ, Guard, forget_chatter, guard_step
 from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
 from .planar_settings import CARRIED_HZ, PlanarSettings, least_damping
 from .setpoint import Range, SetPoint, follow, stand
@@ -224,7 +224,7 @@ def _tune(s: PlanarState, dt: float) -> None:
     s.dt = dt
     for axis in (s.x, s.y):
         tune(axis.speed, CARRIED_HZ, dt)
-        tune_guard(axis.guard, dt)
+        tune_highpass(axis.guard.chatter, CHATTER_HZ, dt)  # the other detector is not used
 
 
 def _range(p: PlanarSettings, half: float) -> Range:
@@ -239,7 +239,7 @@ def _spring(s: PlanarState, to: SetPoint, position: float, velocity: float) -> f
 
 def carried_force(p: PlanarSettings, axis: Axis, velocity: float, dt: float) -> float:
     """Return the force that carries a mass along one axis [N]; velocity: of the handle [m/s]."""
-    acceleration = derivative(axis.speed, velocity, CARRIED_HZ)
+    acceleration = derivative(axis.speed, velocity)
     axis.fastest = envelope(axis.fastest, axis.speed.y, dt)
     force = min(1.0, axis.fastest / MOVING) * p.carried_mass * acceleration
     guard_step(axis.guard, force, p.carried_limit, dt)

@@ -132,10 +132,10 @@ def vertical_step(
     """
     if not _usable(inp, dt):
         nothing = _rest(p, s, s.setpoint.position)
-        s.placed = False  # where the nut is now nobody knows: the next good sample is the first
+        s.placed = False  # the position of the nut is unknown: the next good sample is the first
         return nothing
     dt = min(dt, LONGEST_STEP)
-    if dt != s.dt:
+    if dt != s.dt or p.force_cutoff != s.handle.cutoff or p.observer_cutoff != s.error.cutoff:
         _tune(p, s, dt)
     handle = smoothed(s.handle, inp.force)
     # Without a gain the guard has nothing to reduce: somebody mounts the handle, or it hits a stop.
@@ -273,7 +273,7 @@ def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
     too large would leave less than none. The filter's lag is a negative damper, which swings a
     handle that nobody holds: the force comes in with the hand's.
     """
-    acceleration = derivative(s.speed, s.observer.velocity, CARRIED_HZ)
+    acceleration = derivative(s.speed, s.observer.velocity)
     mass = p.observer_inertia * s.guard.share * s.observing * p.mass
     return min(1.0, abs(handle) / FIRM) * mass / (1.0 + p.observer_gain) * acceleration
 

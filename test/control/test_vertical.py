@@ -152,6 +152,19 @@ def test_first_sample_is_no_way_travelled():
     assert output.friction == 0.0
 
 
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.OBSERVER])
+def test_another_cutoff_acts_at_once(mode):
+    """Filters are tuned when the sample time changes; they must not miss a change of settings."""
+    law = SETTINGS._replace(force_cutoff=100.0, observer_cutoff=30.0)
+    inp = REST._replace(mode=mode, setpoint_position=math.nan)
+    feedback = []
+    for later in (SETTINGS, law):
+        _, state = run(inp)
+        output = vertical_step(later, MODEL, state, inp._replace(force=1.0), DT)
+        feedback.append(output.feedback)
+    assert feedback[1] > 1.5 * feedback[0] > 0.0
+
+
 def test_force_feedback_is_equation_6_6():
     output, _ = run(REST._replace(mode=modes.FORCE_FEEDBACK, force=-6.0))
     assert output.feedback == pytest.approx(5.0 * (8.0 - 6.0))
