@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled twins of the pure functions of this package.
 
-Laws and physics are plain Python functions of floats, ints, bools and NamedTuples of these.
-`compiled(function)` returns the same function as machine code (numba, nopython), with the functions
-of this package that it calls compiled too. Source and plain function stay unchanged, so the
-realtime node, the fast simulation and the tests run the same source.
+Laws and physics are plain Python functions of floats, ints, bools and NamedTuples of these; the
+memory of a law is a dataclass. `compiled(function)` returns the same function as machine code
+(numba, nopython), with the functions of this package that it calls compiled too. Source and plain
+function stay unchanged, so the realtime node, the fast simulation and the tests run the same
+source.
 
 The machine code is cached on disk. The folder's name is a hash of the source files of all functions
 reached and the constants they use, because numba's own cache does not detect a change of a called
@@ -16,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import dis
 import fcntl
+import functools
 import hashlib
 import os
 import shutil
@@ -58,12 +60,13 @@ def compiled(function: Callable) -> Callable:
     return _twins[function]
 
 
-def packed(record: tuple) -> Any:
-    """Return a NamedTuple, nested ones included, as a numpy array with one structured element.
+def packed(record: Any) -> Any:
+    """Return a NamedTuple or a dataclass, nested ones too, as a numpy array with one element.
 
-    A compiled function takes such an array in 0.2 us and a NamedTuple in 0.1 us per number; its
-    element has the NamedTuple's attributes: `def twin(packed_p, x): return law(packed_p[0], x)`.
-    Numbers only; a tuple of numbers becomes an array of floats.
+    A compiled function takes such an array in 0.2 us and a NamedTuple in 0.1 us per number. Its
+    element has the record's attributes: `def twin(packed_p, x): return law(packed_p[0], x)`. Where
+    the function sets one, the array changes, as the dataclass does in plain Python. Numbers only; a
+    tuple or list of numbers becomes an array of floats.
     """
     import numpy
 
@@ -72,19 +75,26 @@ def packed(record: tuple) -> Any:
     return result
 
 
+def _names(value: Any) -> tuple[str, ...]:
+    """Return the fields of a NamedTuple or a dataclass; none of anything else."""
+    return getattr(value, "_fields", None) or tuple(getattr(value, "__dataclass_fields__", ()))
+
+
 def _dtype(value: Any) -> Any:
     import numpy
 
-    if hasattr(value, "_fields"):
-        fields = [(name, _dtype(getattr(value, name))) for name in value._fields]
+    if names := _names(value):
+        fields = [(name, _dtype(getattr(value, name))) for name in names]
         return numpy.dtype(fields, align=True)
-    if isinstance(value, tuple):
+    if isinstance(value, (tuple, list)):
         return numpy.dtype((numpy.float64, (len(value),)))
     return numpy.dtype(type(value))
 
 
 def _plain(value: Any) -> Any:
-    return tuple(_plain(part) for part in value) if isinstance(value, tuple) else value
+    if names := _names(value):
+        return tuple(_plain(getattr(value, name)) for name in names)
+    return tuple(value) if isinstance(value, (tuple, list)) else value
 
 
 def _reached(function: Callable) -> list[Callable]:
@@ -197,6 +207,7 @@ def _cache_folder(fingerprint: str) -> Iterator[None]:
 
 
 def _folder(fingerprint: str) -> Path:
+    """Return the folder of a fingerprint; one that ends with the process if home is read-only."""
     try:
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         base = home / PACKAGE / "compiled"
@@ -204,23 +215,16 @@ def _folder(fingerprint: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         os.utime(folder)
-        with contextlib.suppress(OSError):  # another process may do the same
-            _prune(base)
-        return folder
-    except (OSError, RuntimeError):  # no home folder, or a read-only one
-        return _private_folder(fingerprint)
-
-
-def _private_folder(fingerprint: str) -> Path:
-    """Return a folder in the temporary directory that no other user can write into."""
-    base = Path(tempfile.gettempdir()) / f"{PACKAGE}-{os.getuid()}"
-    base.mkdir(mode=0o700, exist_ok=True)
-    state = base.lstat()
-    if base.is_symlink() or state.st_uid != os.getuid() or state.st_mode & 0o022:
-        base = Path(tempfile.mkdtemp(prefix=f"{PACKAGE}-"))  # code of others is never loaded
-    folder = base / fingerprint
-    folder.mkdir(exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return Path(_own_folder().name)
+    with contextlib.suppress(OSError):  # another process may do the same
+        _prune(base)
     return folder
+
+
+@functools.cache
+def _own_folder() -> tempfile.TemporaryDirectory:
+    return tempfile.TemporaryDirectory(prefix=f"{PACKAGE}-")
 
 
 def _prune(base: Path) -> None:

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Backward difference and first-order Butterworth low-pass (thesis 3.3, 6.4.3), state passed in.
+"""Backward difference and first-order Butterworth filters (thesis 3.3, 6.4.3).
 
 The thesis filters velocity and handle force at 30 Hz; the callers' settings hold these cutoffs
 (`force_cutoff` in `control/vertical_settings.py`). The Butterworth filter is discretised by the
 bilinear transform with prewarping, so its gain at the cutoff is -3 dB at any sample rate.
+
+A law keeps its filters in its record: `Lowpass` and `Highpass`, tuned when the sample time changes.
+The velocity of a sensor is a state that is passed in, because its sample time changes with each
+lost sample.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 
@@ -19,27 +24,18 @@ class LowpassCoefficients(NamedTuple):
     feedback: float
 
 
-class LowpassState(NamedTuple):
-    """Last input and last output, in the unit of the signal."""
-
-    x: float
-    y: float
-
-
 class VelocityState(NamedTuple):
-    """Last position [unit] and the filter of the velocity [unit/s]."""
+    """Last position [unit], velocity before and behind the low pass [unit/s]."""
 
     position: float
-    lowpass: LowpassState
+    raw: float
+    smooth: float
 
 
+RECENT = 0.8
+"""Time constant with which a largest recent size falls [s]."""
 LONGEST_GAP = 10
 """Lost samples; after more of them the velocity restarts and is not filtered through the gap."""
-
-
-def back_difference(previous: float, current: float, dt: float) -> float:
-    """Return the rate of change [unit/s] over the last dt [s] (thesis eq 3.2)."""
-    return (current - previous) / dt
 
 
 def lowpass_coefficients(cutoff_hz: float, dt: float) -> LowpassCoefficients:
@@ -52,22 +48,75 @@ def lowpass_coefficients(cutoff_hz: float, dt: float) -> LowpassCoefficients:
     return LowpassCoefficients(warped / (1.0 + warped), (1.0 - warped) / (1.0 + warped))
 
 
-def lowpass_settled(x: float) -> LowpassState:
-    """Return the steady state of a filter with the constant input x."""
-    return LowpassState(x, x)
+@dataclass(slots=True)
+class Lowpass:
+    """A low pass: cutoff [Hz] and coefficients, from `tune`; last input x and last output y in the
+    signal's unit."""
+
+    cutoff: float = 0.0
+    gain: float = 0.0
+    feedback: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
 
 
-def lowpass_step(
-    coefficients: LowpassCoefficients, state: LowpassState, x: float
-) -> tuple[float, LowpassState]:
-    """Return the filtered value of x and the next state; one call per sample."""
-    y = coefficients.feedback * state.y + coefficients.gain * (x + state.x)
-    return y, LowpassState(x, y)
+@dataclass(slots=True)
+class Highpass:
+    """Two low passes of one cutoff whose complements, in series, are a high pass."""
+
+    first: Lowpass = field(default_factory=Lowpass)
+    second: Lowpass = field(default_factory=Lowpass)
+
+
+def tune(lowpass: Lowpass, cutoff_hz: float, dt: float) -> None:
+    """Set the cutoff [Hz] for a sample time dt [s]; see `lowpass_coefficients`."""
+    lowpass.cutoff = cutoff_hz
+    lowpass.gain, lowpass.feedback = lowpass_coefficients(cutoff_hz, dt)
+
+
+def tune_highpass(highpass: Highpass, cutoff_hz: float, dt: float) -> None:
+    """Set the cutoff [Hz] of both stages for a sample time dt [s]."""
+    tune(highpass.first, cutoff_hz, dt)
+    tune(highpass.second, cutoff_hz, dt)
+
+
+def smoothed(lowpass: Lowpass, x: float) -> float:
+    """Return the low-passed value of x; one call per sample."""
+    y = lowpass.feedback * lowpass.y + lowpass.gain * (x + lowpass.x)
+    lowpass.x, lowpass.y = x, y
+    return y
+
+
+def derivative(lowpass: Lowpass, x: float) -> float:
+    """Return the low-passed rate of change of x [unit/s]; one call per sample."""
+    return 2.0 * math.pi * lowpass.cutoff * (x - smoothed(lowpass, x))
+
+
+def rapid(highpass: Highpass, x: float) -> float:
+    """Return the part of x that is faster than the cutoff; one call per sample."""
+    slow = smoothed(highpass.first, x)
+    return x - slow - smoothed(highpass.second, x - slow)
+
+
+def clear(lowpass: Lowpass) -> None:
+    """Forget the signal: as after a long input of zero."""
+    lowpass.x, lowpass.y = 0.0, 0.0
+
+
+def clear_highpass(highpass: Highpass) -> None:
+    """Forget the signal of both stages."""
+    clear(highpass.first)
+    clear(highpass.second)
+
+
+def envelope(largest: float, value: float, dt: float) -> float:
+    """Return the largest recent size of a value, dt [s] after `largest`; both in its unit."""
+    return max(abs(value), largest * math.exp(-dt / RECENT))
 
 
 def velocity_settled(position: float) -> VelocityState:
     """Return the state at rest at `position` [unit]."""
-    return VelocityState(position, lowpass_settled(0.0))
+    return VelocityState(position, 0.0, 0.0)
 
 
 def velocity_step(
@@ -79,12 +128,14 @@ def velocity_step(
 ) -> tuple[float, VelocityState]:
     """Return the filtered velocity [unit/s] at the next position [unit] and the next state.
 
-    dt: since the last position [s]; periods: sampling periods since then, 1 = no sample lost.
+    The backward difference of eq 3.2 through the low pass. dt: since the last position [s];
+    periods: sampling periods since then, 1 = no sample lost.
     """
-    raw = back_difference(state.position, position, dt)
+    raw = (position - state.position) / dt
     if periods > LONGEST_GAP:
-        return raw, VelocityState(position, lowpass_settled(raw))
-    velocity, lowpass = raw, state.lowpass
+        return raw, VelocityState(position, raw, raw)
+    before, smooth = state.raw, state.smooth
     for _ in range(periods):
-        velocity, lowpass = lowpass_step(coefficients, lowpass, raw)
-    return velocity, VelocityState(position, lowpass)
+        smooth = coefficients.feedback * smooth + coefficients.gain * (raw + before)
+        before = raw
+    return smooth, VelocityState(position, raw, smooth)

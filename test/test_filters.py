@@ -12,12 +12,13 @@ from screw_module_ros import filters
 
 def amplitude(frequency_hz, cutoff_hz, dt, settle=1.0, measure=1.0):
     """Steady amplitude of the filter's answer to a unit sine."""
-    coefficients, state = filters.lowpass_coefficients(cutoff_hz, dt), filters.lowpass_settled(0.0)
+    lowpass = filters.Lowpass()
+    filters.tune(lowpass, cutoff_hz, dt)
     sine = cosine = 0.0
     steps, skip = round((settle + measure) / dt), round(settle / dt)
     for k in range(steps):
         phase = 2 * math.pi * frequency_hz * k * dt
-        y, state = filters.lowpass_step(coefficients, state, math.sin(phase))
+        y = filters.smoothed(lowpass, math.sin(phase))
         if k >= skip:
             sine += y * math.sin(phase) * 2 * dt / measure
             cosine += y * math.cos(phase) * 2 * dt / measure
@@ -35,18 +36,62 @@ def test_first_order_slope_a_decade_up():
 
 @given(st.floats(-1e3, 1e3), st.floats(1.0, 100.0))
 def test_a_constant_passes_unchanged(level, cutoff_hz):
-    coefficients = filters.lowpass_coefficients(cutoff_hz, 0.001)
-    y, _ = filters.lowpass_step(coefficients, filters.lowpass_settled(level), level)
-    assert y == pytest.approx(level, abs=1e-9)
+    lowpass = filters.Lowpass(x=level, y=level)
+    filters.tune(lowpass, cutoff_hz, 0.001)
+    assert filters.smoothed(lowpass, level) == pytest.approx(level, abs=1e-9)
 
 
 @given(st.lists(st.floats(-1.0, 1.0), max_size=200), st.floats(0.1, 5000.0))
 def test_output_never_exceeds_the_largest_input(inputs, cutoff_hz):
-    coefficients, state = filters.lowpass_coefficients(cutoff_hz, 0.001), filters.lowpass_settled(0)
+    lowpass = filters.Lowpass()
+    filters.tune(lowpass, cutoff_hz, 0.001)
     for x in inputs:
-        y, state = filters.lowpass_step(coefficients, state, x)
-        assert abs(y) <= 1.0 + 1e-12
+        assert abs(filters.smoothed(lowpass, x)) <= 1.0 + 1e-12
 
 
-def test_back_difference_of_one_count():
-    assert filters.back_difference(0.0, 9.525e-7, 0.001) == pytest.approx(9.525e-4)
+def test_high_pass_is_what_two_low_passes_leave():
+    highpass = filters.Highpass()
+    filters.tune_highpass(highpass, 6.0, 0.001)
+    assert filters.rapid(highpass, 1.0) > 0.9
+    assert [filters.rapid(highpass, 1.0) for _ in range(1000)][-1] == pytest.approx(0.0, abs=1e-9)
+    filters.clear_highpass(highpass)
+    assert filters.rapid(highpass, 0.0) == 0.0
+
+
+def test_derivative_of_a_ramp_is_its_slope():
+    lowpass = filters.Lowpass()
+    filters.tune(lowpass, 6.0, 0.001)
+    for tick in range(1000):
+        slope = filters.derivative(lowpass, 0.3 * tick * 0.001)
+    assert slope == pytest.approx(0.3, rel=1e-3)
+
+
+def velocity_of(positions, periods=1, cutoff_hz=400.0):
+    """Velocity after these positions at 1 kHz; periods: from the last but one to the last."""
+    coefficients = filters.lowpass_coefficients(cutoff_hz, 0.001)
+    state, velocity = filters.velocity_settled(positions[0]), 0.0
+    for position in positions[1:-1]:
+        velocity, state = filters.velocity_step(coefficients, state, position, 0.001)
+    return filters.velocity_step(coefficients, state, positions[-1], periods * 0.001, periods)
+
+
+def test_velocity_of_one_count_a_period():
+    """Backward difference of eq 3.2: 0.9525 mm/s."""
+    velocity, state = velocity_of([9.525e-7 * k for k in range(50)])
+    assert velocity == pytest.approx(9.525e-4)
+    assert state == pytest.approx((49 * 9.525e-7, 9.525e-4, 9.525e-4))
+
+
+@pytest.mark.parametrize("periods", [2, filters.LONGEST_GAP])
+def test_lost_samples_count_as_an_even_motion(periods):
+    even, _ = velocity_of([0.001 * k for k in range(9 + periods)], cutoff_hz=30.0)
+    seen = [0.001 * k for k in range(9)]
+    lost, _ = velocity_of([*seen, 0.001 * (8 + periods)], periods, 30.0)
+    assert lost == pytest.approx(even)
+    assert lost < 0.99, "the filter has not settled"
+
+
+def test_after_too_many_lost_samples_the_velocity_starts_again():
+    periods = filters.LONGEST_GAP + 1
+    lost, state = velocity_of([0.0, 0.0, 0.001 * periods], periods, 30.0)
+    assert lost == state.raw == state.smooth == pytest.approx(1.0)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pure laws of the robot: functions of (settings, state, input, dt), without I/O and without ROS.
+"""Laws of the robot: functions of (settings, state, input, dt), without I/O and without ROS.
+
+A function of a law changes the record of its own memory, which it is given, and nothing else.
 
 `vertical` is the complete vertical law, `planar` the planar one. `torque_chain` turns a force into
 the drive's torque. `watch`, `agreement`, `freeze`, `gate`, `supervision` and `timing` decide

@@ -13,14 +13,29 @@ encoder count moves the filtered velocity by up to 0.18 mm/s (count / time const
 filter), and the power law would turn that into half of the friction. With a ramp of 2 mm/s one
 count changes the force by at most 0.18 / 2 x 0.9 x 14.8 N (the mean friction at the top) = 1.2 N.
 Above the ramp the thesis's model is unchanged.
+
+A law feeds the friction forward by position, as presliding goes (`hysteresis`; Dahl 1968; thesis
+6.3.1). A feed-forward that is proportional to the velocity near zero is negative damping: 2 N over
+2 mm/s are 1000 Ns/m, and a handle at rest oscillates. Real friction is a spring while the handle
+barely moves, so the feed-forward is one too. With a stiffness below that of the real presliding,
+the sum of both remains a positive spring and a handle at rest stays at rest. At standstill the
+feed-forward exchanges no energy and needs no velocity.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from .limits import clamp
+
+SMALLEST_LEVEL = 0.1  # [N] keeps the length over which the modelled friction reverses finite
+INFORMATIVE_SPEED = 0.005  # [m/s] slower motion and
+INFORMATIVE_FORCE = 1.0  # [N] less modelled friction say nothing about the model
+FALL_TIME = 0.1  # [s] time constant with which the ratio falls, for a model that is too strong
+RISE_TIME = 1.0  # [s] time constant with which it rises again
+NEAR_ENOUGH = 1.05  # modelled / found friction up to which all of the model is used: its scatter
 
 
 class FrictionBranch(NamedTuple):
@@ -73,6 +88,68 @@ def friction_force(model: FrictionModel, position: float, velocity: float) -> fl
     force = push * _speed_factor(branch, clamp(speed, model.ramp_speed, model.fastest))
     force *= min(1.0, speed / model.ramp_speed)
     return max(0.0, force) if velocity > 0.0 else min(0.0, force)
+
+
+def hysteresis(force: float, level: float, stiffness: float, travelled: float) -> float:
+    """Return the friction that is fed forward, positive along the motion, after a way.
+
+    With each length dx it approaches the level L of that direction over a length of L / stiffness:
+    h = L - (L - h) exp(-stiffness dx / L), likewise downward. For a joint, read torque and angle:
+
+    force: last returned value [N]; level: friction in steady motion, above 0 [N]; stiffness: of the
+    reversal [N/m]; travelled: since the last step, signed [m].
+    """
+    if travelled == 0.0:
+        return force
+    toward = math.copysign(level, travelled)
+    return toward + (force - toward) * math.exp(-stiffness * abs(travelled) / level)
+
+
+@dataclass(slots=True)
+class Presliding:
+    """Memory of the friction that is fed forward: modelled, at full size and positive along the
+    motion [N]; ratio: of the friction that was found to it."""
+
+    modelled: float = 0.0
+    ratio: float = 1.0
+
+
+def presliding_step(
+    memory: Presliding,
+    model: FrictionModel,
+    stiffness: float,
+    position: float,
+    velocity: float,
+    travelled: float,
+) -> None:
+    """Follow the nut: position [m], velocity [m/s], travelled since the last step [m].
+
+    stiffness: of the reversal [N/m].
+    """
+    if travelled != 0.0:
+        speed = math.copysign(max(abs(velocity), 1e-3 * model.ramp_speed), travelled)
+        level = max(abs(friction_force(model, position, speed)), SMALLEST_LEVEL)
+        memory.modelled = hysteresis(memory.modelled, level, stiffness, travelled)
+
+
+def compare_step(memory: Presliding, found: float, velocity: float, dt: float) -> None:
+    """Average found / modelled friction while the nut moves; found [N], velocity [m/s], dt [s].
+
+    A model that predicts too much friction adds energy: with that feed-forward the handle
+    oscillates on any spring. For this reason the thesis feeds forward 90 % (6.3.1).
+    """
+    modelled = memory.modelled
+    if abs(velocity) < INFORMATIVE_SPEED or abs(modelled) < INFORMATIVE_FORCE:
+        return
+    if modelled * velocity > 0.0:
+        now = clamp(found / modelled, 0.0, 2.0)
+        time = FALL_TIME if now < memory.ratio else RISE_TIME
+        memory.ratio += (now - memory.ratio) * min(1.0, dt / time)
+
+
+def trusted(memory: Presliding) -> float:
+    """Return the share of the model to use, 0 to 1."""
+    return min(1.0, NEAR_ENOUGH * memory.ratio)
 
 
 def _held_speed(model: FrictionModel, branch: FrictionBranch, z: float) -> float:

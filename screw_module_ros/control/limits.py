@@ -14,6 +14,12 @@ from ..settings import Setting
 
 TRIAL_RATE = 1e6
 """`command_rate` of a torque trial, whose locked rotor may have any sine [N/s]."""
+LONGEST_STEP = 0.02
+"""A longer time step of a law counts as this one, so that a pause makes no large step [s]."""
+# A sample beyond these cannot be real; a law then gives zero.
+FARTHEST = 10.0  # [m], [rad]
+FASTEST = 100.0  # [m/s], [rad/s]
+STRONGEST = 1e5  # [N]
 
 
 class CommandLimits(NamedTuple):
@@ -65,6 +71,14 @@ _FOLDBACK_SHARE = 0.25
 def clamp(value: float, low: float, high: float) -> float:
     """Return value clamped to low..high (same unit); NaN passes, so check for it before."""
     return low if value < low else (high if value > high else value)
+
+
+def is_real(position: float, velocity: float, force: float) -> bool:
+    """Return whether a sample can be real; comparisons with NaN are false.
+
+    position [m], velocity [m/s] of an axis, or [rad], [rad/s] of a joint; force [N].
+    """
+    return abs(position) <= FARTHEST and abs(velocity) <= FASTEST and abs(force) <= STRONGEST
 
 
 def slew(previous: float, target: float, step: float) -> float:

@@ -15,76 +15,69 @@ with a triple pole at exp(-w dt), which fixes the gains for any sample time (the
 filter of second order; Morrison 1969).
 
 The observer gets the command that was sent, after all limits, so a limit causes no windup. An
-obstacle that does not press on the transducer looks like friction, so d is limited.
+obstacle that does not press on the transducer looks like friction, so d is limited. While friction
+holds the handle with a tolerable force error, d stays as it is. Else the observer would build up
+force until the handle breaks away and overshoots: hunting, as with any integral action against
+stiction.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 from .limits import clamp
+from .vertical_settings import VerticalSettings
 
 KEPT = 12
 """Commands remembered; the observer models a delay of up to this number of periods less two."""
-
-Commands = tuple[
-    float, float, float, float, float, float, float, float, float, float, float, float
-]
-NO_COMMANDS: Commands = (0.0,) * KEPT
+RESTING_SPEED = 3e-4  # [m/s]
 
 
-class ObserverState(NamedTuple):
+@dataclass(slots=True)
+class Observer:
     """Estimated position [m] and velocity [m/s] of the nut, disturbance [N]; commands: those sent,
     newest first [N]."""
 
-    position: float
-    velocity: float
-    disturbance: float
-    commands: Commands
+    position: float = 0.0
+    velocity: float = 0.0
+    disturbance: float = 0.0
+    commands: list[float] = field(default_factory=lambda: [0.0] * KEPT)
 
 
-def observer_at(position: float) -> ObserverState:
-    """Return the observer of a nut at rest at position [m], without a command."""
-    return ObserverState(position, 0.0, 0.0, NO_COMMANDS)
+def settle(observer: Observer, position: float) -> None:
+    """Put the observer to a nut at rest at a position [m], without a command."""
+    observer.position, observer.velocity, observer.disturbance = position, 0.0, 0.0
+    for k in range(KEPT):
+        observer.commands[k] = 0.0
 
 
-def observer_step(
-    state: ObserverState,
-    position: float,
-    force: float,
-    mass: float,
-    bandwidth: float,
-    delay: float,
-    limit: float,
-    resting: bool,
-    dt: float,
-) -> ObserverState:
-    """Return the estimates at a new sample, dt [s] after the last one.
+def observe(
+    p: VerticalSettings, observer: Observer, position: float, force: float, error: float, dt: float
+) -> None:
+    """Correct the estimates with a sample, dt [s] after the last one.
 
-    position: measured [m]; force: known forces on the nut without the command, Fp - g - F [N]; mass
-    M [kg]; bandwidth w [rad/s]; delay tau [s]; limit: of the disturbance [N]; resting: True keeps
-    the disturbance unchanged.
+    position: measured [m]; force: known forces on the nut without the command, Fp - g - F [N];
+    error: of the force on the hand, filtered [N].
     """
-    acting = command_in_force(state.commands, delay / dt)
-    acceleration = (acting + force - state.disturbance) / mass
-    ahead = state.position + dt * (state.velocity + 0.5 * dt * acceleration)
+    resting = abs(observer.velocity) < RESTING_SPEED and abs(error) < p.observer_rest
+    acting = command_in_force(observer.commands, p.observer_delay / dt)
+    acceleration = (acting + force - observer.disturbance) / p.mass
+    ahead = observer.position + dt * (observer.velocity + 0.5 * dt * acceleration)
     off = position - ahead
-    pole = math.exp(-bandwidth * dt)
+    pole = math.exp(-p.observer_bandwidth * dt)
     left = 1.0 - pole
     rate = left / dt  # no dt squared below: the square of a tiny dt underflows to zero
-    disturbance = state.disturbance
+    observer.position = ahead + (1.0 - pole * pole * pole) * off
+    gained = 1.5 * left * rate * (1.0 + pole) * off
+    observer.velocity = observer.velocity + dt * acceleration + gained
+    disturbance = observer.disturbance
     if not resting:
-        disturbance -= mass * left * rate * rate * off
-    return ObserverState(
-        ahead + (1.0 - pole * pole * pole) * off,
-        state.velocity + dt * acceleration + 1.5 * left * rate * (1.0 + pole) * off,
-        clamp(disturbance, -limit, limit),
-        state.commands,
-    )
+        disturbance -= p.mass * left * rate * rate * off
+    observer.disturbance = clamp(disturbance, -p.observer_limit, p.observer_limit)
 
 
-def command_in_force(commands: Commands, periods: float) -> float:
+def command_in_force(commands: list[float], periods: float) -> float:
     """Return the mean command over the last period [N]; periods: its delay in periods."""
     periods = clamp(periods, 0.0, KEPT - 2.0)
     whole = int(periods)
@@ -92,30 +85,8 @@ def command_in_force(commands: Commands, periods: float) -> float:
     return (1.0 - part) * commands[whole] + part * commands[whole + 1]
 
 
-def remembered(state: ObserverState, command: float) -> ObserverState:
-    """Return the state with the command [N] that is sent now."""
-    c = state.commands
-    return ObserverState(
-        state.position,
-        state.velocity,
-        state.disturbance,
-        (command, c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9], c[10]),
-    )
-
-
-def least_damping(
-    stiffness: float, mass: float, gain: float, cutoff: float, delay: float, ratio: float
-) -> float:
-    """Return the damping with which a released handle comes to rest [Ns/m].
-
-    Without friction and hand, spring and damper move the apparent mass M / (1 + k). The filter of
-    the force gain k and the delay shift the phase of the spring's force; that acts as the negative
-    damping K (k / ((1 + k) 2 pi fc) + tau). The damping ratio adds 2 zeta sqrt(K M / (1 + k)).
-
-    stiffness K [N/m], mass M [kg], gain k, cutoff fc [Hz], delay tau [s], ratio zeta; zeta = 0
-    returns 0.
-    """
-    if ratio <= 0.0:
-        return 0.0
-    lag = gain / ((1.0 + gain) * 2.0 * math.pi * cutoff) + delay
-    return stiffness * lag + 2.0 * ratio * math.sqrt(stiffness * mass / (1.0 + gain))
+def remember(observer: Observer, command: float) -> None:
+    """Keep the command [N] that is sent now."""
+    for k in range(KEPT - 1, 0, -1):
+        observer.commands[k] = observer.commands[k - 1]
+    observer.commands[0] = command

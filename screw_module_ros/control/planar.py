@@ -1,44 +1,45 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole planar law: an impedance at the handle through the Jacobian (MIT-MANUS, thesis 3.3).
+"""The planar law: an impedance at the handle through the Jacobian (MIT-MANUS, thesis 3.3).
 
 ::
 
-    set point -> spring and damper in x and y -> speed limit -> workspace -> force limit
-              -> torque = J^T force -> joint limits, torque limits, again force limit
-              -> rate limit -> torques
+    set point -> spring and damper in x and y -> + carried mass -> speed limit -> workspace
+              -> force limit -> torque = J^T force -> + joint friction -> joint limits
+              -> torque limits -> force limit at the hand -> rate limit -> torques
 
 F = K (x_d - x) + B (v_d - v), eq 3.3; tau = J^T F with absolute joint angles. The law multiplies
-with the Jacobian and never inverts it, so a stretched arm is no special case. As in the vertical
-law nothing jumps: the force fades in after enabling, impedance and set point move at limited rates,
-and each torque changes by at most `torque_rate` dt per step (0.6 Nm at 500 Hz by default). Only a
-step to zero is exempt. Friction of the joints and a part of the module's mass can be compensated
-(`planar_compensation`); both are off by default.
+with the Jacobian and never inverts it, so a stretched arm is no special case. Nothing jumps: the
+force fades in after enabling, impedance and set point move at limited rates, each torque changes by
+at most `torque_rate` dt per step, 0.6 Nm at 500 Hz by default. Only a step to zero is exempt.
+
+The thesis leaves friction and mass as they are: 57 to 113 gram-force and the module's 12 lb on an
+arm of 4/3 kg at most (2.2.4, appendix D). Two parts, off by default, compensate some of that. The
+friction of each joint is fed forward by its angle. A force of `carried_mass` times the estimated
+acceleration carries mass; at the tip it weighs the same in every direction, without inertias of the
+arm. The estimate lags, and on a stiff, badly damped load no damper of the law makes up for that:
+mass is carried only in motion, and a guard takes it away when the force for it is rapid.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ..filters import Lowpass, clear, derivative, envelope, tune, tune_highpass
 from ..geometry import MANUS, forward, jacobian
-from .hand_force import within_at_hand
-from .impedance import spring_damper
-from .limits import clamp, limit_speed, slew, soft_stop
-from .planar_compensation import (
-    AT_REST,
-    CarriedAxis,
-    carried_force,
-    friction_torque,
-    least_planar_damping,
-)
-from .planar_settings import PlanarSettings
-from .setpoint import Range, SetPoint, at_rest, follow
+from .friction import hysteresis
+from .guard import CHATTER_HZ, Guard, forget_chatter, guard_step
+from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
+from .planar_settings import CARRIED_HZ, PlanarSettings, least_damping
+from .setpoint import Range, SetPoint, follow, stand
 
-LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
-# A sample beyond these cannot be real; the output is then zero.
-LARGEST_ANGLE = 10.0  # [rad]
-FASTEST_JOINT = 100.0  # [rad/s]
-STRONGEST = 1e5  # [N]
+MOVING = 0.03  # [m/s] largest recent speed along an axis from which all of the mass is carried
+LARGEST = 20.0  # [N] that carry the mass, along each axis
+SMALLEST_FRICTION = 1e-3  # [Nm] keeps the angle over which it reverses finite
+# Sine of the angle between the links up to which the arm counts as stretched or folded: the torque
+# that leads out of there does not vanish.
+SINGULAR = 0.02
 
 
 class PlanarInput(NamedTuple):
@@ -47,8 +48,8 @@ class PlanarInput(NamedTuple):
     shoulder, elbow: absolute joint angles [rad]; shoulder_velocity, elbow_velocity [rad/s];
     setpoint_x, setpoint_y [m] from the workspace centre, NaN = leave that axis alone;
     setpoint_vx, setpoint_vy [m/s]; active: False holds the torques at zero and the set point at the
-    measured position; slot_x, slot_y: force of a slot (`slot`) [N]; slot_weight: 0 to 1, the share
-    of spring and damper that the slot replaces.
+    measured position; slot_x, slot_y: force of a slot [N]; slot_weight: 0 to 1, of spring and
+    damper that it replaces.
     """
 
     shoulder: float
@@ -68,9 +69,8 @@ class PlanarInput(NamedTuple):
 class PlanarOutput(NamedTuple):
     """Torques and the quantities behind them.
 
-    shoulder_torque, elbow_torque [Nm]; force_x, force_y: desired force on the handle before the
-    joints' limits [N]; x, y [m] and vx, vy [m/s]: handle; desired_x, desired_y [m]: set point in
-    use; saturated: a limit acted.
+    shoulder_torque, elbow_torque [Nm]; force_x, force_y: on the handle, before the joints' limits
+    [N]; x, y [m], vx, vy [m/s]: handle; desired_x, desired_y [m]: set point; saturated: by a limit.
     """
 
     shoulder_torque: float
@@ -86,168 +86,176 @@ class PlanarOutput(NamedTuple):
     saturated: bool
 
 
-class PlanarState(NamedTuple):
-    """Memory of the law.
+@dataclass(slots=True)
+class Axis:
+    """Memory of x or y. For the carried mass: low pass and largest recent velocity [m/s], guard."""
 
-    x, y: set point in use; stiffness [N/m] and damping [Ns/m] in use; weight of the force, 0 to 1;
-    shoulder_torque, elbow_torque: last command [Nm]; carried_x, carried_y: of the mass that is
-    carried; shoulder, elbow: last angles [rad]; shoulder_friction, elbow_friction: modelled [Nm].
-    """
-
-    x: SetPoint
-    y: SetPoint
-    stiffness: float
-    damping: float
-    weight: float
-    shoulder_torque: float
-    elbow_torque: float
-    carried_x: CarriedAxis
-    carried_y: CarriedAxis
-    shoulder: float
-    elbow: float
-    shoulder_friction: float
-    elbow_friction: float
+    setpoint: SetPoint = field(default_factory=SetPoint)
+    speed: Lowpass = field(default_factory=Lowpass)
+    fastest: float = 0.0
+    guard: Guard = field(default_factory=Guard)
 
 
-def initial_state(settings: PlanarSettings) -> PlanarState:
+@dataclass(slots=True)
+class Joint:
+    """Memory of shoulder or elbow: last angle [rad], modelled friction and last command [Nm]."""
+
+    angle: float = 0.0
+    friction: float = 0.0
+    torque: float = 0.0
+
+
+@dataclass(slots=True)
+class PlanarState:
+    """Memory of the law; `initial_state` makes one. dt: for which the filters are tuned [s];
+    stiffness [N/m], damping [Ns/m] in use; weight of the force, 0 to 1."""
+
+    dt: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    weight: float = 0.0
+    x: Axis = field(default_factory=Axis)
+    y: Axis = field(default_factory=Axis)
+    shoulder: Joint = field(default_factory=Joint)
+    elbow: Joint = field(default_factory=Joint)
+
+
+def initial_state(p: PlanarSettings) -> PlanarState:
     """Return the state before the first step: everything at zero."""
-    return _idle(settings, 0.0, 0.0)
+    state = PlanarState()
+    _rest(p, state, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0)
+    return state
 
 
-def planar_step(
-    settings: PlanarSettings,
-    state: PlanarState,
-    inp: PlanarInput,
-    dt: float,
-) -> tuple[PlanarOutput, PlanarState]:
-    """Return torques and next state, dt [s] after the last step.
+def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) -> PlanarOutput:
+    """Return the torques, and take the state dt [s] further.
 
     An input that is not finite or not plausible gives zero output; the caller latches a fault.
     """
     if not _usable(inp, dt):
-        idle = _idle(settings, state.x.position, state.y.position)
-        return _nothing(state.x.position, state.y.position, 0.0, 0.0, idle), idle
+        x, y = s.x.setpoint.position, s.y.setpoint.position
+        return _rest(p, s, (x, y, 0.0, 0.0), 0.0, 0.0)
     dt = min(dt, LONGEST_STEP)
+    if dt != s.dt:
+        _tune(s, dt)
     x, y = forward(inp.shoulder, inp.elbow, MANUS)
     x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, MANUS)
     vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
     vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
     if not inp.active:
-        idle = _idle(settings, x, y, inp.shoulder, inp.elbow)
-        return _nothing(x, y, vx, vy, idle), idle
+        return _rest(p, s, (x, y, vx, vy), inp.shoulder, inp.elbow)
+    if s.weight == 0.0:
+        _place(p, s, x, y, inp.shoulder, inp.elbow)
 
-    start = state
-    if state.weight == 0.0:
-        start = _idle(settings, x, y, inp.shoulder, inp.elbow)
-    to_x, to_y = start.x, start.y
+    s.stiffness = slew(s.stiffness, p.stiffness, p.stiffness_rate * dt)
+    enough = max(p.damping, least_damping(p, s.stiffness))
+    s.damping = slew(s.damping, enough, p.damping_rate * dt)
+    s.weight = min(1.0, s.weight + dt / p.fade_time)
+
     if inp.slot_weight >= 1.0:
         # While a slot guides the hand the set point follows it: leaving the slot causes no pull.
-        to_x, to_y = _set_point_at(settings, x, y)
-    if inp.slot_weight < 1.0:
-        half_x, half_y = settings.half_width, settings.half_depth
-        to_x = _followed(settings, half_x, to_x, inp.setpoint_x, inp.setpoint_vx, dt)
-        to_y = _followed(settings, half_y, to_y, inp.setpoint_y, inp.setpoint_vy, dt)
-    stiffness = slew(state.stiffness, settings.stiffness, settings.stiffness_rate * dt)
-    enough = max(
-        settings.damping,
-        least_planar_damping(stiffness, settings.module_mass, settings.carried_mass),
-    )
-    damping = slew(state.damping, enough, settings.damping_rate * dt)
-    weight = min(1.0, state.weight + dt / settings.fade_time)
-
-    spring_x = spring_damper(stiffness, damping, to_x.position - x, to_x.velocity - vx)
-    spring_y = spring_damper(stiffness, damping, to_y.position - y, to_y.velocity - vy)
-    asked_x = (1.0 - inp.slot_weight) * spring_x + inp.slot_x
-    asked_y = (1.0 - inp.slot_weight) * spring_y + inp.slot_y
-    carried_x, kept_x = carried_force(
-        start.carried_x, vx, settings.carried_mass, settings.carried_limit, dt
-    )
-    carried_y, kept_y = carried_force(
-        start.carried_y, vy, settings.carried_mass, settings.carried_limit, dt
-    )
-    asked_x, asked_y = asked_x + carried_x, asked_y + carried_y
-    kept = _within(settings.force_limit, asked_x, asked_y)
-    force_x = _bounded(settings, asked_x * kept, x, vx, settings.half_width)
-    force_y = _bounded(settings, asked_y * kept, y, vy, settings.half_depth)
-    again = weight * _within(settings.force_limit, force_x, force_y)
+        _stand(p, s, x, y)
+    else:
+        follow(_range(p, p.half_width), s.x.setpoint, inp.setpoint_x, inp.setpoint_vx, dt)
+        follow(_range(p, p.half_depth), s.y.setpoint, inp.setpoint_y, inp.setpoint_vy, dt)
+    left = 1.0 - inp.slot_weight
+    asked_x = left * _spring(s, s.x.setpoint, x, vx) + inp.slot_x + carried_force(p, s.x, vx, dt)
+    asked_y = left * _spring(s, s.y.setpoint, y, vy) + inp.slot_y + carried_force(p, s.y, vy, dt)
+    kept = _within(p.force_limit, asked_x, asked_y)
+    force_x = _bounded(p, asked_x * kept, x, vx, p.half_width)
+    force_y = _bounded(p, asked_y * kept, y, vy, p.half_depth)
+    again = s.weight * _within(p.force_limit, force_x, force_y)
     force_x, force_y = force_x * again, force_y * again
 
-    wanted_s, wanted_e = x_s * force_x + y_s * force_y, x_e * force_x + y_e * force_y
-    friction_s, friction_e = _friction(settings, start, inp)
-    wanted_s, wanted_e = wanted_s + weight * friction_s, wanted_e + weight * friction_e
-    allowed = _limited_torques(settings, weight, inp, wanted_s, wanted_e)
-    allowed_s, allowed_e = within_at_hand(
-        settings.force_limit, MANUS, (x_s, x_e, y_s, y_e), allowed
-    )
-    shoulder, elbow = _slewed(state, allowed_s, allowed_e, settings.torque_rate * dt)
-    limited = kept < 1.0 or again < weight or shoulder != wanted_s or elbow != wanted_e
-    output = PlanarOutput(
-        shoulder, elbow, force_x, force_y, x, y, vx, vy, to_x.position, to_y.position, limited
-    )
-    return output, PlanarState(
-        to_x, to_y, stiffness, damping, weight, shoulder, elbow, kept_x, kept_y, inp.shoulder,
-        inp.elbow, friction_s, friction_e,
-    )  # fmt: skip
+    wanted_s = x_s * force_x + y_s * force_y
+    wanted_e = x_e * force_x + y_e * force_y
+    wanted_s += s.weight * joint_friction(p, s.shoulder, inp.shoulder)
+    wanted_e += s.weight * joint_friction(p, s.elbow, inp.elbow)
+    allowed_s, allowed_e = _limited_torques(p, s.weight, inp, wanted_s, wanted_e)
+    at_hand = _kept_at_hand(p.force_limit, (x_s, x_e, y_s, y_e), allowed_s, allowed_e)
+    _slew(s.shoulder, s.elbow, allowed_s * at_hand, allowed_e * at_hand, p.torque_rate * dt)
+    made_s, made_e = s.shoulder.torque, s.elbow.torque
+    to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
+    limited = kept < 1.0 or again < s.weight or made_s != wanted_s or made_e != wanted_e
+    return PlanarOutput(made_s, made_e, force_x, force_y, x, y, vx, vy, to_x, to_y, limited)
 
 
 def _usable(inp: PlanarInput, dt: float) -> bool:
-    """Return whether the measurements can be real; comparisons with NaN are false."""
-    return (
-        abs(inp.shoulder) <= LARGEST_ANGLE
-        and abs(inp.elbow) <= LARGEST_ANGLE
-        and abs(inp.shoulder_velocity) <= FASTEST_JOINT
-        and abs(inp.elbow_velocity) <= FASTEST_JOINT
-        and abs(inp.slot_x) <= STRONGEST
-        and abs(inp.slot_y) <= STRONGEST
-        and 0.0 <= inp.slot_weight <= 1.0
-        and dt > 0.0
-    )
+    """Return whether the inputs can be real; comparisons with NaN are false."""
+    shoulder = is_real(inp.shoulder, inp.shoulder_velocity, inp.slot_x)
+    elbow = is_real(inp.elbow, inp.elbow_velocity, inp.slot_y)
+    return shoulder and elbow and 0.0 <= inp.slot_weight <= 1.0 and dt > 0.0
 
 
-def _idle(
-    settings: PlanarSettings, x: float, y: float, shoulder: float = 0.0, elbow: float = 0.0
-) -> PlanarState:
-    """Return the state in which nothing is commanded, set point at x, y [m], joints at their angles
-    [rad]."""
-    set_x, set_y = _set_point_at(settings, x, y)
-    return PlanarState(
-        set_x, set_y, settings.stiffness, settings.damping, 0.0, 0.0, 0.0, AT_REST, AT_REST,
-        shoulder, elbow, 0.0, 0.0,
-    )  # fmt: skip
+def _rest(
+    p: PlanarSettings, s: PlanarState, hand: tuple[float, float, float, float],
+    shoulder: float, elbow: float,
+) -> PlanarOutput:  # fmt: skip
+    """Return no torques; hand: x, y [m], vx, vy [m/s]; joints at their angles [rad]."""
+    x, y, vx, vy = hand
+    _place(p, s, x, y, shoulder, elbow)
+    s.stiffness, s.damping, s.weight = p.stiffness, p.damping, 0.0
+    s.shoulder.torque, s.elbow.torque = 0.0, 0.0
+    to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
+    return PlanarOutput(0.0, 0.0, 0.0, 0.0, x, y, vx, vy, to_x, to_y, False)
 
 
-def _set_point_at(settings: PlanarSettings, x: float, y: float) -> tuple[SetPoint, SetPoint]:
-    """Return the set point at rest at x, y [m], or at the nearest edge of the workspace."""
-    half_x, half_y = settings.half_width, settings.half_depth
-    return at_rest(clamp(x, -half_x, half_x)), at_rest(clamp(y, -half_y, half_y))
+def _place(
+    p: PlanarSettings, s: PlanarState, x: float, y: float, shoulder: float, elbow: float
+) -> None:
+    """Forget the motion: the handle is at x, y [m], the joints at their angles [rad]."""
+    _stand(p, s, x, y)
+    for axis in (s.x, s.y):
+        clear(axis.speed)
+        axis.fastest = 0.0
+        forget_chatter(axis.guard)
+    s.shoulder.angle, s.shoulder.friction = shoulder, 0.0
+    s.elbow.angle, s.elbow.friction = elbow, 0.0
 
 
-def _friction(
-    settings: PlanarSettings, state: PlanarState, inp: PlanarInput
-) -> tuple[float, float]:
-    """Return the torques that compensate the friction of shoulder and elbow [Nm]."""
-    level, stiffness = settings.joint_friction, settings.joint_friction_stiffness
-    return (
-        friction_torque(level, stiffness, state.shoulder_friction, inp.shoulder - state.shoulder),
-        friction_torque(level, stiffness, state.elbow_friction, inp.elbow - state.elbow),
-    )
+def _stand(p: PlanarSettings, s: PlanarState, x: float, y: float) -> None:
+    """Put the set point to rest at x, y [m], or at the nearest edge of the workspace."""
+    stand(s.x.setpoint, clamp(x, -p.half_width, p.half_width))
+    stand(s.y.setpoint, clamp(y, -p.half_depth, p.half_depth))
 
 
-def _nothing(x: float, y: float, vx: float, vy: float, idle: PlanarState) -> PlanarOutput:
-    return PlanarOutput(0.0, 0.0, 0.0, 0.0, x, y, vx, vy, idle.x.position, idle.y.position, False)
+def _tune(s: PlanarState, dt: float) -> None:
+    """Prepare all filters for a sample time dt [s]."""
+    s.dt = dt
+    for axis in (s.x, s.y):
+        tune(axis.speed, CARRIED_HZ, dt)
+        tune_highpass(axis.guard.chatter, CHATTER_HZ, dt)  # the other detector is not used
 
 
-def _followed(
-    settings: PlanarSettings,
-    half: float,
-    setpoint: SetPoint,
-    position: float,
-    velocity: float,
-    dt: float,
-) -> SetPoint:
-    """Return the set point of one axis after one step, within +-half [m]."""
-    allowed = Range(-half, half, settings.setpoint_speed, settings.setpoint_acceleration)
-    return follow(allowed, setpoint, position, velocity, dt)
+def _range(p: PlanarSettings, half: float) -> Range:
+    """Return the limits of the set point along one axis, within +-half [m]."""
+    return Range(-half, half, p.setpoint_speed, p.setpoint_acceleration)
+
+
+def _spring(s: PlanarState, to: SetPoint, position: float, velocity: float) -> float:
+    """Return the force of spring and damper along one axis [N]."""
+    return s.stiffness * (to.position - position) + s.damping * (to.velocity - velocity)
+
+
+def carried_force(p: PlanarSettings, axis: Axis, velocity: float, dt: float) -> float:
+    """Return the force that carries a mass along one axis [N]; velocity: of the handle [m/s]."""
+    acceleration = derivative(axis.speed, velocity)
+    axis.fastest = envelope(axis.fastest, axis.speed.y, dt)
+    force = min(1.0, axis.fastest / MOVING) * p.carried_mass * acceleration
+    guard_step(axis.guard, force, p.carried_limit, dt)
+    return axis.guard.share * clamp(force, -LARGEST, LARGEST)
+
+
+def joint_friction(p: PlanarSettings, joint: Joint, angle: float) -> float:
+    """Return the torque that compensates a joint's friction [Nm], positive along the motion."""
+    level, turned = p.joint_friction, angle - joint.angle
+    joint.angle = angle
+    if level < SMALLEST_FRICTION:
+        joint.friction = 0.0
+    else:
+        reached = hysteresis(joint.friction, level, p.joint_friction_stiffness, turned)
+        joint.friction = clamp(reached, -level, level)
+    return joint.friction
 
 
 def _within(largest: float, x: float, y: float) -> float:
@@ -256,58 +264,57 @@ def _within(largest: float, x: float, y: float) -> float:
     return largest / size if size > largest else 1.0
 
 
-def _bounded(
-    settings: PlanarSettings, force: float, position: float, velocity: float, half: float
-) -> float:
-    """Return the force along one axis [N] after speed limit and edge of the workspace."""
-    force = limit_speed(
-        force, velocity, settings.speed_limit, settings.speed_band, settings.speed_damping
-    )
-    return soft_stop(force, position, -half, half, settings.box_zone, settings.box_stiffness)
-
-
-def _slewed(
-    state: PlanarState, shoulder: float, elbow: float, step: float
-) -> tuple[float, float]:
-    """Return both torques [Nm] after one step towards these, each by at most `step` [Nm].
-
-    They move on a straight line. Each at its own rate, they would leave the torques that press with
-    the force limit on the hand, an ellipse, on the way between two points of it.
-    """
-    way_s, way_e = abs(shoulder - state.shoulder_torque), abs(elbow - state.elbow_torque)
-    part = step / max(way_s, way_e, step)
-    return (
-        slew(state.shoulder_torque, shoulder, part * way_s),
-        slew(state.elbow_torque, elbow, part * way_e),
-    )
+def _bounded(p: PlanarSettings, force: float, at: float, velocity: float, half: float) -> float:
+    """Return the force along one axis [N] after speed limit and edge of the workspace; at [m]."""
+    force = limit_speed(force, velocity, p.speed_limit, p.speed_band, p.speed_damping)
+    return soft_stop(force, at, -half, half, p.box_zone, p.box_stiffness)
 
 
 def _limited_torques(
-    settings: PlanarSettings, weight: float, inp: PlanarInput, shoulder: float, elbow: float
+    p: PlanarSettings, weight: float, inp: PlanarInput, shoulder: float, elbow: float
 ) -> tuple[float, float]:
     """Return both torques [Nm] after joint limits and torque limits, scaled by one factor."""
-    zone, stiffness = settings.joint_zone, settings.joint_stiffness * weight
-    shoulder = soft_stop(
-        shoulder, inp.shoulder, settings.shoulder_low, settings.shoulder_high, zone, stiffness
-    )
-    elbow = soft_stop(elbow, inp.elbow, settings.elbow_low, settings.elbow_high, zone, stiffness)
+    stop = (p.joint_zone, p.joint_stiffness * weight)
+    shoulder = soft_stop(shoulder, inp.shoulder, p.shoulder_low, p.shoulder_high, *stop)
+    elbow = soft_stop(elbow, inp.elbow, p.elbow_low, p.elbow_high, *stop)
     # The limit of the angle between the links prevents stretching and folding: opposite torques.
-    apart = soft_stop(
-        0.0,
-        inp.elbow - inp.shoulder,
-        settings.between_low,
-        settings.between_high,
-        zone,
-        stiffness,
-    )
+    between = inp.elbow - inp.shoulder
+    apart = soft_stop(0.0, between, p.between_low, p.between_high, *stop)
     shoulder, elbow = shoulder - apart, elbow + apart
     factor = 1.0
-    if abs(shoulder) > settings.shoulder_torque:
-        factor = settings.shoulder_torque / abs(shoulder)
-    if abs(elbow) * factor > settings.elbow_torque:
-        factor = settings.elbow_torque / abs(elbow)
+    if abs(shoulder) > p.shoulder_torque:
+        factor = p.shoulder_torque / abs(shoulder)
+    if abs(elbow) * factor > p.elbow_torque:
+        factor = p.elbow_torque / abs(elbow)
     # Rounding may leave the product one floating-point step above the limit.
     return (
-        clamp(shoulder * factor, -settings.shoulder_torque, settings.shoulder_torque),
-        clamp(elbow * factor, -settings.elbow_torque, settings.elbow_torque),
+        clamp(shoulder * factor, -p.shoulder_torque, p.shoulder_torque),
+        clamp(elbow * factor, -p.elbow_torque, p.elbow_torque),
     )
+
+
+def _kept_at_hand(
+    largest: float, at: tuple[float, float, float, float], shoulder: float, elbow: float
+) -> float:
+    """Return the factor that keeps torques [Nm] to a force of `largest` [N] at the hand.
+
+    The joints' limits act on torques. Near a stretched arm a small torque is a large force: 1 cm
+    behind the far corners of the workspace, 8 and 16 Nm of a joint's stop are 160 N at the hand.
+    at: Jacobian [m]; the force is J^-T of the torques, here without division by the determinant.
+    """
+    x_s, x_e, y_s, y_e = at
+    size = math.hypot(y_e * shoulder - y_s * elbow, x_s * elbow - x_e * shoulder)
+    allowed = largest * max(abs(x_s * y_e - x_e * y_s), SINGULAR * MANUS.upper_arm * MANUS.forearm)
+    return allowed / size if size > allowed else 1.0
+
+
+def _slew(shoulder: Joint, elbow: Joint, to_s: float, to_e: float, step: float) -> None:
+    """Take both torques one step towards these [Nm], each by at most `step` [Nm].
+
+    They move on a straight line: each at its own rate, they would leave the ellipse of torques that
+    press with the force limit on the hand, on the way between two points of it.
+    """
+    way_s, way_e = abs(to_s - shoulder.torque), abs(to_e - elbow.torque)
+    part = step / max(way_s, way_e, step)
+    shoulder.torque = slew(shoulder.torque, to_s, part * way_s)
+    elbow.torque = slew(elbow.torque, to_e, part * way_e)

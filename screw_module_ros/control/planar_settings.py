@@ -3,10 +3,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
 
+CARRIED_HZ = 6.0
+"""Corner of the filter of the acceleration with which mass is carried [Hz]: above it the hand feels
+the whole mass again."""
+DELAY = 0.008
+"""From a position to its torque, with the velocity filter of 30 Hz and 1.5 periods [s]."""
 
 class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
@@ -124,3 +130,19 @@ class PlanarSettings(NamedTuple):
                     f"box_zone = {self.box_zone:g} m"
                 )
         return self
+
+
+def least_damping(p: PlanarSettings, stiffness: float) -> float:
+    """Return the damper with which a released handle comes to rest [Ns/m], 0 without carried mass.
+
+    The lag of the acceleration's filter is a negative damper, m w^2 / wc for an oscillation w. A
+    handle on its spring alone oscillates at w^2 = K / (M - m), M the mass of module and arm, m < M
+    the carried one. So the lag takes m K / ((M - m) wc); the delay of spring and force takes
+    K M / (M - m) times the delay. stiffness: K, the one in use [N/m].
+    """
+    carried = p.carried_mass
+    if carried <= 0.0:
+        return 0.0
+    left = p.module_mass - carried
+    lag = carried / (left * 2.0 * math.pi * CARRIED_HZ)
+    return stiffness * (lag + p.module_mass / left * DELAY)

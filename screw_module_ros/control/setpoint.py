@@ -14,6 +14,7 @@ brakes.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from .limits import clamp, slew
@@ -22,7 +23,8 @@ BELIEVED = 0.1
 """Debt up to which the velocity counts in full, as time at that velocity [s]."""
 DISBELIEVED = 0.2
 """Debt from which the velocity counts as zero, as time at that velocity [s]."""
-_FORGOTTEN = 0.5  # [s] time constant with which a debt decays
+FORGOTTEN = 0.5
+"""Time constant with which a debt decays [s]."""
 
 
 class Range(NamedTuple):
@@ -34,24 +36,25 @@ class Range(NamedTuple):
     acceleration: float
 
 
-class SetPoint(NamedTuple):
+@dataclass(slots=True)
+class SetPoint:
     """The set point in use: position [m], velocity [m/s]; owed: motion that the velocity promised
     and the position has not made [m]."""
 
-    position: float
-    velocity: float
-    owed: float
+    position: float = 0.0
+    velocity: float = 0.0
+    owed: float = 0.0
 
 
-def at_rest(position: float) -> SetPoint:
-    """Return a set point that stands at a position [m]."""
-    return SetPoint(position, 0.0, 0.0)
+def stand(setpoint: SetPoint, position: float) -> None:
+    """Bring a set point to rest at a position [m]."""
+    setpoint.position, setpoint.velocity, setpoint.owed = position, 0.0, 0.0
 
 
 def follow(
     allowed: Range, setpoint: SetPoint, position: float, velocity: float, dt: float
-) -> SetPoint:
-    """Return the set point dt [s] later; a game asks for position [m] and velocity [m/s].
+) -> None:
+    """Move the set point by dt [s]; a game asks for position [m] and velocity [m/s].
 
     A position that is not finite brings the set point to rest where it is. A velocity that is not
     finite counts as zero; a velocity that the position does not follow fades.
@@ -64,12 +67,13 @@ def follow(
             promised = clamp(velocity, -allowed.speed, allowed.speed)
             owed = _owed(setpoint.owed, promised, moved - setpoint.position, dt)
             rate = promised * _belief(promised, owed)
-    return SetPoint(moved, slew(setpoint.velocity, rate, allowed.acceleration * dt), owed)
+    setpoint.position, setpoint.owed = moved, owed
+    setpoint.velocity = slew(setpoint.velocity, rate, allowed.acceleration * dt)
 
 
 def _owed(owed: float, promised: float, made: float, dt: float) -> float:
     """Return the debt [m] after dt [s] of a promised velocity [m/s] and the motion made [m]."""
-    debt = owed * max(0.0, 1.0 - dt / _FORGOTTEN) + promised * dt - made
+    debt = owed * max(0.0, 1.0 - dt / FORGOTTEN) + promised * dt - made
     if debt * promised <= 0.0:
         return 0.0  # the set point moved further than promised: no credit for later
     most = abs(promised) * DISBELIEVED

@@ -29,14 +29,10 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
-from .limits import clamp, slew
+from .limits import FARTHEST, LONGEST_STEP, clamp, is_real, slew
 from .minimum_jerk import way
 
-LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
 SHORTEST = 1e-3  # [m]; a slot shorter than this has no direction
-# A sample beyond these cannot be real; the output is then zero.
-FARTHEST = 10.0  # [m]
-FASTEST = 100.0  # [m/s]
 OPEN = -1.0
 """Value of the time since the start [s] for a movement that has not started."""
 
@@ -222,14 +218,9 @@ def sound(slot: Slot) -> bool:
 
 
 def _real(inp: SlotInput, dt: float) -> bool:
-    return (
-        abs(inp.x) <= FARTHEST
-        and abs(inp.y) <= FARTHEST
-        and abs(inp.vx) <= FASTEST
-        and abs(inp.vy) <= FASTEST
-        and (not inp.present or abs(inp.since) < math.inf)
-        and dt > 0.0
-    )
+    """Return whether a measurement can be real; comparisons with NaN are false."""
+    since = not inp.present or abs(inp.since) < math.inf
+    return is_real(inp.x, inp.vx, 0.0) and is_real(inp.y, inp.vy, 0.0) and since and dt > 0.0
 
 
 def _moved_on(limits: SlotLimits, state: SlotState, inp: SlotInput, dt: float) -> SlotState:

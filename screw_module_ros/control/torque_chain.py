@@ -28,13 +28,13 @@ class TorqueChain(NamedTuple):
     """Parameters of the chain.
 
     commands: limits of the force; limits: limits of the torque; screw: converts force to torque;
-    linearized: whether the linearization is used; rated_torque: of the drive, object 6076 [Nm].
+    linearization: with `IDENTITY` the command equals the torque; rated_torque: of the drive, object
+    6076 [Nm].
     """
 
     commands: CommandLimits = CommandLimits()
     limits: TorqueLimits = TorqueLimits()
     screw: Screw = SCREW
-    linearized: bool = False
     linearization: Linearization = IDENTITY
     rated_torque: float = 0.42
 
@@ -46,24 +46,6 @@ class Commanded(NamedTuple):
     torque: float
     command: float
     limited: bool
-
-
-def torque_chain(
-    commands: CommandLimits,
-    limits: TorqueLimits,
-    linearization: Linearization | None,
-    screw: Screw,
-    rated_torque: float,
-) -> TorqueChain:
-    """Return the chain; with a linearization of None the command equals the torque."""
-    return TorqueChain(
-        commands,
-        limits,
-        screw,
-        linearization is not None,
-        IDENTITY if linearization is None else linearization,
-        rated_torque,
-    )
 
 
 def followed(chain: TorqueChain, last: float, force: float, dt: float) -> float:
@@ -92,9 +74,8 @@ def commanded_torque(
 ) -> tuple[Commanded, float]:
     """Return the same for a desired motor torque [Nm]; see `commanded`."""
     torque, heat = limit_torque(chain.limits, heat, wanted, dt)
-    command = torque
-    if chain.linearized and torque != 0.0:
-        command = torque_command(chain.linearization, torque)
+    # Zero stays zero whatever the map makes of it: without a command no torque.
+    command = torque_command(chain.linearization, torque) if torque != 0.0 else torque
     return Commanded(torque, command, torque != wanted), heat
 
 

@@ -1,282 +1,320 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole vertical law: from one encoder sample and one handle force to one force command.
+"""The vertical law: from one encoder sample and one handle force to one force command.
 
 ::
 
-    set point -> spring and damper -> + gravity -> + friction model -> + force feedback
+    set point -> spring and dampers -> 65 N up, 45 N down -> + weight + friction + feedback
               -> speed limit -> force limits -> soft stops -> rate limit -> command
 
-Command (thesis eqs 6.1 to 6.8, figs 6-6 and 6-11): Fpd + gravity + 0.9 Ff(z, v) + Kf (Fpd + Fp).
-The mode decides whether the last two parts take part. COMBINED is the plain sum: the friction model
-removes the predicted part from Fpd + Fp, so the feedback acts on the remainder only (6.4.4). Near
-standstill the model gives no information (6.3.1), and the feedback compensates friction alone.
+The hand's force is that of spring and dampers, Fpd, within the limits of the endpoint (thesis
+2.1.1). The modes compensate weight, friction and inertia (eqs 6.1 to 6.8, figs 6-6 and 6-11;
+`docs/control.md` draws each). COMBINED is the plain sum: the friction model removes the predicted
+part from Fpd + Fp, so the feedback acts on the remainder only (6.4.4). The total command also
+carries the weight and overcomes friction; its limits are 95 N and 75 N.
 
 Nothing jumps. Each part fades in and out over `fade_time` with its own weight. Stiffness, damping,
 force gain, gravity and set point change at limited rates. The command changes by at most
 `force_rate` dt per step, 2 N at 1 kHz by default, also at a change of mode. Enabling is a change
 from OFF, with the set point at the measured position. Only a step to zero is exempt.
 
-The limits of 65 N up and 45 N down (thesis 2.1.1) apply at the endpoint: they limit spring and
-damper, which is the force on the patient's hand, and the feedback does not exceed them. The total
-command also carries the weight and overcomes friction; its limits are 95 N and 75 N.
+All memory is one record that a step changes in place. `vertical_step` is one tick in its order.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
-from ..filters import lowpass_coefficients, lowpass_step
-from .carried_mass import carried_step
-from .chatter import damper_share, guard_step
-from .force_feedback import feedback_force
-from .friction import FrictionModel
-from .hold import free_share, hold_step
-from .impedance import spring_damper
-from .limits import clamp, limit_speed, slew, soft_stop
-from .modes import uses_impedance
-from .observer import least_damping, observer_at, observer_step, remembered
-from .outflow import feeds, outflow_step
-from .presliding import presliding_step, ratio_step, trusted
-from .setpoint import Range, SetPoint, follow
-from .standstill import standstill_step
-from .vertical_blend import Blend, blended
-from .vertical_settings import VerticalSettings
-from .vertical_state import (
-    VerticalInput,
-    VerticalOutput,
-    VerticalState,
-    idle_state,
-    no_output,
-    setpoint_at,
-    unplaced,
-)
+from ..filters import Lowpass, clear, derivative, envelope, smoothed, tune
+from .friction import FrictionModel, Presliding, compare_step, presliding_step, trusted
+from .guard import Guard, damper_share, forget_outflow, guard_step, outflow_step, tune_guard
+from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
+from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
+from .observer import Observer, observe, remember, settle
+from .setpoint import Range, SetPoint, follow, stand
+from .vertical_settings import CARRIED_HZ, VerticalSettings, least_damping
 
-LONGEST_STEP = 0.02  # [s]; a longer dt counts as this one, so that a pause makes no large step
-# A sample beyond these cannot be real; the output is then zero.
-FARTHEST = 10.0  # [m]
-FASTEST = 100.0  # [m/s]
-STRONGEST = 1e5  # [N]
-RESTING_SPEED = 3e-4  # [m/s]
+MOVING = 6e-3  # [m/s] largest recent speed from which nothing is left of the damper at rest
+HELD = 0.8  # [N] largest recent force from which a hand holds the handle
+FIRM = 1.0  # [N] of the hand from which the carried mass is in with all of its share
 FED_SHARE = 0.92  # of `chatter_limit`, from which an oscillation that the robot feeds counts
 
 
+class VerticalInput(NamedTuple):
+    """Inputs of one step, up positive.
+
+    mode: constant of `modes`; position [m], velocity [m/s] of the nut; force: patient on robot,
+    tared [N]; setpoint_position [m], NaN = none, also when the last one is stale; setpoint_velocity
+    [m/s]; active: False holds the command at zero and the set point at the measured position;
+    slot_force: of a slot (`slot`) [N]; slot_weight: 0 to 1, of spring and dampers that it replaces.
+    """
+
+    mode: int
+    position: float
+    velocity: float
+    force: float
+    setpoint_position: float
+    setpoint_velocity: float
+    active: bool
+    slot_force: float = 0.0
+    slot_weight: float = 0.0
+
+
+class VerticalOutput(NamedTuple):
+    """Command and its parts.
+
+    force: total after limits [N]; impedance, gravity, friction, feedback, carried (for the mass):
+    its parts before the limits on the total [N]; saturated: a limit acted; desired_position [m],
+    desired_velocity [m/s]: set point in use; share: of the force gains left by the guard, 0 to 1.
+    """
+
+    force: float
+    impedance: float
+    gravity: float
+    friction: float
+    feedback: float
+    carried: float
+    saturated: bool
+    desired_position: float
+    desired_velocity: float
+    share: float = 1.0
+
+
+@dataclass(slots=True)
+class VerticalState:
+    """Memory of the law; `initial_state` makes one.
+
+    dt: for which the filters are tuned [s]; placed: `position`, of the last sample [m], is known;
+    force: last command [N]; stiffness [N/m], damping [Ns/m], gain Kf, gravity [N]: in use, while
+    they follow their settings; weights of the parts while they fade, 0 to 1: base (spring, dampers,
+    gravity), friction, feedback, observing; held, fastest: largest recent handle force [N] and
+    speed of the nut [m/s]; low passes of handle force, force error and estimated speed.
+    """
+
+    dt: float = 0.0
+    placed: bool = False
+    position: float = 0.0
+    force: float = 0.0
+    setpoint: SetPoint = field(default_factory=SetPoint)
+    stiffness: float = 0.0
+    damping: float = 0.0
+    gain: float = 0.0
+    gravity: float = 0.0
+    base: float = 0.0
+    friction: float = 0.0
+    feedback: float = 0.0
+    observing: float = 0.0
+    presliding: Presliding = field(default_factory=Presliding)
+    observer: Observer = field(default_factory=Observer)
+    guard: Guard = field(default_factory=Guard)
+    held: float = 0.0
+    fastest: float = 0.0
+    handle: Lowpass = field(default_factory=Lowpass)
+    error: Lowpass = field(default_factory=Lowpass)
+    speed: Lowpass = field(default_factory=Lowpass)
+
+
+def initial_state(p: VerticalSettings) -> VerticalState:
+    """Return the state before the first step: everything at zero."""
+    state = VerticalState()
+    _rest(p, state, 0.0)
+    state.placed = False
+    return state
+
+
 def vertical_step(
-    settings: VerticalSettings,
-    friction_model: FrictionModel,
-    state: VerticalState,
-    inp: VerticalInput,
-    dt: float,
-) -> tuple[VerticalOutput, VerticalState]:
-    """Return command and next state, dt [s] after the last step.
+    p: VerticalSettings, model: FrictionModel, s: VerticalState, inp: VerticalInput, dt: float
+) -> VerticalOutput:
+    """Return the command, and take the state dt [s] further.
 
     An input that is not finite or not plausible gives zero output; the caller latches a fault.
     """
     if not _usable(inp, dt):
-        # The position of the nut is unknown now: the next good sample counts as the first one.
-        idle = idle_state(settings, state.setpoint.position, state.lowpass, state.guard)
-        return no_output(idle), unplaced(idle)
+        nothing = _rest(p, s, s.setpoint.position)
+        s.placed = False  # the position of the nut is unknown: the next good sample is the first
+        return nothing
     dt = min(dt, LONGEST_STEP)
-    coefficients = lowpass_coefficients(settings.force_cutoff, dt)
-    handle_force, lowpass = lowpass_step(coefficients, state.lowpass, inp.force)
-    guard = guard_step(
-        state.guard, inp.force, feeds(state.outflow), _guard_limit(settings, state), dt
-    )
+    if dt != s.dt or p.force_cutoff != s.handle.cutoff or p.observer_cutoff != s.error.cutoff:
+        _tune(p, s, dt)
+    handle = smoothed(s.handle, inp.force)
+    # Without a gain the guard has nothing to reduce: somebody mounts the handle, or it hits a stop.
+    lively = max(s.friction, s.feedback, s.observing)
+    guard_step(s.guard, inp.force, p.chatter_limit if lively > 0.0 else math.inf, dt)
     if not inp.active:
-        idle = idle_state(settings, inp.position, lowpass, guard)
-        return no_output(idle), idle
+        return _rest(p, s, inp.position)
+    if not s.placed:
+        s.position = inp.position
+        settle(s.observer, inp.position)
+    _follow(p, s, inp, dt)
+    _fade(p, s, inp.mode, dt)
 
-    last, observed = state.position, state.observer
-    if not state.placed:
-        last, observed = inp.position, observer_at(inp.position)
-    setpoint = _followed(settings, state, inp, dt)
-    blend = blended(settings, state.blend, inp.mode, dt)
-    modelled = presliding_step(
-        friction_model, settings.friction_stiffness, state.friction, inp.position, inp.velocity,
-        inp.position - last,
-    )  # fmt: skip
-    friction = guard.share * trusted(state.ratio) * _friction(settings, blend, modelled)
-    gravity = blend.base * blend.gravity
-    observer = observer_step(
-        observed, inp.position, inp.force - gravity - friction, settings.mass,
-        settings.observer_bandwidth, settings.observer_delay, settings.observer_limit,
-        _resting(settings, state), dt,
-    )  # fmt: skip
-    ratio = ratio_step(
-        state.ratio, modelled, friction + observer.disturbance, observer.velocity, dt
-    )
-    outflow = outflow_step(
-        state.outflow, inp.force, observer.velocity, FED_SHARE * settings.chatter_limit, dt
-    )
-    held = hold_step(state.held, handle_force, dt)
-    spring = _pull(
-        settings, blend, setpoint, inp, observer.velocity, damper_share(guard), free_share(held)
-    )
-    at_rest, fastest = standstill_step(
-        blend.observer * settings.rest_damping, state.fastest, observer.velocity, dt
-    )
-    pull = (1.0 - inp.slot_weight) * (spring + at_rest) + inp.slot_force
-    desired = clamp(pull, -settings.force_down, settings.force_up)
-    impedance = blend.base * desired
-    share = settings.observer_inertia * guard.share * blend.observer
-    carried, speed_lowpass = carried_step(
-        state.speed_lowpass, observer.velocity, share * settings.mass,
-        settings.observer_gain, handle_force, dt,
-    )  # fmt: skip
-    wanted = clamp(impedance + carried, -settings.force_down, settings.force_up)
-    error, error_lowpass = lowpass_step(
-        lowpass_coefficients(settings.observer_cutoff, dt),
-        state.error_lowpass,
-        wanted + inp.force,
-    )
-    feedback = blend.feedback * feedback_force(
-        guard.share * blend.gain, impedance, handle_force, settings.feedback_limit
-    )
-    feedback += blend.observer * feedback_force(
-        guard.share * settings.observer_gain, error, 0.0, settings.feedback_limit
-    )
-    feedback += wanted - impedance
-    unfelt = blend.friction * (1.0 - blend.feedback)
-    feedback += unfelt * _over_limit(settings, blend, handle_force)
-    friction += blend.observer * observer.disturbance
-    asked = impedance + gravity + friction + feedback
-    allowed = _limited(settings, blend.base, inp, asked, impedance)
-    force = slew(state.force, allowed, settings.force_rate * dt)
-    output = VerticalOutput(
-        force,
-        impedance,
-        gravity,
-        friction,
-        feedback,
-        force != asked or desired != pull,
-        setpoint.position,
-        setpoint.velocity,
-        guard.share,
-    )
-    observer = remembered(observer, force)
-    return output, VerticalState(
-        setpoint, blend, lowpass, force, True, inp.position, modelled, ratio, observer,
-        error_lowpass, speed_lowpass, guard, outflow, held, fastest,
+    # Weight, and friction by the model and by the observer.
+    gravity = s.base * s.gravity
+    friction = _fed_forward(p, model, s, inp)
+    observe(p, s.observer, inp.position, inp.force - gravity - friction, s.error.y, dt)
+    compare_step(s.presliding, friction + s.observer.disturbance, s.observer.velocity, dt)
+    outflow_step(s.guard, inp.force, s.observer.velocity, FED_SHARE * p.chatter_limit, dt)
+
+    # What presses on the hand.
+    s.held = envelope(s.held, handle, dt)
+    s.fastest = envelope(s.fastest, s.observer.velocity, dt)
+    pull = (1.0 - inp.slot_weight) * _spring(p, s, inp) + inp.slot_force
+    desired = clamp(pull, -p.force_down, p.force_up)
+    impedance = s.base * desired
+
+    # Inertia, and what friction is left, by the force on the hand.
+    wanted = clamp(impedance + _carried(p, s, handle), -p.force_down, p.force_up)
+    carried = wanted - impedance
+    feedback = _fed_back(p, s, impedance + handle, wanted + inp.force)
+    opposed = _opposed(p, s, handle)
+    friction += s.observing * s.observer.disturbance
+
+    asked = impedance + gravity + friction + (feedback + carried + opposed)
+    force = slew(s.force, _limited(p, s.base, inp, asked, impedance), p.force_rate * dt)
+    s.position, s.placed, s.force = inp.position, True, force
+    remember(s.observer, force)  # as it is sent, after all limits
+    return VerticalOutput(
+        force, impedance, gravity, friction, feedback + opposed, carried,
+        force != asked or desired != pull, s.setpoint.position, s.setpoint.velocity, s.guard.share,
     )  # fmt: skip
 
 
 def _usable(inp: VerticalInput, dt: float) -> bool:
-    """Return whether the measurements can be real; comparisons with NaN are false."""
-    return (
-        abs(inp.position) <= FARTHEST
-        and abs(inp.velocity) <= FASTEST
-        and abs(inp.force) <= STRONGEST
-        and abs(inp.slot_force) <= STRONGEST
-        and 0.0 <= inp.slot_weight <= 1.0
-        and dt > 0.0
-    )
+    """Return whether the inputs can be real; comparisons with NaN are false."""
+    slot = abs(inp.slot_force) <= STRONGEST and 0.0 <= inp.slot_weight <= 1.0
+    return slot and is_real(inp.position, inp.velocity, inp.force) and dt > 0.0
 
 
-def _followed(
-    settings: VerticalSettings, state: VerticalState, inp: VerticalInput, dt: float
-) -> SetPoint:
-    """Return the next set point; it follows the nut while the spring is off or a slot guides."""
-    setpoint = state.setpoint
-    if state.blend.base == 0.0 or inp.slot_weight >= 1.0:
-        setpoint = setpoint_at(settings, inp.position)
-    if not uses_impedance(inp.mode) or inp.slot_weight >= 1.0:
-        return setpoint
-    allowed = Range(
-        settings.travel_low,
-        settings.travel_high,
-        settings.setpoint_speed,
-        settings.setpoint_acceleration,
-    )
-    return follow(allowed, setpoint, inp.setpoint_position, inp.setpoint_velocity, dt)
+def _rest(p: VerticalSettings, s: VerticalState, position: float) -> VerticalOutput:
+    """Return no force, the nut at a position [m]; only force filter and chatter guard go on."""
+    stand(s.setpoint, clamp(position, p.travel_low, p.travel_high))
+    s.stiffness, s.damping, s.gain, s.gravity = p.stiffness, p.damping, p.force_gain, p.gravity
+    s.base = s.friction = s.feedback = s.observing = 0.0
+    s.position, s.placed, s.force = position, True, 0.0
+    s.presliding.modelled, s.presliding.ratio, s.held, s.fastest = 0.0, 1.0, 0.0, 0.0
+    settle(s.observer, position)
+    clear(s.error)
+    clear(s.speed)
+    forget_outflow(s.guard)
+    wanted = s.setpoint.position
+    return VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, wanted, 0.0, s.guard.share)
 
 
-def _friction(settings: VerticalSettings, blend: Blend, modelled: float) -> float:
-    """Return the friction feed-forward [N]; modelled: at full size [N]."""
-    share = blend.friction * settings.friction_fraction
-    share += blend.observer * settings.observer_friction
-    return clamp(share * modelled, -settings.friction_limit, settings.friction_limit)
+def _tune(p: VerticalSettings, s: VerticalState, dt: float) -> None:
+    """Prepare all filters for a sample time dt [s]."""
+    s.dt = dt
+    tune(s.handle, p.force_cutoff, dt)
+    tune(s.error, p.observer_cutoff, dt)
+    tune(s.speed, CARRIED_HZ, dt)
+    tune_guard(s.guard, dt)
 
 
-def _over_limit(settings: VerticalSettings, blend: Blend, handle_force: float) -> float:
-    """Return the force [N] that opposes a force on the hand beyond the endpoint's limits.
+def _follow(p: VerticalSettings, s: VerticalState, inp: VerticalInput, dt: float) -> None:
+    """Move the set point; it follows the nut while the spring is off or a slot guides."""
+    if s.base == 0.0 or inp.slot_weight >= 1.0:
+        stand(s.setpoint, clamp(inp.position, p.travel_low, p.travel_high))
+    if uses_impedance(inp.mode) and inp.slot_weight < 1.0:
+        allowed = Range(p.travel_low, p.travel_high, p.setpoint_speed, p.setpoint_acceleration)
+        follow(allowed, s.setpoint, inp.setpoint_position, inp.setpoint_velocity, dt)
+
+
+def _fade(p: VerticalSettings, s: VerticalState, mode: int, dt: float) -> None:
+    """Take values and weights closer to the settings and the mode, at limited rates."""
+    share = dt / p.fade_time
+    s.stiffness = slew(s.stiffness, p.stiffness, p.stiffness_rate * dt)
+    s.damping = slew(s.damping, p.damping, p.damping_rate * dt)
+    s.gain = slew(s.gain, p.force_gain, p.gain_rate * dt)
+    s.gravity = slew(s.gravity, p.gravity, p.gravity_rate * dt)
+    # The observer starts after the other parts: until then the amplifier's ramp may reduce the
+    # torque, and the observer would take that for friction.
+    observes = uses_observer(mode) and s.base == 1.0
+    s.observing = slew(s.observing, 1.0 if observes else 0.0, share)
+    s.base = slew(s.base, 1.0 if uses_impedance(mode) else 0.0, share)
+    s.friction = slew(s.friction, 1.0 if uses_friction(mode) else 0.0, share)
+    s.feedback = slew(s.feedback, 1.0 if uses_feedback(mode) else 0.0, share)
+
+
+def _fed_forward(
+    p: VerticalSettings, model: FrictionModel, s: VerticalState, inp: VerticalInput
+) -> float:
+    """Return the modelled friction that is fed forward [N] (thesis 6.3)."""
+    travelled = inp.position - s.position
+    stiffness = p.friction_stiffness
+    presliding_step(s.presliding, model, stiffness, inp.position, inp.velocity, travelled)
+    fraction = s.friction * p.friction_fraction + s.observing * p.observer_friction
+    fed = clamp(fraction * s.presliding.modelled, -p.friction_limit, p.friction_limit)
+    return s.guard.share * trusted(s.presliding) * fed
+
+
+def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:
+    """Return the force of spring and dampers [N] (thesis 3.3, eqs 3.3 and 6.1).
+
+    OBSERVER damps the estimated velocity, which lags less than the filtered one, and at least as
+    much as a released handle needs. One damper stands in for the gains that the guard has reduced,
+    one for friction that the model takes from a handle that nobody holds. The last ends the creep
+    of a resting handle in OBSERVER: it acts against the ground, and is gone once the handle moves.
+    """
+    velocity = inp.velocity + s.observing * (s.observer.velocity - inp.velocity)
+    damping = s.damping + s.observing * max(0.0, least_damping(p, s.stiffness) - s.damping)
+    lively = max(s.observing, s.feedback, s.friction)
+    damping += lively * damper_share(s.guard) * p.chatter_damping
+    damping += s.friction * max(0.0, 1.0 - s.held / HELD) * p.free_damping
+    force = s.stiffness * (s.setpoint.position - inp.position)
+    force += damping * (s.setpoint.velocity - velocity)
+    at_rest = s.observing * p.rest_damping * max(0.0, 1.0 - s.fastest / MOVING)
+    return force - at_rest * s.observer.velocity
+
+
+def _carried(p: VerticalSettings, s: VerticalState, handle: float) -> float:
+    """Return the force that accelerates a share of the mass for the hand [N] (thesis 6.4.3).
+
+    A force gain k leaves the hand with M / (1 + k). The share is for a mass that was measured: one
+    too large would leave less than none. The filter's lag is a negative damper, which swings a
+    handle that nobody holds: the force comes in with the hand's.
+    """
+    acceleration = derivative(s.speed, s.observer.velocity)
+    mass = p.observer_inertia * s.guard.share * s.observing * p.mass
+    return min(1.0, abs(handle) / FIRM) * mass / (1.0 + p.observer_gain) * acceleration
+
+
+def _fed_back(p: VerticalSettings, s: VerticalState, remainder: float, error: float) -> float:
+    """Return the force feedback [N] (thesis 6.4.3, eqs 6.5 to 6.8).
+
+    Fpd + Fp is due to friction and inertia; a gain divides it by 1 + gain. It has no integral, so a
+    limit downstream causes no windup. remainder: Fp filtered; error: OBSERVER filters the sum [N].
+    """
+    most = p.feedback_limit
+    by_gain = clamp(s.guard.share * s.gain * remainder, -most, most)
+    error = smoothed(s.error, error)
+    by_observer = clamp(s.guard.share * p.observer_gain * error, -most, most)
+    return s.feedback * by_gain + s.observing * by_observer
+
+
+def _opposed(p: VerticalSettings, s: VerticalState, handle: float) -> float:
+    """Return what opposes a force on the hand beyond the endpoint's limits [N].
 
     A friction feed-forward that exceeds the real friction presses on a hand at rest. Without force
     feedback no other part corrects that.
     """
-    beyond = min(0.0, handle_force + settings.force_up)
-    beyond += max(0.0, handle_force - settings.force_down)
-    return feedback_force(blend.gain, beyond, 0.0, settings.feedback_limit)
-
-
-def _guard_limit(settings: VerticalSettings, state: VerticalState) -> float:
-    """Return the limit of the chatter guard [N], infinite while it has nothing to reduce.
-
-    The law does not shake the handle then: somebody mounts it, or it hits a stop without torque.
-    """
-    blend = state.blend
-    lively = max(blend.friction, blend.feedback, blend.observer)
-    return settings.chatter_limit if lively > 0.0 else math.inf
-
-
-def _resting(settings: VerticalSettings, state: VerticalState) -> bool:
-    """Return whether the handle is at rest with a tolerable force error.
-
-    Friction holds it there. An observer that continued would build up force until the handle breaks
-    away and overshoots: hunting, as with any integral action against stiction.
-    """
-    return (
-        abs(state.observer.velocity) < RESTING_SPEED
-        and abs(state.error_lowpass.y) < settings.observer_rest
-    )
-
-
-def _pull(
-    settings: VerticalSettings,
-    blend: Blend,
-    setpoint: SetPoint,
-    inp: VerticalInput,
-    estimated: float,
-    guarded: float,
-    free: float,
-) -> float:
-    """Return the force of spring and damper [N].
-
-    OBSERVER uses the velocity estimated by its observer [m/s], which lags less than the filtered
-    one. Its damping never falls below the least damping that it needs, whatever the settings are
-    now. guarded: weight of the chatter guard's damper, 0 to 1; free: 1 when nobody holds the
-    handle, 0 when somebody holds it firmly.
-    """
-    weight = blend.observer
-    velocity = inp.velocity + weight * (estimated - inp.velocity)
-    least = least_damping(
-        blend.stiffness, settings.mass, settings.observer_gain, settings.observer_cutoff,
-        settings.observer_delay, settings.observer_damping_ratio,
-    )  # fmt: skip
-    damping = blend.damping + weight * max(0.0, least - blend.damping)
-    lively = max(weight, blend.feedback, blend.friction)
-    damping += lively * guarded * settings.chatter_damping
-    damping += blend.friction * free * settings.free_damping
-    return spring_damper(
-        blend.stiffness,
-        damping,
-        setpoint.position - inp.position,
-        setpoint.velocity - velocity,
-    )
+    beyond = min(0.0, handle + p.force_up) + max(0.0, handle - p.force_down)
+    weight = s.friction * (1.0 - s.feedback)
+    return weight * clamp(s.gain * beyond, -p.feedback_limit, p.feedback_limit)
 
 
 def _limited(
-    settings: VerticalSettings, weight: float, inp: VerticalInput, force: float, pressed: float
+    p: VerticalSettings, weight: float, inp: VerticalInput, force: float, pressed: float
 ) -> float:
     """Return the force [N] after speed limit, force limits and soft stops.
 
-    weight fades the forces of the limits themselves, so that the force in OFF is zero. pressed: of
-    it, what spring and damper press on the hand [N]; together with that, a soft stop keeps to the
-    endpoint's limits.
+    weight: fades the limits' own forces, so that the force in OFF is zero; pressed: what spring and
+    dampers press on the hand [N]: with it, a soft stop keeps to the endpoint's limits.
     """
-    damping = settings.speed_damping * weight
-    force = limit_speed(force, inp.velocity, settings.speed_limit, settings.speed_band, damping)
-    force = clamp(force, -settings.command_down, settings.command_up)
-    stop = (settings.travel_low, settings.travel_high, settings.soft_stop_zone)
+    damping = p.speed_damping * weight
+    force = limit_speed(force, inp.velocity, p.speed_limit, p.speed_band, damping)
+    force = clamp(force, -p.command_down, p.command_up)
+    stop = (p.travel_low, p.travel_high, p.soft_stop_zone)
     force = soft_stop(force, inp.position, *stop, 0.0)
-    inward = soft_stop(0.0, inp.position, *stop, settings.soft_stop_stiffness * weight)
-    force += clamp(inward, -settings.force_down - pressed, settings.force_up - pressed)
-    return clamp(force, -settings.command_down, settings.command_up)
+    inward = soft_stop(0.0, inp.position, *stop, p.soft_stop_stiffness * weight)
+    force += clamp(inward, -p.force_down - pressed, p.force_up - pressed)
+    return clamp(force, -p.command_down, p.command_up)

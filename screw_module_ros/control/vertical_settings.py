@@ -7,11 +7,15 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting, validated
-from .carried_mass import KNOWN_SHARE
 from .limits import CommandLimits
 from .modes import uses_observer
-from .observer import least_damping
 
+KNOWN_SHARE = 0.7
+"""Of the mass that OBSERVER's force gain leaves, to carry where a calibration measured it: a mass
+40 % too large leaves none."""
+CARRIED_HZ = 6.0
+"""Corner of the filter of the acceleration with which mass is carried [Hz]: above it the hand feels
+M / (1 + k) again."""
 _COMMAND = CommandLimits()
 
 
@@ -182,10 +186,7 @@ class VerticalSettings(NamedTuple):
     @property
     def least_damping(self) -> float:
         """Smallest damping with which OBSERVER brings a released handle to rest [Ns/m]."""
-        return least_damping(
-            self.stiffness, self.mass, self.observer_gain, self.observer_cutoff,
-            self.observer_delay, self.observer_damping_ratio,
-        )  # fmt: skip
+        return least_damping(self, self.stiffness)
 
     def refusal(self, mode: int) -> str:
         """Return why these settings cannot run in a mode, empty when they can."""
@@ -197,3 +198,20 @@ class VerticalSettings(NamedTuple):
             f"friction away that would bring a released handle to rest; it is {self.damping:g} "
             "Ns/m: raise the damping first, or choose another mode"
         )
+
+
+def least_damping(p: VerticalSettings, stiffness: float) -> float:
+    """Return the damping with which OBSERVER brings a released handle to rest [Ns/m].
+
+    Without friction and hand, spring and damper move the apparent mass M / (1 + k). The filter of
+    the force gain k (cutoff fc) and the delay tau shift the phase of the spring's force; that acts
+    as the negative damping K (k / ((1 + k) 2 pi fc) + tau). The damping ratio zeta adds
+    2 zeta sqrt(K M / (1 + k)); a ratio of 0 asks for no damping at all.
+
+    stiffness: K, the one in use [N/m].
+    """
+    gain, ratio = p.observer_gain, p.observer_damping_ratio
+    if ratio <= 0.0:
+        return 0.0
+    lag = gain / ((1.0 + gain) * 2.0 * math.pi * p.observer_cutoff) + p.observer_delay
+    return stiffness * lag + 2.0 * ratio * math.sqrt(stiffness * p.mass / (1.0 + gain))

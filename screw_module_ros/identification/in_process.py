@@ -17,12 +17,11 @@ import numpy as np
 from ..calibration.friction_file import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
-from ..control.limits import CommandLimits, TorqueLimits
-from ..control.torque_chain import torque_chain
+from ..control.limits import CommandLimits
+from ..control.torque_chain import TorqueChain
+from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
-from ..control.vertical_state import initial_state
 from ..filters import lowpass_coefficients, velocity_settled
-from ..geometry import SCREW
 from ..plant.arm import HumanArm, arm_force, resting
 from ..plant.current_sensor import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
@@ -165,9 +164,8 @@ class InProcessBench:
             amplifier=w.amplifier,
             sensor=current_sensor_params(substep),
             transducer=self._transducer(),
-            chain=torque_chain(
-                CommandLimits(loop.command_up, loop.command_down), TorqueLimits(), None, SCREW,
-                loop.rated_torque,
+            chain=TorqueChain(
+                CommandLimits(loop.command_up, loop.command_down), rated_torque=loop.rated_torque
             ),
             amperes=1.0 / loop.torque_constant,
             smooth=lowpass_coefficients(loop.cutoff, 1.0 / rate),
@@ -202,7 +200,7 @@ class InProcessBench:
         Every trial has its own noise, which is the same in each repetition.
         """
         noise = seeded(self.seed + zlib.crc32(repr(trial).encode()))
-        law = initial_state(params.law)
+        law = packed(initial_state(params.law))
         module = resting_state(self.world.vertical, _HUNG_AT, params.upright)
         return LoopState(
             0, 0.0, module, law, velocity_settled(_HUNG_AT), 0.0,

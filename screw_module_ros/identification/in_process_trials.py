@@ -8,8 +8,7 @@ import math
 import numpy as np
 
 from ..control.friction import FrictionModel
-from ..control.linearization import Linearization, default_linearization
-from ..control.torque_chain import TorqueChain, torque_chain
+from ..control.linearization import IDENTITY, default_linearization
 from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
 from ..plant.arm import HandPath, resting
 from ..plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE
@@ -41,7 +40,7 @@ def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopPar
             fixture=LOCKED_ROTOR,
             amplitude=float(trial.amplitude),
             omega=2.0 * math.pi * trial.frequency,
-            chain=_linearized(quiet.chain, trial.linearization),
+            chain=quiet.chain._replace(linearization=trial.linearization or IDENTITY),
         )
     if isinstance(trial, StageTrial):
         return quiet._replace(
@@ -56,17 +55,11 @@ def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopPar
         mode=trial.mode,
         law=trial.settings.validated(),
         friction=trial.friction or thesis,
-        chain=_linearized(quiet.chain, trial.linearization or default_linearization()),
+        chain=quiet.chain._replace(linearization=trial.linearization or default_linearization()),
         centre=float(trial.centre),
         path=resting(float(trial.centre)),
         side_force=float(trial.side_force),
         side_omega=_SIDE_OMEGA,
-    )
-
-
-def _linearized(chain: TorqueChain, linearization: Linearization | None) -> TorqueChain:
-    return torque_chain(
-        chain.commands, chain.limits, linearization, chain.screw, chain.rated_torque
     )
 
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..control.friction import FrictionModel
 from ..control.torque_chain import TorqueChain, commanded, commanded_torque, on_the_wire
+from ..control.vertical import VerticalInput
 from ..control.vertical import vertical_step as law_step
 from ..control.vertical_settings import VerticalSettings
-from ..control.vertical_state import VerticalInput, VerticalState
 from ..filters import LowpassCoefficients, VelocityState, velocity_step
 from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.amplifier import Amplifier, bridge_current
@@ -86,15 +86,16 @@ class LoopParams(NamedTuple):
 
 
 class LoopState(NamedTuple):
-    """ticks: since the trial began; on_time: since power-on [s]; the module; the law; the
-    encoder's last position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
+    """ticks: since the trial began; on_time: since power-on [s]; the module; the law's
+    `VerticalState` from `compiled.packed`, which a tick changes in place; the encoder's last
+    position and velocity filter; heat of the motor [Nm^2]; under_way: commanded
     currents of the bridge [A], first the acting one, then one for each whole period of delay;
     volts: current sensor; first, second: state of the noise."""
 
     ticks: int
     on_time: float
     module: ModuleState
-    law: VerticalState
+    law: Any
     motion: VelocityState
     heat: float
     under_way: np.ndarray
@@ -123,18 +124,18 @@ def tick(p: LoopParams, s: LoopState, row: np.ndarray) -> LoopState:
     position = counts_to_height(count, screw, COUNTS_PER_TURN)
     velocity, motion = velocity_step(p.smooth, s.motion, position, p.period)
     force, torque, first, second = _transduced(p, s)
-    asked, law, heat = _answer(p, s, position, velocity, force)
+    asked, heat = _answer(p, s, position, velocity, force)
     command = on_the_wire(p.chain, asked)
     row[0], row[1], row[2], row[3], row[4] = position, velocity, force, torque, command
     row[5] = s.volts if p.fixture == LOCKED_ROTOR else module.current
     row[6], row[7], row[8] = module.handle, module.handle_velocity, module.patient_force
-    row[9] = law.guard.share
+    row[9] = s.law[0].guard.share
     under_way = np.empty(s.under_way.size + 1)
     under_way[:-1] = s.under_way
     under_way[-1] = bridge_current(p.amplifier, command * p.amperes)
     module, sensor, volts = _period(p, s, under_way[0], under_way[1])
     return LoopState(
-        s.ticks + 1, s.on_time + p.period, module, law, motion, heat, under_way[1:],
+        s.ticks + 1, s.on_time + p.period, module, s.law, motion, heat, under_way[1:],
         sensor, volts, first, second,
     )  # fmt: skip
 
@@ -165,16 +166,16 @@ def _transduced(p: LoopParams, s: LoopState) -> tuple[float, float, int, int]:
 
 def _answer(
     p: LoopParams, s: LoopState, position: float, velocity: float, force: float
-) -> tuple[float, VerticalState, float]:
-    """Return the torque command [Nm] for a sample, the law's next state and the heat [Nm^2]."""
+) -> tuple[float, float]:
+    """Return the torque command [Nm] for a sample and the motor's heat [Nm^2]."""
     if p.kind == LAW:
         inp = VerticalInput(p.mode, position, velocity, force, p.centre, 0.0, True, 0.0, 0.0)
-        output, law = law_step(p.law, p.friction, s.law, inp, p.period)
+        output = law_step(p.law, p.friction, s.law[0], inp, p.period)
         made, heat = commanded(p.chain, s.heat, output.force, 1.0, p.period)
-        return made.command, law, heat
+        return made.command, heat
     sine = p.amplitude * math.sin(p.omega * s.ticks * p.period) if p.kind == SINE else 0.0
     made, heat = commanded_torque(p.chain, s.heat, sine, p.period)
-    return made.command, s.law, heat
+    return made.command, heat
 
 
 def _period(

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..compiled import compiled, packed
-from ..control.planar import PlanarInput, PlanarState, initial_state
+from ..control.planar import PlanarInput, initial_state
 from ..control.planar import planar_step as law_step
 from ..control.planar_settings import PlanarSettings
 from ..filters import (
@@ -61,12 +61,12 @@ class PlaneParams(NamedTuple):
 
 
 class PlaneState(NamedTuple):
-    """ticks: since the trial began; the arm; the law; filters of both velocities; torques in force
-    [Nm]."""
+    """ticks: since the trial began; the arm; the law's `PlanarState` from `compiled.packed`, which
+    a tick changes in place; filters of both velocities; torques in force [Nm]."""
 
     ticks: int
     arm: ManusState
-    law: PlanarState
+    law: Any
     shoulder: VelocityState
     elbow: VelocityState
     shoulder_torque: float
@@ -93,7 +93,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
     inp = PlanarInput(
         shoulder, elbow, shoulder_speed, elbow_speed, 0.0, 0.0, 0.0, 0.0, True, 0.0, 0.0, 0.0
     )
-    output, law = law_step(p.law, s.law, inp, p.period)
+    output = law_step(p.law, s.law[0], inp, p.period)
     x, y = tip(robot, s.arm.shoulder, s.arm.elbow)
     w1, w2 = s.arm.shoulder_velocity, s.arm.elbow_velocity
     row[0], row[1] = x, y
@@ -102,7 +102,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
     row[3] = robot.upper_arm * math.cos(s.arm.shoulder) * w1
     row[3] += robot.forearm * math.cos(s.arm.elbow) * w2
     row[4], row[5] = s.arm.force_x, s.arm.force_y
-    row[6] = min(law.carried_x.guard.share, law.carried_y.guard.share)
+    row[6] = min(s.law[0].x.guard.share, s.law[0].y.guard.share)
     arm = s.arm
     time = s.ticks * p.period
     hand_x, speed_x = hand_point(p.path_x, time)
@@ -120,7 +120,7 @@ def plane_tick(p: PlaneParams, s: PlaneState, row: np.ndarray) -> PlaneState:
         hand_x += speed_x * p.plant.dt
         hand_y += speed_y * p.plant.dt
     return PlaneState(
-        s.ticks + 1, arm, law, first, second, output.shoulder_torque, output.elbow_torque
+        s.ticks + 1, arm, s.law, first, second, output.shoulder_torque, output.elbow_torque
     )
 
 
@@ -137,7 +137,7 @@ def plane_samples(
     params = _params(world, trial)
     arm = resting_plane(world.planar, 0.0, 0.0)
     state = PlaneState(
-        0, arm, initial_state(trial.settings), velocity_settled(counted(arm.shoulder)),
+        0, arm, packed(initial_state(trial.settings)), velocity_settled(counted(arm.shoulder)),
         velocity_settled(counted(arm.elbow)), 0.0, 0.0,
     )  # fmt: skip
     still = HandPath(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from ..control.carried_mass import CUTOFF
+from ..control.vertical_settings import CARRIED_HZ
 
 _N, _H, _C, _F = 0, 2, 4, 5  # nut, handle, amplifier, transducer filter in the state
 _STATES = 6
@@ -206,11 +206,11 @@ def _observer(law: Observer, period: float):
     a[2, 2] += 1.0
     pull, pull_in = -law.damping * a[1], -law.damping * b[1]
     pull_in[0] -= law.stiffness
-    gain, kept = _lowpass(CUTOFF, period)
+    gain, kept = _lowpass(CARRIED_HZ, period)
     a[-1], b[-1] = gain * a[1], gain * b[1]
     a[-1, 1] += gain
     a[-1, -1] += kept
-    carried = law.inertia * law.mass / (1.0 + law.gain) * 2.0 * math.pi * CUTOFF
+    carried = law.inertia * law.mass / (1.0 + law.gain) * 2.0 * math.pi * CARRIED_HZ
     pull, pull_in = pull + carried * (a[1] - a[-1]), pull_in + carried * (b[1] - b[-1])
     a[3], b[3] = pull, pull_in + np.array([0.0, 1.0])
     gain, kept = _lowpass(law.cutoff, period)

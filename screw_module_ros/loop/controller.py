@@ -8,9 +8,14 @@ import math
 from ..control.friction import FrictionModel
 from ..control.modes import MODE_NAMES, OFF, uses_feedback, uses_observer
 from ..control.slot import SlotLimits
-from ..control.vertical import vertical_step
+from ..control.vertical import (
+    VerticalInput,
+    VerticalOutput,
+    VerticalState,
+    initial_state,
+    vertical_step,
+)
 from ..control.vertical_settings import VerticalSettings
-from ..control.vertical_state import VerticalInput, VerticalOutput, VerticalState, initial_state
 from ..safety.checks import Agreement, AgreementSettings, ForceLike, VerticalChecks, WatchSettings
 from ..safety.latch import Age
 from ..safety.timing import DeadlineMeter
@@ -19,7 +24,7 @@ from .inputs import Guide, SetpointInput
 
 _DRIVE_AGE_NS = 200_000_000
 _SLOT_LIMITS = SlotLimits()
-NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
+NO_FORCE = VerticalOutput(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, math.nan, 0.0)
 
 
 class VerticalController:
@@ -94,7 +99,7 @@ class VerticalController:
             slot.force_x,
             slot.weight,
         )
-        self.output, self.state = vertical_step(
+        self.output = vertical_step(
             self.settings, self._friction, self.state, inp, elapsed_ns * 1e-9
         )
         return self.output

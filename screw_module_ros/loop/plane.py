@@ -297,7 +297,7 @@ class Plane:
             self.homed and self.permit.enabled,
             *self._guidance(now_ns, elapsed_ns * 1e-9),
         )
-        self.output, self._law = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
+        self.output = planar_step(self.settings, self._law, inp, elapsed_ns * 1e-9)
         self._write(now_ns)
 
     def idle(self, now_ns: int) -> None:

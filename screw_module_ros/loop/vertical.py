@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol
 
 from ..clock import Clock
-from ..control.vertical_state import VerticalOutput
+from ..control.vertical import VerticalOutput
 from ..samples import EncoderReading, ForceReading
 from .drive import Permission, VerticalDrive
 from .sensor import PolledSensor

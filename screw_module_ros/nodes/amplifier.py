@@ -11,7 +11,8 @@ from screw_module_ros import graph
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
 from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
-from screw_module_ros.control.torque_chain import COLD, largest_command, torque_chain
+from screw_module_ros.control.linearization import IDENTITY
+from screw_module_ros.control.torque_chain import COLD, TorqueChain, largest_command
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
@@ -73,11 +74,11 @@ class AmplifierNode(DriveNode):
         linearization, self._state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)
         )
-        self._chain = torque_chain(
+        self._chain = TorqueChain(
             self.parameters.read(CommandLimits),
             self.parameters.read(TorqueLimits, "torque"),
-            linearization,
             self._screw,
+            linearization or IDENTITY,
             settings.rated_torque,
         )
         largest = min(settings.max_torque, largest_command(self._chain))

@@ -20,11 +20,11 @@ from screw_module_ros.calibration.certificate_file import (
 )
 from screw_module_ros.calibration.module_file import CalibrationSettings
 from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
-from screw_module_ros.control.chatter import guarded
+from screw_module_ros.control.guard import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
+from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.vertical_state import VerticalOutput
 from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires

@@ -12,18 +12,15 @@ import pytest
 from screw_module_ros import filters, geometry
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.torque_chain import COLD, commanded, on_the_wire, torque_chain
-from screw_module_ros.control.vertical import VerticalSettings, vertical_step
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
+from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
+from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 
 DT, DELAY = 0.001, 0.0007  # [s] sample to drive write
 SETTINGS = VerticalSettings()
-CHAIN = torque_chain(
-    CommandLimits(), TorqueLimits(), default_linearization(), geometry.SCREW, 0.42
-)
+CHAIN = TorqueChain(linearization=default_linearization())
 AMPERES_PER_TORQUE = 1.0 / 0.16  # [A/Nm] (thesis 3.1.6)
 STAY = math.nan
 
@@ -52,7 +49,7 @@ def offsets(mode, model, seconds=9.0):
         velocity, motion = filters.velocity_step(smooth, motion, height, DT)
         inp = VerticalInput(mode, height, velocity, world.wrench()[2] - bias, 0.18, 0.0, True)
         previous = state.force
-        output, state = vertical_step(SETTINGS, model, state, inp, DT)
+        output = vertical_step(SETTINGS, model, state, inp, DT)
         largest = max(largest, abs(output.force - previous))
         world.advance(DELAY)
         made, heat = commanded(CHAIN, heat, output.force, 1.0, DT)

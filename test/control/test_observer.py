@@ -9,30 +9,31 @@ from hypothesis import strategies as st
 
 from screw_module_ros.control.observer import (
     KEPT,
+    Observer,
     command_in_force,
-    least_damping,
-    observer_at,
-    observer_step,
-    remembered,
+    observe,
+    remember,
+    settle,
 )
+from screw_module_ros.control.vertical_settings import VerticalSettings, least_damping
 
 DT, MASS, BANDWIDTH = 0.001, 5.5, 300.0
+LAW = VerticalSettings(mass=MASS, observer_bandwidth=BANDWIDTH, observer_delay=0.0)
+LARGE = 10.0  # [N] of force error: not at rest
 
 
-def watched(disturbance, commands, delay_periods=0, limit=35.0, resting=False, told_mass=MASS):
+def watched(disturbance, commands, delay_periods=0, law=LAW):
     """Observer of a mass that a disturbance and delayed commands move, after all commands."""
     position = velocity = 0.0
-    state = observer_at(0.0)
+    state, law = Observer(), law._replace(observer_delay=delay_periods * DT)
     sent = [0.0] * (delay_periods + 1)
     for k, command in enumerate(commands):
         acting = sent[-1 - delay_periods]
         acceleration = (acting - disturbance(k * DT)) / MASS
         position += velocity * DT + 0.5 * acceleration * DT * DT
         velocity += acceleration * DT
-        state = observer_step(
-            state, position, 0.0, told_mass, BANDWIDTH, delay_periods * DT, limit, resting, DT
-        )
-        state = remembered(state, command)
+        observe(law, state, position, 0.0, LARGE, DT)
+        remember(state, command)
         sent.append(command)
     return state, position, velocity
 
@@ -63,27 +64,46 @@ def test_a_delay_it_does_not_know_of_becomes_disturbance():
 
 
 def test_disturbance_is_limited_and_comes_back_at_once():
-    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 200, limit=35.0)
+    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 200)
     assert state.disturbance == pytest.approx(35.0)
-    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 300, limit=35.0)
+    state, _, _ = watched(lambda t: 100.0 if t < 0.2 else 5.0, [0.0] * 300)
     assert state.disturbance == pytest.approx(5.0, abs=0.1)
 
 
 @pytest.mark.parametrize("dt", [5e-324, 1e-300, 1e-12])
 def test_two_samples_of_nearly_one_time_change_nothing_much(dt):
-    state = observer_step(observer_at(0.1), 0.1001, 5.0, 5.5, 60.0, 1.2e-3, 35.0, False, dt)
+    state = Observer(position=0.1)
+    observe(LAW._replace(observer_bandwidth=60.0), state, 0.1001, 5.0, LARGE, dt)
     assert state.position == pytest.approx(0.1, abs=1e-9)
     assert abs(state.velocity) < 1e-6 and abs(state.disturbance) < 1e-6
 
 
-def test_at_rest_the_disturbance_stays():
-    state, _, _ = watched(lambda t: 8.0, [0.0] * 100, resting=True)
-    assert state.disturbance == 0.0
+@pytest.mark.parametrize(("error", "found"), [(0.4, 0.0), (-0.4, 0.0), (0.6, 0.35)])
+def test_held_by_friction_the_disturbance_stays_while_the_error_is_tolerable(error, found):
+    """A command of 0.35 N moves nothing: friction takes it."""
+    state = Observer()
+    for _ in range(400):
+        observe(LAW, state, 0.0, 0.35, error, DT)
+    assert state.disturbance == pytest.approx(found, abs=1e-3)
+
+
+def test_in_motion_a_small_error_does_not_stop_it():
+    state, position = Observer(), 0.0
+    for _ in range(400):
+        position += 0.01 * DT
+        observe(LAW, state, position, 5.0, 0.0, DT)
+    assert state.disturbance == pytest.approx(5.0, abs=1e-3)
+
+
+def test_a_nut_put_elsewhere_is_at_rest_there():
+    state, _, _ = watched(lambda t: 8.0, [3.0] * 50)
+    settle(state, 0.2)
+    assert state == Observer(position=0.2)
 
 
 @given(st.floats(0.0, 20.0), st.integers(0, KEPT - 1))
 def test_command_in_force_is_the_mean_over_the_period(periods, index):
-    commands = tuple(1.0 if n == index else 0.0 for n in range(KEPT))
+    commands = [1.0 if n == index else 0.0 for n in range(KEPT)]
     held = min(periods, KEPT - 2.0)
     share = max(0.0, 1.0 - abs(held - index))
     assert command_in_force(commands, periods) == pytest.approx(share)
@@ -94,7 +114,13 @@ def test_least_damping_makes_the_model_of_a_released_handle_damped_enough():
     numpy = pytest.importorskip("numpy")
     for stiffness in (50.0, 100.0, 400.0):
         gain, cutoff, ratio = 10.0, 2.0 * math.pi * 10.0, 0.25
-        damping = least_damping(stiffness, MASS, gain, cutoff / (2.0 * math.pi), 0.0, ratio)
+        law = LAW._replace(
+            observer_gain=gain,
+            observer_cutoff=cutoff / (2.0 * math.pi),
+            observer_damping_ratio=ratio,
+            observer_delay=0.0,
+        )
+        damping = least_damping(law, stiffness)
         # M s^2 (1 + s/c) + (1 + k + s/c) (K + B s) = 0
         poles = numpy.roots(
             [
@@ -111,4 +137,4 @@ def test_least_damping_makes_the_model_of_a_released_handle_damped_enough():
 
 
 def test_no_ratio_asks_for_no_damping():
-    assert least_damping(1000.0, MASS, 10.0, 10.0, 1e-3, 0.0) == 0.0
+    assert least_damping(LAW._replace(observer_damping_ratio=0.0), 1000.0) == 0.0

@@ -7,13 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.planar import (
-    LONGEST_STEP,
-    PlanarInput,
-    PlanarSettings,
-    initial_state,
-    planar_step,
-)
+from screw_module_ros.control.limits import LONGEST_STEP
+from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
+from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import forward, inverse, jacobian
 from screw_module_ros.settings import declared
 
@@ -63,7 +59,7 @@ def run(inp, seconds=3.0, law=SETTINGS, state=None):
     """Output and state after an input has stood still for some time."""
     state, output = state or initial_state(law), None
     for _ in range(round(seconds / DT)):
-        output, state = planar_step(law, state, inp, DT)
+        output = planar_step(law, state, inp, DT)
     return output, state
 
 
@@ -138,9 +134,10 @@ def test_no_stop_presses_harder_on_the_hand_than_the_limit(reach, way, aim_x, ai
     """Also a joint's stop near a stretched arm, 1 cm behind the far corners of the workspace."""
     inp = at(reach * math.sin(way), reach * math.cos(way) - 0.65, (aim_x, aim_y, 0.0, 0.0))
     assume(0.02 < inp.elbow - inp.shoulder < math.pi - 0.02)
-    state = initial_state(SETTINGS)._replace(weight=1.0)
+    state = initial_state(SETTINGS)
+    state.weight = 1.0
     for _ in range(60):
-        output, state = planar_step(SETTINGS, state, inp, DT)
+        output = planar_step(SETTINGS, state, inp, DT)
     assert math.hypot(*handle_force(output, inp)) <= SETTINGS.force_limit * (1.0 + 1e-9)
 
 
@@ -152,13 +149,14 @@ def test_on_the_way_from_one_force_to_another_the_limit_holds_too(x, y, way, pul
     """A stiff spring whose set point changes sides, a stiff damper whose motion does."""
     stiffness, speed = pulled
     law = SETTINGS._replace(stiffness=stiffness, damping=100.0)
-    state = initial_state(law)._replace(weight=1.0, stiffness=stiffness, damping=100.0)
+    state = initial_state(law)
+    state.weight, state.stiffness, state.damping = 1.0, stiffness, 100.0
     cosine, sine = math.cos(way), math.sin(way)
     for k in range(400):
         side = 1.0 if k // 100 % 2 == 0 else -1.0
         aim = (x + 0.3 * side * cosine, y + 0.3 * side * sine, 0.0, 0.0)
         inp = at(x, y, aim, velocity=(side * speed * cosine, side * speed * sine))
-        output, state = planar_step(law, state, inp, DT)
+        output = planar_step(law, state, inp, DT)
         assert math.hypot(*handle_force(output, inp)) <= law.force_limit * (1.0 + 1e-9)
 
 
@@ -175,9 +173,9 @@ def test_inactive_is_zero_at_once_and_enabling_begins_anew():
     inp = at(0.1, 0.0, (0.0, 0.0, 0.0, 0.0))
     output, state = run(inp)
     assert output.shoulder_torque != 0.0
-    output, state = planar_step(SETTINGS, state, inp._replace(active=False), DT)
+    output = planar_step(SETTINGS, state, inp._replace(active=False), DT)
     assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
-    output, state = planar_step(SETTINGS, state, inp, DT)
+    output = planar_step(SETTINGS, state, inp, DT)
     assert abs(output.shoulder_torque) + abs(output.elbow_torque) < 0.05
 
 
@@ -186,7 +184,7 @@ def test_inactive_is_zero_at_once_and_enabling_begins_anew():
 def test_a_measurement_that_cannot_be_gives_zero(field, value):
     inp = at(0.1, 0.0, (0.0, 0.0, 0.0, 0.0))
     _, state = run(inp)
-    output, _ = planar_step(SETTINGS, state, inp._replace(**{field: value}), DT)
+    output = planar_step(SETTINGS, state, inp._replace(**{field: value}), DT)
     assert (output.shoulder_torque, output.elbow_torque) == (0.0, 0.0)
     assert all(math.isfinite(value) for value in output)
 
@@ -200,7 +198,7 @@ def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, d
     state, previous = initial_state(law), (0.0, 0.0)
     for inp, repeats in sequence:
         for _ in range(repeats):
-            output, state = planar_step(law, state, inp, dt)
+            output = planar_step(law, state, inp, dt)
             torques = output.shoulder_torque, output.elbow_torque
             assert all(math.isfinite(value) for value in output)
             assert abs(torques[0]) <= law.shoulder_torque
@@ -222,7 +220,7 @@ def test_workspace_lies_within_the_joint_limits():
         for iy in range(-10, 11):
             x = ix / 10 * (SETTINGS.half_width - SETTINGS.box_zone)
             y = iy / 10 * (SETTINGS.half_depth - SETTINGS.box_zone)
-            output, _ = planar_step(SETTINGS, initial_state(SETTINGS), at(x, y), DT)
+            output = planar_step(SETTINGS, initial_state(SETTINGS), at(x, y), DT)
             torques = output.shoulder_torque, output.elbow_torque
             assert torques == pytest.approx((0.0, 0.0), abs=1e-9)
             assert forward(*inverse(x, y)) == pytest.approx((x, y))

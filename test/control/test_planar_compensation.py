@@ -5,37 +5,41 @@ import math
 
 import pytest
 
-from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
-from screw_module_ros.control.planar_compensation import (
-    AT_REST,
+from screw_module_ros.control.guard import tune_guard
+from screw_module_ros.control.planar import (
     LARGEST,
+    Axis,
+    Joint,
+    PlanarInput,
     carried_force,
-    friction_torque,
-    least_planar_damping,
+    initial_state,
+    joint_friction,
+    planar_step,
 )
-from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.control.planar_settings import CARRIED_HZ, PlanarSettings, least_damping
+from screw_module_ros.filters import tune
 from screw_module_ros.geometry import inverse, jacobian
 
-DT, LIMIT = 0.002, 0.5
+DT = 0.002
 PLAIN = PlanarSettings(stiffness=0.0, damping=0.0)
 
 
-def carried(speed, seconds, mass=3.0):
-    """Carried force [N] at each tick of a motion with speed(t) [m/s], and the last state."""
-    state, forces = AT_REST, []
-    for tick in range(round(seconds / DT)):
-        force, state = carried_force(state, speed(tick * DT), mass, LIMIT, DT)
-        forces.append(force)
-    return forces, state
+def carried(speed, seconds):
+    """Carried force [N] at each tick of a motion with speed(t) [m/s], and the axis."""
+    axis, settings = Axis(), PLAIN._replace(carried_mass=3.0)
+    tune(axis.speed, CARRIED_HZ, DT)
+    tune_guard(axis.guard, DT)
+    ticks = range(round(seconds / DT))
+    return [carried_force(settings, axis, speed(tick * DT), DT) for tick in ticks], axis
 
 
 def test_most_of_the_mass_is_carried_at_the_speed_of_a_hand():
     omega, speed = 3.0, 0.24
-    forces, state = carried(lambda t: speed * math.sin(omega * t), 6.0)
+    forces, axis = carried(lambda t: speed * math.sin(omega * t), 6.0)
     ideal = [3.0 * speed * omega * math.cos(omega * tick * DT) for tick in range(3000)]
     left = [a - b for a, b in zip(ideal[1000:], forces[1000:], strict=True)]
     assert max(map(abs, left)) < 0.15 * 3.0 * speed * omega
-    assert state.guard.share == 1.0
+    assert axis.guard.share == 1.0
 
 
 def test_a_tremor_keeps_the_mass_and_shaking_loses_it():
@@ -54,22 +58,39 @@ def test_a_jolt_gives_no_more_than_the_limit():
     assert max(forces) == LARGEST
 
 
+RUBBING = PLAIN._replace(joint_friction=0.24)
+
+
+def friction_after(*angles, settings=RUBBING):
+    """Torques [Nm] at these angles [rad], from rest at the first one."""
+    joint = Joint(angles[0])
+    return [joint_friction(settings, joint, angle) for angle in angles[1:]]
+
+
 def test_friction_follows_the_angle_and_exchanges_no_energy_at_rest():
-    torque, work = 0.0, 0.0
     angles = [1e-3 * math.sin(0.01 * tick) for tick in range(round(4.0 * math.pi / 0.01) + 1)]
-    for before, after in zip(angles, angles[1:], strict=False):
-        last, torque = torque, friction_torque(0.24, 100.0, torque, after - before)
-        work += 0.5 * (last + torque) * (after - before)
+    torques = [0.0, *friction_after(*angles)]
+    work = sum(
+        0.5 * (torques[k] + torques[k + 1]) * (angles[k + 1] - angles[k])
+        for k in range(len(angles) - 1)
+    )
     assert work < 4.0 * 2.0 * 1e-3 * 0.24, "never more than the friction itself takes"
-    assert friction_torque(0.24, 100.0, 0.1, 0.0) == 0.1
-    assert friction_torque(0.24, 100.0, 0.0, 1.0) == pytest.approx(0.24)
-    assert friction_torque(0.24, 100.0, 0.0, -1.0) == pytest.approx(-0.24)
-    assert friction_torque(0.0, 100.0, 0.2, 1.0) == 0.0
+    begun, held = friction_after(0.0, 1e-3, 1e-3)
+    assert begun == held > 0.05
+    assert friction_after(0.0, 1.0) == [pytest.approx(0.24)]
+    assert friction_after(0.0, -1.0) == [pytest.approx(-0.24)]
+    assert friction_after(0.0, 1.0, settings=PLAIN) == [0.0]
+
+
+def test_friction_that_is_set_lower_is_lower_at_once():
+    joint = Joint()
+    joint_friction(RUBBING, joint, 1.0)
+    assert joint_friction(PLAIN._replace(joint_friction=0.1), joint, 1.0) == 0.1
 
 
 def test_least_damping_is_for_carried_mass_only():
-    assert least_planar_damping(100.0, 5.5, 0.0) == 0.0
-    assert 3.0 < least_planar_damping(100.0, 5.5, 3.0) < 10.0
+    assert least_damping(PLAIN, 100.0) == 0.0
+    assert 3.0 < least_damping(PLAIN._replace(carried_mass=3.0), 100.0) < 10.0
 
 
 def torques(settings, speeds):
@@ -80,7 +101,7 @@ def torques(settings, speeds):
         inp = PlanarInput(
             shoulder, elbow, speed, speed, math.nan, math.nan, math.nan, math.nan, True
         )
-        output, state = planar_step(settings, state, inp, DT)
+        output = planar_step(settings, state, inp, DT)
         out.append((output.shoulder_torque, output.elbow_torque))
         shoulder, elbow = shoulder + speed * DT, elbow + speed * DT
     return out

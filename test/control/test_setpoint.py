@@ -2,12 +2,13 @@
 """The set point stays in its range, moves no faster than allowed and is left alone on NaN."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.setpoint import Range, SetPoint, at_rest, follow
+from screw_module_ros.control.setpoint import Range, SetPoint, follow, stand
 
 ALLOWED = Range(0.0, 0.36, 0.4, 5.0)
 DT = 0.001
@@ -16,28 +17,34 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
 
 @given(st.lists(st.tuples(anything, anything), max_size=50), st.floats(0.0, 0.36))
 def test_in_range_and_rate_limited_whatever_is_asked(wanted, start):
-    setpoint = at_rest(start)
+    setpoint = SetPoint(start)
     for position, velocity in wanted:
-        moved = follow(ALLOWED, setpoint, position, velocity, DT)
-        assert 0.0 <= moved.position <= 0.36
-        assert abs(moved.velocity) <= 0.4
-        assert abs(moved.position - setpoint.position) <= 0.4 * DT + 1e-12
-        assert abs(moved.velocity - setpoint.velocity) <= 5.0 * DT + 1e-12
-        setpoint = moved
+        before = replace(setpoint)
+        follow(ALLOWED, setpoint, position, velocity, DT)
+        assert 0.0 <= setpoint.position <= 0.36
+        assert abs(setpoint.velocity) <= 0.4
+        assert abs(setpoint.position - before.position) <= 0.4 * DT + 1e-12
+        assert abs(setpoint.velocity - before.velocity) <= 5.0 * DT + 1e-12
 
 
 def test_a_jump_arrives_at_the_allowed_speed():
-    setpoint = at_rest(0.1)
+    setpoint = SetPoint(0.1)
     for _ in range(500):
-        setpoint = follow(ALLOWED, setpoint, 0.3, math.nan, DT)
-    assert setpoint == at_rest(0.3)
+        follow(ALLOWED, setpoint, 0.3, math.nan, DT)
+    assert setpoint == SetPoint(0.3)
 
 
 def test_no_set_point_holds_the_last_one_and_comes_to_rest():
     setpoint = SetPoint(0.1, 0.2, 0.0)
     for _ in range(500):
-        setpoint = follow(ALLOWED, setpoint, math.nan, 0.2, DT)
-    assert setpoint == at_rest(0.1)
+        follow(ALLOWED, setpoint, math.nan, 0.2, DT)
+    assert setpoint == SetPoint(0.1)
+
+
+def test_it_can_be_brought_to_rest_elsewhere():
+    setpoint = SetPoint(0.1, 0.2, 0.01)
+    stand(setpoint, 0.3)
+    assert setpoint == SetPoint(0.3)
 
 
 # -- a velocity is believed as far as the set point moves ----------------------------------------
@@ -45,10 +52,10 @@ def test_no_set_point_holds_the_last_one_and_comes_to_rest():
 
 def velocities(positions, velocity, start):
     """The velocity in use while a game asks for these positions, one a tick."""
-    setpoint, used = at_rest(start), []
+    setpoint, used = SetPoint(start), []
     for position in positions:
         told = velocity(len(used) * DT) if callable(velocity) else velocity
-        setpoint = follow(ALLOWED, setpoint, position, told, DT)
+        follow(ALLOWED, setpoint, position, told, DT)
         used.append(setpoint.velocity)
     return used
 
@@ -97,8 +104,8 @@ def test_one_that_creeps_is_believed_as_far_as_it_creeps():
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.36), anything), max_size=300))
 def test_no_velocity_is_larger_than_the_game_s(wanted):
-    setpoint = at_rest(0.1)
+    setpoint = SetPoint(0.1)
     for position, velocity in wanted:
-        setpoint = follow(ALLOWED, setpoint, position, velocity, 0.02)
+        follow(ALLOWED, setpoint, position, velocity, 0.02)
         assert math.isfinite(setpoint.velocity) and math.isfinite(setpoint.owed)
         assert abs(setpoint.owed) <= 0.4 * 0.2 + 1e-12

@@ -18,14 +18,13 @@ from screw_module_ros.control.torque_chain import (
     followed,
     largest_command,
     on_the_wire,
-    torque_chain,
 )
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.geometry import SCREW, Screw
+from screw_module_ros.geometry import Screw
 
 DT = 0.001
 MAP = default_linearization()
-CHAIN = torque_chain(CommandLimits(), TorqueLimits(), MAP, SCREW, 0.42)
+CHAIN = TorqueChain(linearization=MAP)
 BARE = TorqueChain()
 NEWTON = 0.01905 / (2.0 * math.pi)  # [Nm] that make a newton at the handle
 

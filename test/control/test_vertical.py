@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.control.vertical import LONGEST_STEP, VerticalSettings, vertical_step
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
+from screw_module_ros.control.limits import LONGEST_STEP
+from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.settings import declared
 
 MODEL = thesis_friction()
@@ -48,7 +49,7 @@ def run(inp, seconds=3.0, law=SETTINGS, state=None):
     state = state or initial_state(law)
     output = None
     for _ in range(round(seconds / DT)):
-        output, state = vertical_step(law, MODEL, state, inp, DT)
+        output = vertical_step(law, MODEL, state, inp, DT)
     return output, state
 
 
@@ -57,8 +58,8 @@ def moved(inp, seconds=0.4, law=SETTINGS):
     _, state = run(inp._replace(velocity=0.0), law=law)
     for _ in range(round(seconds / DT)):
         inp = inp._replace(position=inp.position + inp.velocity * DT)
-        state = state._replace(ratio=1.0)  # no mechanism answers: there is nothing to compare
-        output, state = vertical_step(law, MODEL, state, inp, DT)
+        state.presliding.ratio = 1.0  # no mechanism answers: there is nothing to compare
+        output = vertical_step(law, MODEL, state, inp, DT)
     return output, inp
 
 
@@ -77,7 +78,7 @@ def test_gravity_set_anew_comes_at_its_rate_and_ends_exactly():
     law = SETTINGS._replace(gravity=50.0)
     for _ in range(2000):
         before = held.force
-        held, state = vertical_step(law, MODEL, state, inp, DT)
+        held = vertical_step(law, MODEL, state, inp, DT)
         assert 0.0 <= held.force - before <= law.gravity_rate * DT + 1e-12
     assert held.gravity == 50.0
 
@@ -86,18 +87,20 @@ def test_a_constant_gravity_is_exact_from_the_first_step():
     law = SETTINGS._replace(fade_time=0.05, gravity=50.0)
     state = initial_state(law)
     for step in range(1, 60):
-        output, state = vertical_step(law, MODEL, state, REST, DT)
+        output = vertical_step(law, MODEL, state, REST, DT)
         assert output.gravity == pytest.approx(50.0 * min(1.0, step * DT / 0.05), abs=1e-12)
 
 
-def test_damper_acts_on_both_velocities():
-    law = SETTINGS._replace(damping=20.0)
+@pytest.mark.parametrize("damping", [20.0, -25.0])
+def test_damper_acts_on_both_velocities(damping):
+    """A negative one assists (thesis 6.4.1)."""
+    law = SETTINGS._replace(damping=damping)
     state = initial_state(law)
     inp = REST._replace(velocity=0.1, setpoint_velocity=0.05)
     for step in range(1, 1001):  # the set point moves as it says
         moved = inp._replace(setpoint_position=REST.position + 0.05 * step * DT)
-        output, state = vertical_step(law, MODEL, state, moved, DT)
-    assert output.impedance == pytest.approx(100.0 * 0.05 + 20.0 * (0.05 - 0.1))
+        output = vertical_step(law, MODEL, state, moved, DT)
+    assert output.impedance == pytest.approx(100.0 * 0.05 + damping * (0.05 - 0.1))
 
 
 def test_friction_compensation_adds_nine_tenths_of_the_model():
@@ -115,10 +118,10 @@ def test_friction_feed_forward_turns_round_with_the_way_not_with_the_speed():
     output, state = run(inp)
     assert output.friction == 0.0
     for velocity in (0.002, -0.002, 0.01):  # a noisy velocity, and no way
-        output, state = vertical_step(SETTINGS, MODEL, state, inp._replace(velocity=velocity), DT)
+        output = vertical_step(SETTINGS, MODEL, state, inp._replace(velocity=velocity), DT)
         assert output.friction == 0.0
     small = 1e-6
-    output, state = vertical_step(
+    output = vertical_step(
         SETTINGS, MODEL, state, inp._replace(position=0.18 + small, velocity=small / DT), DT
     )
     assert output.friction == pytest.approx(0.9 * SETTINGS.friction_stiffness * small, rel=0.01)
@@ -133,7 +136,7 @@ def test_a_model_that_promises_too_much_is_doubted():
     for _ in range(1000):
         position += velocity * DT
         inp = inp._replace(position=position, velocity=velocity)
-        output, state = vertical_step(law, MODEL, state, inp, DT)
+        output = vertical_step(law, MODEL, state, inp, DT)
         velocity += output.force / mass * DT
         most = max(most, output.friction)
         if velocity > 0.3:
@@ -143,16 +146,42 @@ def test_a_model_that_promises_too_much_is_doubted():
 
 
 def test_first_sample_is_no_way_travelled():
-    output, _ = vertical_step(
+    output = vertical_step(
         SETTINGS, MODEL, initial_state(SETTINGS), REST._replace(mode=modes.COMBINED), DT
     )
     assert output.friction == 0.0
+
+
+@pytest.mark.parametrize("mode", [modes.FORCE_FEEDBACK, modes.OBSERVER])
+def test_another_cutoff_acts_at_once(mode):
+    """Filters are tuned when the sample time changes; they must not miss a change of settings."""
+    law = SETTINGS._replace(force_cutoff=100.0, observer_cutoff=30.0)
+    inp = REST._replace(mode=mode, setpoint_position=math.nan)
+    feedback = []
+    for later in (SETTINGS, law):
+        _, state = run(inp)
+        output = vertical_step(later, MODEL, state, inp._replace(force=1.0), DT)
+        feedback.append(output.feedback)
+    assert feedback[1] > 1.5 * feedback[0] > 0.0
 
 
 def test_force_feedback_is_equation_6_6():
     output, _ = run(REST._replace(mode=modes.FORCE_FEEDBACK, force=-6.0))
     assert output.feedback == pytest.approx(5.0 * (8.0 - 6.0))
     assert output.force == pytest.approx(10.0 + 8.0 + 10.0)
+
+
+def test_a_hand_that_balances_the_impedance_gets_no_feedback():
+    output, _ = run(REST._replace(mode=modes.FORCE_FEEDBACK, force=-8.0))
+    assert output.feedback == pytest.approx(0.0, abs=1e-9)
+
+
+def test_gain_of_five_leaves_a_sixth_of_the_friction():
+    """Equation 6.8: at constant speed friction / (1 + Kf) is left at the handle."""
+    friction, spring = 10.0, 8.0
+    hand = -spring + friction / (1.0 + SETTINGS.force_gain)
+    output, _ = run(REST._replace(mode=modes.FORCE_FEEDBACK, force=hand))
+    assert output.force - output.gravity + hand == pytest.approx(friction)
 
 
 def test_combined_is_the_sum_of_its_parts():
@@ -175,7 +204,7 @@ def test_total_command_stays_within_the_handle_limits(target, limit):
 
 
 def test_the_spring_starts_at_the_measured_position():
-    output, _ = vertical_step(
+    output = vertical_step(
         SETTINGS, MODEL, initial_state(SETTINGS), REST._replace(setpoint_position=math.nan), DT
     )
     assert output.desired_position == REST.position
@@ -192,9 +221,9 @@ def test_off_fades_to_zero_force_and_lets_the_set_point_go():
 
 def test_inactive_is_zero_at_once_and_enabling_begins_anew():
     _, state = run(REST)
-    output, state = vertical_step(SETTINGS, MODEL, state, REST._replace(active=False), DT)
+    output = vertical_step(SETTINGS, MODEL, state, REST._replace(active=False), DT)
     assert output.force == 0.0
-    output, state = vertical_step(SETTINGS, MODEL, state, REST, DT)
+    output = vertical_step(SETTINGS, MODEL, state, REST, DT)
     assert 0.0 <= output.force < 0.1
     assert output.desired_position == pytest.approx(REST.position, abs=0.4 * DT + 1e-12)
 
@@ -220,16 +249,16 @@ def test_a_soft_stop_presses_no_harder_on_the_hand_than_the_limit(position, targ
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_measurement_that_cannot_be_gives_zero(field, value):
     _, state = run(REST)
-    output, state = vertical_step(SETTINGS, MODEL, state, REST._replace(**{field: value}), DT)
+    output = vertical_step(SETTINGS, MODEL, state, REST._replace(**{field: value}), DT)
     assert output.force == 0.0
-    output, _ = vertical_step(SETTINGS, MODEL, state, REST, DT)
+    output = vertical_step(SETTINGS, MODEL, state, REST, DT)
     assert abs(output.force) < 0.1, "the force must come back gradually"
 
 
 @pytest.mark.parametrize("dt", [math.nan, 0.0, -0.001])
 def test_a_time_step_that_cannot_be_gives_zero(dt):
     _, state = run(REST)
-    assert vertical_step(SETTINGS, MODEL, state, REST, dt)[0].force == 0.0
+    assert vertical_step(SETTINGS, MODEL, state, REST, dt).force == 0.0
 
 
 @given(
@@ -246,11 +275,12 @@ def test_finite_within_limits_and_rate_limited_whatever_happens(law, sequence, d
     for inp, repeats, (stiffness, damping, gain) in sequence:
         law = law._replace(stiffness=stiffness, damping=damping, force_gain=gain)
         for _ in range(repeats):
-            output, state = vertical_step(law, MODEL, state, inp, dt)
+            output = vertical_step(law, MODEL, state, inp, dt)
             assert all(math.isfinite(value) for value in output)
             assert -law.command_down <= output.force <= law.command_up
             assert abs(output.friction) <= law.friction_limit
             assert abs(output.feedback) <= law.feedback_limit
+            assert abs(output.carried) <= law.force_up + law.force_down
             assert law.travel_low <= output.desired_position <= law.travel_high
             if not inp.active:
                 assert output.force == 0.0
@@ -278,7 +308,7 @@ def test_switching_by_itself_makes_small_steps(switches, position, velocity, for
         law = SETTINGS._replace(stiffness=stiffness, force_gain=gain)
         inp = VerticalInput(mode, position, velocity, force, 0.18, 0.0, True)
         for _ in range(600):
-            output, state = vertical_step(law, MODEL, state, inp, DT)
+            output = vertical_step(law, MODEL, state, inp, DT)
             assert abs(output.force - previous) <= 2.0 + 1e-9
             previous = output.force
 
@@ -291,7 +321,7 @@ def test_a_switch_in_use_is_not_felt(first, second):
     output, state = run(inp)
     for _ in range(1000):
         previous = output.force
-        output, state = vertical_step(SETTINGS, MODEL, state, inp._replace(mode=second), DT)
+        output = vertical_step(SETTINGS, MODEL, state, inp._replace(mode=second), DT)
         assert abs(output.force - previous) < 0.3
 
 

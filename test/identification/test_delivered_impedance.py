@@ -9,8 +9,7 @@ import pytest
 import yaml
 
 from screw_module_ros.control import modes
-from screw_module_ros.control.carried_mass import KNOWN_SHARE
-from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
 from screw_module_ros.identification.certificate import FILE
 from screw_module_ros.identification.delivered_impedance import (

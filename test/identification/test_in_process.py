@@ -10,6 +10,7 @@ import pytest
 from screw_module_ros.compiled import packed
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
+from screw_module_ros.control.vertical import initial_state
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.force_position import Spring, offsets
 from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
@@ -58,7 +59,7 @@ def test_compiled_loop_is_the_plain_one(bench):
     params = bench._params(trial)
     start = bench._placed(trial, bench._start(trial, params))
     plain, quick = np.empty((40, COLUMNS)), np.empty((40, COLUMNS))
-    run_ticks([params], start, plain)
+    run_ticks([params], start._replace(law=[initial_state(params.law)]), plain)
     bench._run(packed(params), start, quick)
     assert quick == pytest.approx(plain, abs=1e-9)
 

@@ -15,8 +15,7 @@ from screw_module_ros.calibration.certificate_conditions import (
     conditions_of,
 )
 from screw_module_ros.calibration.certificate_file import CertificateSettings, load_certificate
-from screw_module_ros.control.carried_mass import KNOWN_SHARE
-from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import certificate, stability
 from screw_module_ros.identification.figures.stability import stability_figures
 from screw_module_ros.identification.lab import Lab

@@ -17,10 +17,9 @@ from lean_bus import LeanVirtualBus
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.torque_chain import torque_chain
+from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -165,7 +164,7 @@ class Bench:
             self.ports["drive"],
             PERIOD_NS,
             PermitSettings(),
-            torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42),
+            TorqueChain(linearization=default_linearization()),
         )
         self.plane = Plane(
             self.planar_drives, self.ports["planar"], PERIOD_NS, PlanarSettings(), JointSettings(),

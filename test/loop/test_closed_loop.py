@@ -7,9 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from bench import Bench
+from bench import PERIOD_NS, Bench
 
 from screw_module_ros.control import modes
+from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw
 from screw_module_ros.plant.world import ArmSettings
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.long
 
 SPRING, CENTRE = 100.0, 0.18
 SLOWEST = 0.01  # [m/s], below it the handle does not count as in motion
-FORCE_STEP = 5.0  # [N] a tick, the law's rate limit at 1 kHz
+FORCE_STEP = VerticalSettings().force_rate * PERIOD_NS * 1e-9 * (1.0 + 1e-9)  # [N] in a tick
 
 
 def offset(rows) -> float:
@@ -49,26 +50,29 @@ def swing(bench, seconds: float):
 def test_offsets_of_the_modes(enabled):
     """About 10 N under plain impedance, about 2 N with force feedback (thesis figs 6-1, 6-10)."""
     found = {}
-    for mode in (modes.IMPEDANCE, modes.FRICTION_COMPENSATION, modes.FORCE_FEEDBACK):
+    for mode in sorted(set(modes.MODE_NAMES) - {modes.OFF}):
         enabled.controller.mode = mode
         found[mode] = offset(swing(enabled, 4.0))
     assert 7.0 < found[modes.IMPEDANCE] < 13.0
     assert found[modes.FORCE_FEEDBACK] < 3.0
     assert found[modes.FRICTION_COMPENSATION] < 0.6 * found[modes.IMPEDANCE]
+    assert found[modes.COMBINED] < found[modes.FORCE_FEEDBACK]
+    assert found[modes.OBSERVER] < 1.0
 
 
 def test_mode_switches_in_motion_make_no_jump(enabled):
     """Every switch between two modes while the patient moves: the force stays continuous."""
     swing(enabled, 0.1)
     begin = len(enabled.rows)
-    every = (1, 2, 3, 4)
-    for before in every:
-        for after in every:
-            enabled.controller.mode = before
-            enabled.seconds(0.06)
+    for before in modes.MODE_NAMES:
+        enabled.controller.mode = before
+        enabled.seconds(1.1)  # two fades: OBSERVER starts after the other parts
+        for after in modes.MODE_NAMES:
             enabled.controller.mode = after
             enabled.seconds(0.06)
-    assert force_steps(enabled.rows[begin:]).max() <= FORCE_STEP + 1e-9
+            enabled.controller.mode = before
+            enabled.seconds(0.06)
+    assert force_steps(enabled.rows[begin:]).max() <= FORCE_STEP
     assert enabled.torque_passes
 
 

@@ -50,4 +50,5 @@ def test_the_limit_holds_at_the_hand(enabled, mode, friction, aim, largest):
     parts = enabled.controller.output
     assert parts.impedance == pytest.approx(largest)
     total = parts.impedance + parts.gravity + parts.friction + parts.feedback
+    total += parts.carried
     assert parts.force == pytest.approx(total)

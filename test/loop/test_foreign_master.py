@@ -10,14 +10,12 @@ import can
 import pytest
 from bench import Bench
 
-from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.control.torque_chain import largest_command, torque_chain
+from screw_module_ros.control.torque_chain import TorqueChain, largest_command
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.geometry import SCREW
 
 LIMIT = largest_command(
-    torque_chain(CommandLimits(), TorqueLimits(), default_linearization(), SCREW, 0.42)
+    TorqueChain(linearization=default_linearization())
 )
 """What `amplifier` tells the drive as its own limit [Nm]."""
 QUIET = 1e-3

@@ -13,7 +13,6 @@ from screw_module_ros.control.modes import IMPEDANCE
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import Slot, SlotLimits
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.geometry import inverse
 from screw_module_ros.loop.inputs import RENEWED_NS, Guide
 
@@ -72,7 +71,7 @@ def test_the_plane_takes_the_slot_for_its_spring_and_gives_it_back_without_a_jum
     weights += [1.0 - k / 100 for k in range(100)] + [0.0] * 20
     for weight in weights:
         slot = (3.0 * weight, -2.0 * weight, weight)
-        output, state = planar.planar_step(settings, state, planar_input(x, y, (gx, gy), slot), DT)
+        output = planar.planar_step(settings, state, planar_input(x, y, (gx, gy), slot), DT)
         force = output.force_x, output.force_y
         # Fading 31 N in 0.2 s, and a set point that runs 0.6 m/s at 100 N/m, take so much a step.
         assert math.dist(force, before) <= 0.01 * 40.0 + 2.0 * 0.6 * DT * 100.0
@@ -84,14 +83,14 @@ def test_the_plane_takes_the_slot_for_its_spring_and_gives_it_back_without_a_jum
 
 def test_the_vertical_takes_the_slot_for_its_spring():
     settings = VerticalSettings()
-    state = initial_state(settings)
+    state = vertical.initial_state(settings)
     forces = []
     for step in range(1500):
         weight = min(1.0, step / 200)
-        inp = VerticalInput(
+        inp = vertical.VerticalInput(
             IMPEDANCE, 0.2, 0.0, 0.0, 0.3, 0.0, True, 5.0 * weight, weight
         )
-        output, state = vertical.vertical_step(settings, MODEL, state, inp, 0.001)
+        output = vertical.vertical_step(settings, MODEL, state, inp, 0.001)
         forces.append(output.force)
     assert output.impedance == pytest.approx(5.0)
     assert output.desired_position == pytest.approx(0.2)
@@ -105,7 +104,7 @@ def test_a_slot_force_that_is_none_gives_no_torque(force, weight):
     settings = PlanarSettings()
     state = planar.initial_state(settings)
     slot = (force, 0.0, weight)
-    output, _ = planar.planar_step(settings, state, planar_input(0.0, 0.05, (0.0, 0.0), slot), DT)
+    output = planar.planar_step(settings, state, planar_input(0.0, 0.05, (0.0, 0.0), slot), DT)
     assert all(map(math.isfinite, output))
     assert math.hypot(output.force_x, output.force_y) <= settings.force_limit + 1e-9
     if not (abs(force) <= 1e5 and 0.0 <= weight <= 1.0):

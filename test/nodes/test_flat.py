@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.vertical_state import VerticalOutput
+from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
 from screw_module_ros.loop.controller import NO_FORCE
 from screw_module_ros.nodes.support.flat import (
@@ -58,13 +58,14 @@ def test_force_samples(reading):
     assert FORCE.unpack(serialize_message(message)) == FORCE.unpack(data) == reading
 
 
-@given(encoders, st.lists(number, min_size=5, max_size=5), st.integers(0, 4), st.booleans())
+@given(encoders, st.lists(number, min_size=6, max_size=6), st.integers(0, 4), st.booleans())
 def test_force_commands(sample, values, mode, saturated):
     output = VerticalOutput(*values, saturated, 0.0, 0.0)
     data = pack_command(sample, output, mode)
     found = fields(deserialize_message(data, ForceCommand))
     told = output._asdict()
     assert found["mode"] == mode and found["stamp_ns"] == sample.stamp_ns
+    told["feedback"] += told["carried"]
     for name in ("force", "impedance", "gravity", "friction", "feedback", "saturated"):
         assert found[name] == told[name], name
     assert COMMAND.unpack(data) == Command(sample.sequence, sample.monotonic_ns, output.force)

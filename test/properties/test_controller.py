@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from screw_module_ros.calibration.friction_file import thesis_friction
-from screw_module_ros.control.vertical import LONGEST_STEP
+from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple, is_dataclass
 
 import pytest
 from anything import absurd, fixed, live_changes, near
@@ -14,12 +15,11 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
-from screw_module_ros.control import vertical as vertical_law
+from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.control.vertical import vertical_step
+from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.control.vertical_state import VerticalInput, initial_state
 from screw_module_ros.safety.checks import WatchSettings
 from screw_module_ros.settings import declared, validated
 
@@ -29,8 +29,10 @@ periods = st.one_of(st.sampled_from((0.0005, 0.001, 0.002, 0.05)), near(1e-4, 0.
 
 
 def all_finite(numbers) -> bool:
-    """Return whether no number in a nested tuple is NaN or infinite."""
-    if isinstance(numbers, tuple):
+    """Return whether no number in nested tuples, lists and records is NaN or infinite."""
+    if is_dataclass(numbers):
+        numbers = astuple(numbers)
+    if isinstance(numbers, (tuple, list)):
         return all(map(all_finite, numbers))
     return not isinstance(numbers, float) or math.isfinite(numbers)
 
@@ -67,7 +69,7 @@ class VerticalLaw(RuleBasedStateMachine):
     def sample(self, position, velocity, force, wanted, speed, active, dt, repeats):
         inp = VerticalInput(self.mode, position, velocity, force, wanted, speed, active)
         for _ in range(repeats):
-            output, self.state = vertical_step(self.settings, MODEL, self.state, inp, dt)
+            output = vertical_step(self.settings, MODEL, self.state, inp, dt)
             self.judge(inp, dt, output)
 
     def judge(self, inp, dt, output):
@@ -77,15 +79,15 @@ class VerticalLaw(RuleBasedStateMachine):
         believable = all_finite(inp[1:4]) and dt > 0.0
         if not (inp.active and believable):
             assert output.force == 0.0
-        counted = min(dt, vertical_law.LONGEST_STEP) if believable else 0.0
+        counted = min(dt, LONGEST_STEP) if believable else 0.0
         step = abs(output.force - self.force)
         assert output.force == 0.0 or step <= settings.force_rate * counted + ROUNDING
-        if output.force == 0.0 and self.state.blend.base == 0.0:
+        if output.force == 0.0 and self.state.base == 0.0:
             self.since_zero = 0.0
         else:
             self.since_zero += counted
         # From enabling on, what is asked for comes in with a weight that time alone raises.
-        assert self.state.blend.base <= self.since_zero / settings.fade_time + ROUNDING
+        assert self.state.base <= self.since_zero / settings.fade_time + ROUNDING
         self.force = output.force
 
 
@@ -114,7 +116,7 @@ class PlanarLaw(RuleBasedStateMachine):
     def sample(self, angles, velocities, wanted, speed, active, dt, repeats):
         inp = PlanarInput(*angles, *velocities, *wanted, *speed, active)
         for _ in range(repeats):
-            output, self.state = planar_step(self.settings, self.state, inp, dt)
+            output = planar_step(self.settings, self.state, inp, dt)
             self.judge(inp, dt, output)
 
     def judge(self, inp, dt, output):
@@ -127,7 +129,7 @@ class PlanarLaw(RuleBasedStateMachine):
         believable = all_finite(inp[:4]) and dt > 0.0
         if not (inp.active and believable):
             assert torques == (0.0, 0.0)
-        counted = min(dt, planar_law.LONGEST_STEP) if believable else 0.0
+        counted = min(dt, LONGEST_STEP) if believable else 0.0
         steps = [abs(t - before) for t, before in zip(torques, self.torques, strict=True)]
         assert torques == (0.0, 0.0) or max(steps) <= settings.torque_rate * counted + ROUNDING
         self.torques = torques

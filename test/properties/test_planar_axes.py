@@ -17,7 +17,7 @@ from scripted import Wire, unsigned
 from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.control.planar import LONGEST_STEP
+from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings

@@ -19,7 +19,7 @@ from scripted_devices import STATUSWORDS, ScriptedDrive
 
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
-from screw_module_ros.control.torque_chain import torque_chain
+from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import NotEnabled
@@ -33,7 +33,7 @@ SETTINGS = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
 GATE, LIMITS, FORCES = PermitSettings(), TorqueLimits(), CommandLimits()
 PER_MILLE = 0.42 / 1000.0
 LINEARIZATION = default_linearization()
-CHAIN = torque_chain(FORCES, LIMITS, LINEARIZATION, SCREW, 0.42)
+CHAIN = TorqueChain(FORCES, LIMITS, SCREW, LINEARIZATION)
 names = (f"vertical axis {number}" for number in itertools.count())
 
 words = st.one_of(st.sampled_from(sorted(STATUSWORDS.values())), st.integers(0, 0xFFFF))

@@ -11,10 +11,9 @@ from bench import Bench
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from screw_module_ros.control.limits import CommandLimits
+from screw_module_ros.control.limits import LONGEST_STEP, CommandLimits
 from screw_module_ros.control.linearization import default_linearization, torque_command
 from screw_module_ros.control.modes import FORCE_FEEDBACK
-from screw_module_ros.control.vertical import LONGEST_STEP
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import force_to_torque
 from screw_module_ros.safety.permit import CLOSED, OPEN

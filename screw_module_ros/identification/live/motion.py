@@ -16,16 +16,12 @@ from screw_module_ros.calibration.module_file import load_module_calibration
 from screw_module_ros.control.friction import FrictionModel
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import (
+    IDENTITY,
     Linearization,
     default_linearization,
 )
 from screw_module_ros.control.modes import COMBINED, FRICTION_COMPENSATION, MODE_NAMES, OFF
-from screw_module_ros.control.torque_chain import (
-    COLD,
-    commanded,
-    on_the_wire,
-    torque_chain,
-)
+from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.geometry import Screw
 from screw_module_ros.identification.trials import MotionTrial, NotPossible, OnProgress, Samples
@@ -215,11 +211,11 @@ class Motion:
         names = CommandLimits._fields + Screw._fields + ("rated_torque",)
         limits = [f"torque.{name}" for name in TorqueLimits._fields]
         values = parameters(self._experiment.robot, AMPLIFIER, [*names, *limits])
-        chain = torque_chain(
+        chain = TorqueChain(
             CommandLimits(*(values[name] for name in CommandLimits._fields)),
             TorqueLimits(*(values[name] for name in limits)),
-            linearization,
             Screw(values["lead"]),
+            linearization or IDENTITY,
             values["rated_torque"],
         )
         heat, commands = COLD, np.empty(len(force))

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from rclpy.serialization import deserialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
-from screw_module_ros.control.vertical_state import VerticalOutput
+from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 _S = 1_000_000_000
@@ -59,10 +59,11 @@ def pack_force(reading: ForceReading) -> bytes:
 
 
 def pack_command(sample: EncoderReading, output: VerticalOutput, mode: int) -> bytes:
-    """Return the serialized ForceCommand for an encoder sample."""
+    """Return the serialized ForceCommand for an encoder sample; feedback counts carried mass in."""
     return _COMMAND.pack(
         _HEAD, *_stamped(sample.stamp_ns), sample.sequence, sample.monotonic_ns, output.force, mode,
-        output.impedance, output.gravity, output.friction, output.feedback, output.saturated,
+        output.impedance, output.gravity, output.friction, output.feedback + output.carried,
+        output.saturated,
     )  # fmt: skip
 
 

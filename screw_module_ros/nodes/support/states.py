@@ -24,7 +24,7 @@ _UNKNOWN = [math.nan, math.nan]
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
     """Write the controller's state into its message."""
-    output, blend = controller.output, controller.state.blend
+    output, law = controller.output, controller.state
     message.mode = controller.mode
     message.faulted = controller.faulted
     message.reason = controller.reason
@@ -34,8 +34,8 @@ def fill_controller(message: ImpedanceState, controller: VerticalController, now
         message.velocity = controller.answered.velocity
     message.desired_position = output.desired_position
     message.desired_velocity = output.desired_velocity
-    message.stiffness, message.damping = blend.stiffness, blend.damping
-    message.force_gain = blend.gain
+    message.stiffness, message.damping = law.stiffness, law.damping
+    message.force_gain = law.gain
     message.gain_share = output.share
     message.measured_force = controller.handle_force
     message.commanded_force = output.force
