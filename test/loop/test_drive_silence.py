@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Silence of what a loop compares or measures with: how long it is tolerated, and what follows."""
+
+from __future__ import annotations
+
+import pytest
+from bench import PERIOD_NS, Bench
+
+from screw_module_ros.loop.plane import JointSettings, Plane
+
+
+def silent_for(bench: Bench, ticks: int) -> None:
+    bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
+    bench.ticks(ticks)
+    bench.rig.inject("elbow", "clear", 0.0, 0.0, bench.now_ns)
+
+
+@pytest.mark.parametrize(("silence", "goes_on"), [(5.0, False), (30.0, True)])
+def test_how_long_a_joint_may_be_silent_is_a_setting(bench, silence, goes_on):
+    """The command's age, five periods, used to stop the plane whatever was set."""
+    old = bench.plane
+    bench.plane = Plane(
+        bench.planar_drives, bench.ports["planar"], PERIOD_NS, old.settings,
+        JointSettings(silence=silence), old.permit.settings,
+    )  # fmt: skip
+    bench.ticks(30)
+    assert bench.plane.take_home(bench.now_ns) == ""
+    assert bench.enable_plane() == ""
+    bench.ticks(20)
+    silent_for(bench, 9)
+    bench.ticks(3)
+    assert bench.plane.permit.enabled == goes_on
+
+
+def test_an_enabled_drive_that_says_nothing_is_a_fault_of_the_controller(enabled):
+    """The encoder was compared with nothing from then on, while the law went on."""
+    controller, now_ns = enabled.controller, enabled.now_ns
+    assert controller.reason == ""
+    controller.end_tick(now_ns + 199_000_000)
+    assert controller.reason == ""
+    controller.end_tick(now_ns + 201_000_000)
+    assert "amplifier: no state for 200 ms" in controller.reason
+    controller.on_drive(False, 0.0, now_ns + 202_000_000)
+    assert controller.faulted, "until a reset"
+    controller.reset(now_ns)
+    assert controller.reason == ""
+
+
+def test_a_controller_without_an_amplifier_waits_without_a_fault(bench):
+    bench.controller._enabled = None
+    bench.controller._drive.note(0)
+    bench.controller.end_tick(bench.now_ns)
+    assert not bench.controller.faulted
