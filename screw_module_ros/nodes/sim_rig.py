@@ -32,6 +32,7 @@ from .support.single import Lock, lock_simulation
 from .support.topics import offered
 
 _ANSWER_S = 1.0
+_SLOW, _NO_LONGER_SLOW = 0.5, 0.6  # of real time, or of the speed that is asked for
 _CLOCK_RATE = graph.TOPICS[graph.CLOCK].rate
 
 
@@ -56,6 +57,30 @@ class SimulationSettings(NamedTuple):
     ] = graph.TOPICS[graph.TRUTH].rate
 
 
+class Slowness:
+    """Tells once that simulated time runs slowly, and once that it no longer does."""
+
+    def __init__(self):
+        self._slow = False
+
+    def told(self, factor: float, speed: float) -> str:
+        """Return a sentence when that has changed, else nothing.
+
+        factor: simulated seconds per second of wall clock, 0 = not known yet; speed: the factor
+        that is asked for, 0 = as fast as it goes.
+        """
+        least = (_NO_LONGER_SLOW if self._slow else _SLOW) * (min(speed, 1.0) or 1.0)
+        if factor == 0.0 or self._slow == (factor < least):
+            return ""
+        self._slow = not self._slow
+        if not self._slow:
+            return f"simulated time keeps up again: {factor:.2f} of real time"
+        return (
+            f"simulated time runs at {factor:.2f} of real time: this machine is slow or busy; "
+            "nothing is lost, everything only takes longer"
+        )
+
+
 class SimRigNode(ModuleNode):
     """Owns the plant and the simulated devices of all buses."""
 
@@ -76,6 +101,7 @@ class SimRigNode(ModuleNode):
         self._truth.header.frame_id = "manus_base"
         self._time: Conductor | None = None
         self._departure = Departure(self.clock)
+        self._slowness = Slowness()
         self._clock_message = ClockMessage()
         self.serve(SetArm, "~/set_arm", self._set_arm, "arm set")
         self.serve(SetFixture, "~/set_fixture", self._set_fixture, "fixture set")
@@ -209,6 +235,8 @@ class SimRigNode(ModuleNode):
         """Frames, slips."""
         counters = self._rig.counters._asdict()
         if self._time is not None:
+            if told := self._slowness.told(self.clock.page.factor, self._time.speed):
+                self.get_logger().warning(told)
             counters["real-time factor"] = f"{self.clock.page.factor:.2f}"
             counters["given up"] = self._time.given_up
             factor = f"simulating, real-time factor {self.clock.page.factor:.2f}"
