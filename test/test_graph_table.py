@@ -12,6 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from rclpy.qos import ReliabilityPolicy
 
 from screw_module_ros.graph import (
     BESIDE,
@@ -162,3 +163,12 @@ def test_the_readme_lists_nodes_and_topics():
     decimated = {name for name in TOPICS if name.endswith("/decimated")}
     for node in NODES:
         assert listed[node] == {topic.name for topic in _published_by(node)} - decimated
+
+
+def test_only_the_two_fastest_topics_need_a_subscription_for_sensor_data():
+    """A subscription with default settings is reliable, and hears no best effort publisher."""
+    quick = {name for name, topic in TOPICS.items() if topic.qos == "sample"}
+    assert quick == {"screw/encoder", "handle/force"}
+    for name, topic in TOPICS.items():
+        if topic.qos in {"command", "state"}:
+            assert offered(name)[2].reliability == ReliabilityPolicy.RELIABLE

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import zlib
 from contextlib import contextmanager
 
@@ -15,6 +16,7 @@ class Line:
 
     def __init__(self, page: Page, bus: str):
         self._page = page
+        self._sending = threading.Lock()  # the loop and an SDO transfer send from two threads
         with page.locked():
             row = self.row = page.take(page.line_pid, os.getpid(), "bus")
             page.line_bus[row] = _key(bus)
@@ -50,7 +52,8 @@ class Line:
     def sent(self) -> None:
         """Count a frame that the bus has accepted, and wake the member that waits for it."""
         page = self._page
-        page.line_sent[self.row] += 1
+        with self._sending:
+            page.line_sent[self.row] += 1
         for row in self.peers:
             waiter = page.line_waiter[row]
             if waiter >= 0:

@@ -38,7 +38,7 @@ class EncoderNode(SensorNode):
         port = self.open_port(f"encoder node {settings.node_id}")
         encoder = Encoder(port, settings, screw=self.parameters.read(Screw))
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)
-        self._torque_off = TorqueOff(self.new_inbox(), self.clock)
+        self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Let the samples flow; an encoder that may have restarted unseen is configured anew."""

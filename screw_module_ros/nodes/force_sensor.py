@@ -54,7 +54,7 @@ class ForceSensorNode(SensorNode):
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
         self._wrench_every = max(1, round(rate / wrench_rate))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
-        self._taring = Taring(self.new_inbox(), self.clock)
+        self._taring = Taring(self, self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Start the samples; an activation also clears a latched fault.

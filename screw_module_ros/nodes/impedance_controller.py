@@ -40,7 +40,8 @@ from .support.module_node import ModuleNode
 from .support.rates import Due
 from .support.runtime import main as run_node
 from .support.senders import Senders
-from .support.states import fill_controller
+from .support.serving_node import Done
+from .support.states import fill_controller, impedance_text
 from .support.timing_report import broken_contract, timing_values
 from .support.topics import offered
 
@@ -225,10 +226,13 @@ class ImpedanceControllerNode(ModuleNode):
     # Services ------------------------------------------------------------------------------
 
     def _set_impedance(self, request: SetImpedance.Request) -> str:
-        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
+        refused = self.parameters.write(stiffness=request.stiffness, damping=request.damping)
+        return refused or Done(impedance_text(self.parameters.read(VerticalSettings)))
 
     def _set_mode(self, request: SetControlMode.Request) -> str:
-        return self.parameters.write(mode=request.mode)
+        refused = self.parameters.write(mode=request.mode)
+        mode = self.parameters.read(ControllerSettings).mode
+        return refused or Done(f"mode {mode}, {MODE_NAMES[mode]}")
 
     def health(self) -> Health:
         """Reason of a zero force, timing."""

@@ -24,8 +24,9 @@ from .support.driver import RateSettings, device_values
 from .support.health import Health
 from .support.permission import PLANAR
 from .support.runtime import main as run_node
+from .support.serving_node import Done
 from .support.slot_input import SlotInbox
-from .support.states import fill_plane
+from .support.states import fill_plane, impedance_text
 from .support.topics import offered, requested
 
 
@@ -155,7 +156,8 @@ class ManusNode(DriveNode):
         return self._plane.home(self.clock)
 
     def _set_impedance(self, request: SetImpedance.Request) -> str:
-        return self.parameters.write(stiffness=request.stiffness, damping=request.damping)
+        refused = self.parameters.write(stiffness=request.stiffness, damping=request.damping)
+        return refused or Done(impedance_text(self.parameters.read(PlanarSettings)))
 
     def health(self) -> Health:
         """State of the drives, timing, counters."""

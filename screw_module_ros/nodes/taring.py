@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import threading
 
+from rclpy.node import Node
+
 from screw_module_ros.clock import Clock
 from screw_module_ros.samples import ForceReading
 
@@ -21,9 +23,9 @@ _GATHER_S = 3.0
 class Taring:
     """Readings of the loop's thread for the service thread. inbox: for the amplifier's state."""
 
-    def __init__(self, inbox: Inbox, clock: Clock):
+    def __init__(self, node: Node, inbox: Inbox, clock: Clock):
         self._clock = clock
-        self._torque_off = TorqueOff(inbox, clock)
+        self._torque_off = TorqueOff(node, inbox, clock)
         self._readings: list[ForceReading] | None = None
         self._wanted = 0
         self._enough = threading.Event()

@@ -9,6 +9,7 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.graph import BUSES
+from screw_module_ros.nodes.support.serving_node import Done
 from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device, lock_simulation
 
 
@@ -59,8 +60,10 @@ def test_observer_is_refused_by_the_services_until_there_is_a_damper(make_node):
     node = make_node("impedance_controller")
     told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
     assert "raise the damping first" in told
-    assert node._set_impedance(SetImpedance.Request(stiffness=100.0, damping=10.0)) == ""
-    assert node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER)) == ""
+    told = node._set_impedance(SetImpedance.Request(stiffness=100.0, damping=10.0))
+    assert isinstance(told, Done) and told == "stiffness 100 N/m, damping 10 Ns/m"
+    told = node._set_mode(SetControlMode.Request(mode=ForceCommand.OBSERVER))
+    assert isinstance(told, Done) and told == "mode 5, OBSERVER"
     told = node._set_impedance(SetImpedance.Request(stiffness=2000.0, damping=10.0))
     assert "2000 N/m needs a damping of" in told
 

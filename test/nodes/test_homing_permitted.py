@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import pytest
 from amplifier_told import PatientClock, inbox_with, served_at_once
+from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotHomed
+from screw_module_ros.nodes.support.single import lock_node
 from screw_module_ros.nodes.support.torque_off import NotPermitted, TorqueOff
+
+NAMESPACE = "/homing_permitted"  # no amplifier of another test has been discovered there
 
 
 class Device:
@@ -32,12 +36,12 @@ class Device:
 @pytest.fixture
 def home(make_node):
     """Return what the service answers when the amplifier tells these states."""
-    node = make_node("encoder")
+    node = make_node("encoder", "-r", f"__ns:={NAMESPACE}")
     device = node.device = Device()
     node.part = served_at_once()
 
     def ask(*states: AmplifierState) -> str:
-        node._torque_off = TorqueOff(inbox_with(None, *states), PatientClock(1))
+        node._torque_off = TorqueOff(node, inbox_with(None, *states), PatientClock(1))
         return node._carried_out(node._home, None, "~/home", always=True)
 
     ask.device = device
@@ -69,6 +73,24 @@ def test_an_encoder_that_is_silent_without_a_fault_is_cleared_too(home):
 
 
 def test_the_check_raises_what_a_service_answers_with():
-    torque_off = TorqueOff(inbox_with(None, AmplifierState(enabled=True)), PatientClock(1))
+    inbox = inbox_with(None, AmplifierState(enabled=True))
+    torque_off = TorqueOff(None, inbox, PatientClock(1))
     with pytest.raises(NotPermitted, match="enabled and would jump"):
         torque_off.check("would jump")
+
+
+def test_an_amplifier_that_is_not_discovered_yet_is_not_a_silent_one(home):
+    """It may be enabled; until the graph shows it nobody knows."""
+    lock = lock_node(f"{NAMESPACE}/amplifier")
+    try:
+        said = home()
+        assert "amplifier runs" in said and "try again in a moment" in said
+        assert home.device.asked == 0 and home.device.fault, "nothing is cleared either"
+        # Running and discovered, but not configured: it has no torque.
+        node = Node("amplifier", namespace=NAMESPACE)
+        try:
+            assert home() == "the fault is cleared; this moves the origin by 57 mm"
+        finally:
+            node.destroy_node()
+    finally:
+        lock.release()

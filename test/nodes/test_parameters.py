@@ -166,3 +166,12 @@ def test_descriptions_carry_unit_and_range(make):
     assert described.floating_point_range[0].from_value == 0.0
     assert described.floating_point_range[0].to_value == 5000.0
     assert "hard" in made.node.describe_parameter("spring.kind").additional_constraints
+
+
+def test_a_parameter_without_a_name_is_refused(make):
+    """rclpy stores it in any node, though nobody has declared it."""
+    made = make()
+    made.parameters.finish()
+    (refused,) = made.node.set_parameters([Parameter("", value=5)])
+    assert not refused.successful and "empty name" in refused.reason
+    assert not made.node.has_parameter("")

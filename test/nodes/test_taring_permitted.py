@@ -37,7 +37,7 @@ def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, bef
     node.device = Device()
     node.part = served_at_once()
     states = (None, AmplifierState(enabled=before), None, AmplifierState(enabled=after))
-    node._taring = Taring(inbox_with(*states), PatientClock(1))
+    node._taring = Taring(node, inbox_with(*states), PatientClock(1))
     said = node._carried_out(node._tare, None, "~/tare", always=True)
     assert node.device.tared == tared
     assert ("the vertical drive is enabled" in said) is not bool(tared)

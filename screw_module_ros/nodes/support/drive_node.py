@@ -31,6 +31,7 @@ class DriveNode(DriverNode):
         self.drives: tuple[Drive, ...] = ()
         self._alone: tuple[str, ...] = ()
         self._senders: Senders | None = None
+        self._permission: Permission | None = None
         self.serve(SetBool, "~/enable", self._enable)
         self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
 
@@ -97,8 +98,9 @@ class DriveNode(DriverNode):
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self._inbox is not None:
+        if self._permission is not None:
             self._permission.close()
+            self._permission = None
         if self._senders is not None:
             self._senders.close()
             self._senders = None

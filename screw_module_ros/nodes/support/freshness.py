@@ -11,8 +11,8 @@ class Newest:
     """The newest message of one hot subscription.
 
     take: of `Inbox.subscribe`. max_age_ns: the age up to which it counts as fresh [ns]. The age
-    counts from the time it came or was taken, so that a sender with a wrong clock cannot look
-    fresh.
+    counts from the time it came, however late it is taken, so that neither a sender with a wrong
+    clock nor one that died long ago looks fresh.
     """
 
     def __init__(self, take: Callable[[], Any], max_age_ns: int):

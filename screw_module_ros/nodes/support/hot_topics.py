@@ -66,7 +66,7 @@ class Inbox:
         """Subscribe; return a function that takes the next message, or a record of a `Flat`.
 
         It returns None when there is none. Its `arrived_ns`, if it has one, is when the last one
-        came: it may have been held back (`Newest`).
+        came: it may have waited in the queue for long (`Newest`).
 
         `wakes`: `wait` returns when this subscription has a message. In simulated time the other
         subscriptions return only messages published before the present time: a message published on
@@ -98,11 +98,7 @@ class Inbox:
             self._wakers.append(hop)
             return lambda: self._take_counted(take_one, handle, hop, qos.depth == 1)
 
-        def take() -> Any:
-            taken = take_one()
-            return taken[0] if taken is not None else None
-
-        return take
+        return _Received(take_one, self._clock)
 
     def _take_counted(self, take: Callable, handle: Any, hop: Hop, only_newest: bool) -> Any:
         """Take a message; wait for one that is published and still in transit."""
@@ -200,6 +196,32 @@ def _new_wait_set(node: Node, subscriptions: int) -> Any:
     context = node.context
     with context.handle:
         return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
+
+
+class _Received:
+    """A subscription by wall clock."""
+
+    def __init__(self, take: Callable, clock: Clock):
+        self._take, self._clock = take, clock
+        self._stamp_ns = 0
+
+    def __call__(self) -> Any:
+        """Return the next message, None without one."""
+        taken = self._take()
+        if taken is None:
+            return None
+        self._stamp_ns = taken[1]["received_timestamp"]
+        return taken[0]
+
+    @property
+    def arrived_ns(self) -> int:
+        """Time at which the middleware received the message returned last [ns].
+
+        It stamps with the system clock. One that is set meanwhile makes a message older, never
+        newer than it is taken.
+        """
+        waited_ns = self._clock.stamp_ns() - self._stamp_ns
+        return self._clock.now_ns() - max(0, waited_ns)
 
 
 class _Settled:

@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 
 from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill, WallClock
+from screw_module_ros.domain import domain_id
 from screw_module_ros.settings import Setting
 
 from .answering import answer_always
@@ -30,7 +31,10 @@ from .topics import offered
 _LEAVE_STEP_S = 2.0
 _RETRY_S = 1.0
 _IDLE_S = 0.05
-_NO_TIME = "waiting for sim_rig: nobody moves simulated time yet (or set use_sim_time to false)"
+_NO_TIME = (
+    "waiting for sim_rig: nobody moves simulated time in ROS domain {} yet (or set use_sim_time to "
+    "false)"
+)
 
 
 class StartSettings(NamedTuple):
@@ -145,8 +149,7 @@ class ModuleNode(ServingNode):
                 self.connect()
         except Exception as error:  # the sentence is what the user acts on, whatever its type
             self._fail("configure", error)
-            self.disconnect()
-            self.close_topics()
+            self._closed()
             return TransitionCallbackReturn.FAILURE
         self._phase, self._failure = "inactive", ""
         return TransitionCallbackReturn.SUCCESS
@@ -160,8 +163,7 @@ class ModuleNode(ServingNode):
                     inbox.discard()
         except Exception as error:
             self._fail("activate", error)
-            self.end()
-            return TransitionCallbackReturn.FAILURE
+            return self._done("end after it", self.end, TransitionCallbackReturn.FAILURE)
         self._phase, self._failure = "active", ""
         self._active.set()
         self.get_logger().info("active")
@@ -176,40 +178,52 @@ class ModuleNode(ServingNode):
             self.get_logger().error(f"cannot deactivate: {error}")
             self._active.set()
             return TransitionCallbackReturn.FAILURE
-        try:
-            with self.working():
-                self.end()
-        except Exception as error:
-            self._fail("deactivate", error)
-            return TransitionCallbackReturn.ERROR
-        self._phase = "inactive"
-        return TransitionCallbackReturn.SUCCESS
+        result = self._done("deactivate", self._end_working)
+        if result == TransitionCallbackReturn.SUCCESS:
+            self._phase = "inactive"
+        return result
+
+    def _end_working(self) -> None:
+        with self.working():
+            self.end()
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle cleanup."""
-        try:
-            self.disconnect()
-            self.close_topics()
-        except Exception as error:
-            self._fail("clean up", error)
-            return TransitionCallbackReturn.ERROR
-        self._phase = "unconfigured"
-        return TransitionCallbackReturn.SUCCESS
+        result = self._closed()
+        if result == TransitionCallbackReturn.SUCCESS:
+            self._phase = "unconfigured"
+        return result
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """After an error in a transition: everything closed, as rcl has the node unconfigured.
 
         A drive that could not be switched off notices the missing heartbeat and switches off.
         """
-        self.disconnect()
-        self.close_topics()
+        self._closed()
         self._phase = "unconfigured"
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Lifecycle shutdown: from any state, torque off, everything closed."""
-        self.close()
-        return TransitionCallbackReturn.SUCCESS
+        return self._done("shut down", self.close)
+
+    def _closed(self) -> TransitionCallbackReturn:
+        """Close devices and topics, the topics also when a device fails."""
+        result = self._done("clean up", self.disconnect)
+        topics = self._done("clean up", self.close_topics)
+        return topics if result == TransitionCallbackReturn.SUCCESS else result
+
+    def _done(
+        self, doing: str, action: Callable[[], None],
+        result: TransitionCallbackReturn = TransitionCallbackReturn.SUCCESS,
+    ) -> TransitionCallbackReturn:
+        """Do a part of a transition; an error is logged, since rclpy drops it without a word."""
+        try:
+            action()
+        except Exception as error:
+            self._fail(doing, error)
+            return TransitionCallbackReturn.ERROR
+        return result
 
     def close(self, ended: Callable[[], None] = lambda: None) -> None:
         """Stop and disconnect from any lifecycle state; safe to call twice.
@@ -261,9 +275,10 @@ class ModuleNode(ServingNode):
         """Return whether the clock runs; report it if not."""
         if self.moves_time or not self.clock.simulated or self.clock.page.conductor:
             return True
-        if self._failure != _NO_TIME:
-            self._failure = _NO_TIME
-            self.get_logger().info(_NO_TIME)
+        text = _NO_TIME.format(domain_id())
+        if self._failure != text:
+            self._failure = text
+            self.get_logger().info(text)
         return False
 
     # Hot loop ------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from screw_module_ros.quoting import quoted
 from screw_module_ros.settings import Field, declared, problem
 
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_NAMELESS = "a parameter has an empty name: `ros2 param list` shows the names that there are"
 _CLOCK_IS_CHOSEN = "use_sim_time is fixed once a node has started: start it anew with another value"
 _INT64 = 2**63 - 1
 _NONE: Mapping[str, Any] = MappingProxyType({})
@@ -117,6 +118,8 @@ class Parameters:
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
+            if not parameter.name:  # rclpy takes it, and stores a parameter that nobody declared
+                return SetParametersResult(successful=False, reason=_NAMELESS)
             if parameter.name == "use_sim_time" and self._declared:
                 if parameter.value != self._node.get_parameter("use_sim_time").value:
                     return SetParametersResult(successful=False, reason=_CLOCK_IS_CHOSEN)

@@ -37,9 +37,13 @@ class Permission:
         return self._senders.warning
 
     def pass_on(self, permit: Permit, now_ns: int) -> None:
-        """Pass new messages to the gate; two senders count as a refusal. now_ns [ns]."""
+        """Pass new messages to the gate, each with the time at which it came.
+
+        Two senders count as a refusal. now_ns [ns].
+        """
         for safety in islice(iter(self._take, None), qos.PERMISSION.depth):
-            permit.supervise(getattr(safety, self._field), why_not(safety, self._field), now_ns)
+            came_ns = getattr(self._take, "arrived_ns", now_ns)
+            permit.supervise(getattr(safety, self._field), why_not(safety, self._field), came_ns)
         if self.warning:
             permit.supervise(False, self.warning, now_ns)
 

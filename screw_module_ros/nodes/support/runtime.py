@@ -71,8 +71,9 @@ def run_together(
     stopping = threading.Event()
     stop_on_signals(stopping)
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
-    # Our errors replace canopen's log messages, with the node id and the way out.
-    logging.getLogger("canopen").setLevel(logging.CRITICAL)
+    # Our errors replace the libraries' log messages, with the node id and the way out.
+    for library in ("canopen", "can"):
+        logging.getLogger(library).setLevel(logging.CRITICAL)
     reach = choose_transport()
     nodes: list[ModuleNode] = []
     locks: list[Lock] = []

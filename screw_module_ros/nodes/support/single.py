@@ -33,6 +33,15 @@ class Lock:
         self._socket.close()
 
 
+def runs(full_name: str) -> bool:
+    """Return whether a node of this full name runs in our ROS domain on this machine."""
+    try:
+        lock_node(full_name).release()
+    except AlreadyRunning:
+        return True
+    return False
+
+
 def lock_node(full_name: str) -> Lock:
     """Lock the node name `full_name` within the ROS domain of this process."""
     domain = domain_id()

@@ -86,6 +86,11 @@ def fill_plane(message: PlanarState, plane: Plane, now_ns: int) -> None:
     _fill_counts(message, plane.meter, now_ns)
 
 
+def impedance_text(law: Any) -> str:
+    """Return the impedance that a law's settings ask for, as the answer of a service."""
+    return f"stiffness {law.stiffness:g} N/m, damping {law.damping:g} Ns/m"
+
+
 def fill_wrench(message: WrenchStamped, reading: ForceReading) -> None:
     """Write a force sample into the message for tools."""
     fill_stamp(message.header, reading.stamp_ns)
