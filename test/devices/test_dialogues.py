@@ -16,7 +16,7 @@ import pytest
 from running_drivers import tick, tick_both, two_drives, watched_tick
 from scripted_devices import ScriptedDrive, ScriptedEncoder, ScriptedSensor
 
-from screw_module_ros.devices import drive_exit
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
@@ -222,7 +222,7 @@ def two_drives_of_a_bus(wire):
     for _ in range(30):
         tick_both(wire, (one, other))
     scene.take()
-    scene.step("exit", drive_exit.leave, (one, other), wire.port)
+    scene.step("exit", drive_group.leave, (one, other), wire.port)
     at = scene.lines.index("= exit")
     shared = ("080", "771", "203", "204")
     scene.lines[at:] = [line for line in scene.lines[at:] if line[:3] not in shared]

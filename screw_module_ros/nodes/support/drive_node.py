@@ -7,7 +7,7 @@ from typing import Any
 
 from std_srvs.srv import SetBool, Trigger
 
-from screw_module_ros.devices import drive_start
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
@@ -72,7 +72,7 @@ class DriveNode(DriverNode):
 
     def start_drives(self) -> None:
         """Start the drives, disabled and with their guards. Raises DeviceError."""
-        for drive in drive_start.start(self.drives):
+        for drive in drive_group.start(self.drives):
             self._tell_warnings(drive)
 
     def _tell_warnings(self, drive: Drive) -> None:

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_port, where
-from screw_module_ros.can_io.bus_load import check_load
+from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.settings import Setting
@@ -57,7 +57,7 @@ class DriverNode(ModuleNode):
         return self.port
 
     def check_bus_load(self, traffic: list) -> None:
-        """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/bus_load.py`)."""
+        """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/load.py`)."""
         bus = self.parameters.read(BusSettings, "can")
         self.bus_load, warning = check_load(traffic, bus.bitrate, self.bus_name)
         if warning:
@@ -102,8 +102,8 @@ class DriverNode(ModuleNode):
 
     def port_values(self, skipped: int) -> dict:
         """Return the bus's part of the diagnostics; skipped: ticks that an overrun skipped."""
-        counters = dataclasses.asdict(self.port.snapshot()) if self.port else {}
-        values = {f"bus {name}": count for name, count in counters.items() if count}
+        counters = device_values(self.port.counters) if self.port else {}
+        values = {f"bus {name}": count for name, count in counters.items()}
         return {
             "bus": self.bus_name,
             **({"bus state": "bus-off"} if self.port and self.port.bus_off else {}),
@@ -113,6 +113,6 @@ class DriverNode(ModuleNode):
         }
 
 
-def device_values(counters) -> dict:
-    """Return a device's counters that are not zero, for diagnostics."""
-    return {name: count for name, count in dataclasses.asdict(counters).items() if count}
+def device_values(counters: Counter[str]) -> dict[str, int]:
+    """Return the counters of a device or a bus that are not zero, for diagnostics."""
+    return {name: count for name, count in counters.copy().items() if count}

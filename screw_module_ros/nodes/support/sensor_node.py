@@ -69,8 +69,8 @@ class SensorNode(DriverNode):
     def sensor_health(self, shown: dict) -> Health:
         """Return rate, faults and counters; shown: further values."""
         device = self.device
-        counters = device.snapshot()
-        rate = self._rate.rate(counters.received, self.clock.now_ns())
+        counters = device.counters
+        rate = self._rate.rate(counters["received"], self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),
