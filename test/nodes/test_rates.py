@@ -33,7 +33,22 @@ def test_both_rates_are_named_and_nothing_is_enabled():
                 10.0,
                 "the supervisor names no rates",
             )
-            with pytest.raises(RobotError, match=sentence):
-                robot.trigger("supervisor/reset")
-            with pytest.raises(RobotError, match=sentence):
-                robot.enable()
+            # A reset clears what the controller latched; its next sample latches it again.
+            robot.trigger("supervisor/reset")
+            robot.wait_until(
+                lambda: (safety := robot.newest(SafetyState)).resets == 1
+                and safety.level == SafetyState.STOPPED
+                and sentence in "; ".join(safety.reasons),
+                10.0,
+                "after a reset the supervisor names no rates",
+            )
+            # The amplifier may discover the supervisor only now; until then it refuses for that.
+            robot.wait_until(
+                lambda: sentence in refusal_to_enable(robot), 10.0, "enabling names no rates"
+            )
+
+
+def refusal_to_enable(robot: Robot) -> str:
+    with pytest.raises(RobotError) as refused:
+        robot.enable()
+    return str(refused.value)
