@@ -208,6 +208,11 @@ class Drive(DriveReports):
         """Whether a `clear_fault` is in progress; the loop's writes continue it."""
         return self.logic.recovery.active
 
+    @property
+    def leaving(self) -> bool:
+        """Whether a disabling is under way; the loop's writes continue it."""
+        return self.logic.leaving
+
     def request_enable(self) -> None:
         """Request operation enabled; the loop's writes carry it out.
 
@@ -220,13 +225,15 @@ class Drive(DriveReports):
     def refusal(self) -> str:
         """Return why it cannot be enabled now, empty if it can.
 
-        A fault is latched, a recovery is in progress, the loop does not write, the mode is not the
-        configured one, or a guard is missing.
+        A fault is latched, a recovery or a disabling is in progress, the loop does not write, the
+        mode is not the configured one, or a guard is missing.
         """
         if self.fault:
             return f"{self.fault}; clear the fault first"
         if self.recovering:
             return f"the {self.label} is still recovering: wait until it has"
+        if self.leaving:
+            return f"the {self.label} is still being disabled: try again in a moment"
         if not self._armed:
             return f"the {self.label} is not being commanded: activate it first"
         if self.mode_display != self.mode:

@@ -26,7 +26,7 @@ _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 _STOPPING = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
 _PATIENCE_NS = 20_000_000
-"""Time for which a drive may still show operation enabled after the request has ended."""
+"""Time for which a drive may still show operation enabled, or reach it, after a disabling."""
 _NMT_EVERY_NS = 100_000_000
 _EDGE_EVERY_NS = 50_000_000
 
@@ -87,7 +87,8 @@ class DriveLogic:
 
     label: name of the drive in messages. brake: a latched fault stops with the quick stop ramp
     instead of coasting. enable_timeout: limit for enabling and for recovering [s]. silence: time
-    without a heartbeat after which the drive is lost [s].
+    without a heartbeat after which the drive is lost [s]. leaving: a disabling is under way; a new
+    request has to wait, or the drive's obedience to the old one would look like an exit by itself.
     """
 
     def __init__(self, label: str, brake: bool, enable_timeout: float, silence: float):
@@ -104,7 +105,8 @@ class DriveLogic:
         self._enabling_since_ns: int | None = None
         self._unasked_since_ns: int | None = None
         self._nmt_stopped_ns: int | None = None
-        self._leaving = self._intruded = self._cut_off = False
+        self._disabled_ns: int | None = None
+        self.leaving = self._intruded = self._cut_off = False
 
     @property
     def fault(self) -> str:
@@ -121,6 +123,7 @@ class DriveLogic:
     def start(self, now_ns: int) -> None:
         """Begin to supervise at `now_ns`; a latched fault stays."""
         self._started_ns = now_ns
+        self.leaving = False
         self.goal = Goal.OFF if self.reason else Goal.SWITCHED_ON
 
     def enable(self) -> None:
@@ -132,7 +135,7 @@ class DriveLogic:
         """Request torque off."""
         if self.enabling:
             self.goal = Goal.SWITCHED_ON
-            self._leaving = True
+            self.leaving, self._disabled_ns = True, None
 
     def recover(self) -> None:
         """Begin the recovery from a fault."""
@@ -178,6 +181,7 @@ class DriveLogic:
         now_ns: CLOCK_MONOTONIC [ns].
         """
         self._note_unasked(state, now_ns)
+        self._note_leaving(state, now_ns)
         silent = state is State.UNKNOWN and shown is State.OPERATION_ENABLED
         self._cut_off = silent and nmt == PRE_OPERATIONAL
         if self.recovery.active:
@@ -210,17 +214,25 @@ class DriveLogic:
     def _note_unasked(self, state: State, now_ns: int) -> None:
         """Record since when the drive is in operation enabled without a request."""
         if state is not State.OPERATION_ENABLED:
-            self._leaving = self._leaving and state is State.UNKNOWN
             self._unasked_since_ns = None
         elif self.enabling:
             self._unasked_since_ns = None
         elif self._unasked_since_ns is None:
             self._unasked_since_ns = now_ns
 
+    def _note_leaving(self, state: State, now_ns: int) -> None:
+        """End a disabling once the drive is out, and the statuswords under way have come."""
+        if not self.leaving:
+            return
+        if self._disabled_ns is None:
+            self._disabled_ns = now_ns
+        out = state not in (State.OPERATION_ENABLED, State.UNKNOWN)
+        self.leaving = not out or now_ns - self._disabled_ns < _PATIENCE_NS
+
     def _stays_enabled(self, now_ns: int) -> bool:
         since_ns = self._unasked_since_ns
         # A drive that is configured to brake on disabling may need longer.
-        ramp = self._brake and self._leaving
+        ramp = self._brake and self.leaving
         patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
         return since_ns is not None and now_ns - since_ns >= patience_ns
 

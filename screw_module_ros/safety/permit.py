@@ -58,6 +58,7 @@ class Switch(Protocol):
 
     fault: str
     recovering: bool
+    leaving: bool
 
     def is_on(self, now_ns: int) -> bool:
         """Return whether it is in operation enabled, by a fresh statusword."""
@@ -249,8 +250,9 @@ class Permit:
     def enable(self, clock: Any) -> str:
         """Enable and wait until torque passes; return why it does not, empty when it does.
 
-        clock: of the wait. A permission may still be on its way, so a missing one does not refuse
-        at once. Raises TimeStandsStill; then the drives do not become enabled later either.
+        clock: of the wait. A permission, or the end of a disabling, may still be on its way: these
+        do not refuse at once. Raises TimeStandsStill; then the drives do not become enabled later
+        either.
         """
         answered = False
         try:
@@ -267,7 +269,8 @@ class Permit:
     def _ask_to_open(self, clock: Any) -> str:
         deadline_ns = clock.now_ns() + _PERMISSION_NS
         while True:
-            lacking = not self._permitted  # read before the request: it may come in between
+            # Read before the request: it may come in between.
+            lacking = not self._permitted or any(drive.leaving for drive in self.drives)
             refused = self.requests.ask(self.open, clock)
             if not refused or not lacking or clock.now_ns() > deadline_ns:
                 return refused

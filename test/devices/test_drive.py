@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import deque
 
 import can
 import pytest
@@ -152,6 +153,46 @@ def test_disable_is_one_command_down_to_switched_on(wire, enabled, drive_end):
     assert enabled.fault == ""
 
 
+def test_enabling_again_waits_until_the_drive_has_left(wire, enabled, drive_end):
+    """Else the statusword that obeys the disabling looks like an exit that nobody asked for."""
+    enabled.request_disable()
+    with pytest.raises(NotNow, match="still being disabled: try again"):
+        enabled.request_enable()
+    for _ in range(20):
+        tick(wire, enabled, 0.3)
+        assert enabled.leaving
+    tick(wire, enabled, 0.3)
+    enabled.request_enable()
+    for _ in range(3):
+        tick(wire, enabled, 0.3)
+    assert (enabled.fault, drive_end.state) == ("", "operation enabled")
+
+
+@pytest.mark.parametrize("ticks", range(4))
+def test_a_disabling_before_the_drive_was_on_is_no_exit_by_itself(wire, drive, drive_end, ticks):
+    """A drive that obeys some ticks late may reach operation enabled after the request."""
+    late = deque([0x06] * ticks)
+    obey = drive_end.command
+
+    def obey_late(word: int) -> None:
+        late.append(word)
+        obey(late.popleft())
+
+    drive_end.command = obey_late
+    for _ in range(10):
+        tick(wire, drive)
+    for _ in range(3):
+        drive.request_enable()
+        tick(wire, drive)
+        drive.request_disable()
+        tick(wire, drive)
+        while drive.refusal() and not drive.fault:
+            tick(wire, drive)
+    for _ in range(10):
+        tick(wire, drive)
+    assert drive.fault == ""
+
+
 # -- torque only where it is allowed -------------------------------------------------------------
 
 
@@ -183,7 +224,7 @@ def test_whatever_the_drive_shows_torque_is_zero_unless_enabled_and_asked_for(sc
         end.answering = False
         asked = False
         for word, act, torque in script:
-            if act == "enable" and not (drive.fault or drive.recovering):
+            if act == "enable" and not drive.refusal():
                 drive.request_enable()
                 asked = True
             elif act in ("disable", "clear"):

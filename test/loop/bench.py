@@ -229,6 +229,10 @@ class Bench:
         """Enable the vertical axis; return why not."""
         return self._asking(self.axis.permit.enable)
 
+    def disable(self) -> str:
+        """Disable the vertical axis; return why not."""
+        return self._asking(self.axis.permit.disable)
+
     def enable_plane(self) -> str:
         """Enable the planar axes; return why not."""
         return self._asking(self.plane.enable)

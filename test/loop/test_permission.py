@@ -130,3 +130,12 @@ def test_a_latched_stop_whose_cause_is_over_tells_the_way_out(enabled):
     enabled.commanding = True
     enabled.ticks(20)
     assert enabled.enable() == "no fresh command is latched: call ~/clear_fault first"
+
+
+def test_disabled_and_enabled_again_at_once_is_no_fault(enabled):
+    """The rig's drive obeys a tick late: its exit must not be taken for one by itself."""
+    for _ in range(3):
+        assert enabled.disable() == ""
+        assert enabled.enable() == ""
+        enabled.ticks(5)
+        assert enabled.torque_passes and not enabled.axis.permit.faulted

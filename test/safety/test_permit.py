@@ -37,6 +37,7 @@ class Switch:
     fault: str = ""
     refused: str = ""
     recovering: bool = False
+    leaving: bool = False
     asked: list[str] = field(default_factory=list)
 
     def is_on(self, now_ns):
