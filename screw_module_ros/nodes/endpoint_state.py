@@ -26,13 +26,12 @@ from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
-from .support.freshness import Newest
 from .support.health import OK, WARN, Health
-from .support.hot_topics import fill_stamp
+from .support.inbox import fill_stamp
 from .support.module_node import ModuleNode
-from .support.rates import RateMeter
 from .support.runtime import main as run_node
-from .support.topics import offered, requested
+from .support.states import RateMeter
+from .support.topics import Newest, offered, requested
 
 _NAN = math.nan
 _JOINTS_EVERY = 2

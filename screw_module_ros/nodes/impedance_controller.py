@@ -34,16 +34,14 @@ from screw_module_ros.settings import Setting
 
 from .controller_inputs import ControllerInputs
 from .support.driver import RateSettings
-from .support.flat import pack_command
+from .support.drives import Senders
 from .support.health import ERROR, OK, WARN, Health
 from .support.module_node import ModuleNode
-from .support.rates import Due
 from .support.runtime import main as run_node
-from .support.senders import Senders
 from .support.serving_node import Done
-from .support.states import fill_controller, impedance_text
-from .support.timing_report import broken_contract, timing_values
+from .support.states import Due, broken_contract, fill_controller, impedance_text, timing_values
 from .support.topics import offered
+from .support.wire import pack_command
 
 _SAMPLES = (graph.ENCODER, graph.FORCE)
 

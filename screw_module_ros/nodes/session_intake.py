@@ -32,7 +32,7 @@ from screw_module_ros.recording import (
 
 from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.hot_topics import HotGroup, awaited, never
+from .support.inbox import HotGroup, awaited, never
 
 _AT_ONCE = 4000  # messages of one topic at most, before the other topics follow
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")

@@ -35,9 +35,9 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
-from .support.below import one_name, root_folder
 from .support.health import ERROR, OK, WARN, Health, status_message
 from .support.module_node import ModuleNode
+from .support.place import one_name, root_folder
 from .support.runtime import main as run_node
 from .support.serving_node import Done
 from .support.topics import offered

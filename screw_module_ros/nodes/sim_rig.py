@@ -25,10 +25,10 @@ from screw_module_ros.settings import Setting
 from .rig_departure import Departure
 from .support.health import OK, WARN, Health
 from .support.module_node import ModuleNode
-from .support.rates import Due
+from .support.place import Lock, lock_simulation
 from .support.runtime import main as run_node
 from .support.serving_node import Done
-from .support.single import Lock, lock_simulation
+from .support.states import Due
 from .support.topics import offered
 
 _ANSWER_S = 1.0

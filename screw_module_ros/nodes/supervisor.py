@@ -30,14 +30,13 @@ from screw_module_ros.safety.supervision import (
 )
 from screw_module_ros.settings import Setting
 
-from .support.freshness import Newest
 from .support.health import ERROR, OK, WARN, Health
-from .support.kept import Kept
 from .support.module_node import ModuleNode
-from .support.rates import RateMeter
+from .support.place import Kept
 from .support.runtime import main as run_node
 from .support.serving_node import Done
-from .support.topics import offered, requested
+from .support.states import RateMeter
+from .support.topics import Newest, offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}

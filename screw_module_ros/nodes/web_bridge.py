@@ -25,10 +25,9 @@ from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.screens import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
-from .support.below import root_folder
 from .support.health import OK, Health
-from .support.kept import state_folder
 from .support.module_node import ModuleNode
+from .support.place import root_folder, state_folder
 from .support.runtime import main as run_node
 
 _IDLE_S = 0.05

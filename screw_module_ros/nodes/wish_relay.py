@@ -11,7 +11,7 @@ from screw_module_ros import graph
 from screw_module_ros.therapy.samples import Point
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
-from .support.hot_topics import Inbox
+from .support.inbox import Inbox
 from .support.module_node import ModuleNode
 from .support.topics import offered, requested
 

@@ -28,12 +28,11 @@ from screw_module_ros.clock import WallClock
 from screw_module_ros.loop.ticker import BACK_OFF_S
 from screw_module_ros.simulated_clock import simulated_clock
 
-from ..nodes.support import qos
-from ..nodes.support.freshness import Newest
-from ..nodes.support.hot_topics import Inbox
-from ..nodes.support.served import is_served
+from ..nodes.support import topics
+from ..nodes.support.inbox import Inbox
+from ..nodes.support.place import choose_transport
 from ..nodes.support.serving_node import answer_topic, request_topic
-from ..nodes.support.transport import choose_transport
+from ..nodes.support.topics import Newest, is_served
 from .waiting import POLL_NS, RobotError, Waiting
 
 _SERVE_S = 0.5
@@ -79,7 +78,7 @@ class Client(Waiting):
         self._closing = threading.Event()
         self._inbox = Inbox(self.node, self.clock)
         self._states = {
-            kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
+            kind: Newest(self._inbox.subscribe(kind, topic, topics.SAMPLE), _FRESH_NS)
             for kind, topic in _STATES.items()
         }
         self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)

@@ -24,8 +24,8 @@ from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from runner import sentence
 
-from screw_module_ros.nodes.support.isolation import own_place
 from screw_module_ros.nodes.support.module_node import ModuleNode
+from screw_module_ros.trials.isolation import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
                   "therapy_session", "sim_rig")  # fmt: skip

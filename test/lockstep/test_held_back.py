@@ -8,9 +8,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.freshness import Newest
-from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.inbox import Inbox, Outlet
+from screw_module_ros.nodes.support.topics import Newest
 from screw_module_ros.simulated_clock import SimulatedClock
 
 S, MS = 1_000_000_000, 1_000_000
@@ -33,7 +33,7 @@ def clock(conductor, page):
 
 @pytest.fixture
 def publish(node, clock):
-    outlet = Outlet(node, clock, String, "held_back", qos.SAMPLE)
+    outlet = Outlet(node, clock, String, "held_back", topics.SAMPLE)
     yield lambda text: outlet.publish(String(data=text))
     outlet.close()
 
@@ -42,7 +42,7 @@ def publish(node, clock):
 def newest(conductor, node, clock, publish, wait_until):
     """Return the newest message of the topic, once the middleware delivers."""
     inbox = Inbox(node, clock)
-    made = Newest(inbox.subscribe(String, "held_back", qos.SAMPLE), 300 * MS)
+    made = Newest(inbox.subscribe(String, "held_back", topics.SAMPLE), 300 * MS)
 
     def delivered() -> bool:
         publish("so far")

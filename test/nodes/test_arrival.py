@@ -9,9 +9,9 @@ from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.requests import Requests
-from screw_module_ros.nodes.support.freshness import Newest
-from screw_module_ros.nodes.support.hot_topics import _Received
-from screw_module_ros.nodes.support.permission import VERTICAL, Permission
+from screw_module_ros.nodes.support.drives import VERTICAL, Permission
+from screw_module_ros.nodes.support.inbox import _Received
+from screw_module_ros.nodes.support.topics import Newest
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
 MS = 1_000_000

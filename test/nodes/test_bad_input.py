@@ -9,8 +9,8 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.graph import BUSES
+from screw_module_ros.nodes.support.place import AlreadyRunning, lock_device, lock_simulation
 from screw_module_ros.nodes.support.serving_node import Done
-from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device, lock_simulation
 
 
 def refused(node) -> str:

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotHomed
-from screw_module_ros.nodes.support.single import lock_node
-from screw_module_ros.nodes.support.torque_off import NotPermitted, TorqueOff
+from screw_module_ros.nodes.support.driver import NotPermitted, TorqueOff
+from screw_module_ros.nodes.support.place import lock_node
 
 NAMESPACE = "/homing_permitted"  # no amplifier of another test has been discovered there
 

@@ -21,7 +21,7 @@ from screw_module_ros.settings import Setting
 
 from .answering import answer_always
 from .health import ERROR, OK, WARN, Health, status_message
-from .hot_topics import Inbox, Outlet
+from .inbox import Inbox, Outlet
 from .parameters import Parameters
 from .scheduling import RealtimeSettings
 from .serving_node import ServingNode

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import faulthandler
 import logging
+import queue
 import signal
 import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidHandle
@@ -29,13 +31,12 @@ from .command_line import Arguments, arguments, asks_for_help, check_others, usa
 from .module_node import ModuleNode
 from .parameter_files import ParameterFile, notices, read_file
 from .parameters import ParameterError
+from .place import AlreadyRunning, Lock, choose_transport, lock_node
 from .scheduling import RealtimeSettings, prepare, take_priority
-from .single import AlreadyRunning, Lock, lock_node
-from .stopping import stop_on_signals, stopped
-from .transport import choose_transport
 
 RCLError = rclpy_implementation.RCLError  # exported nowhere else
 UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _END_S = 2.0
 _TEARDOWN_S = 6  # bringup sends the next signal after 8
 _ACTIVE_POLL_S = 0.005
@@ -209,3 +210,57 @@ def _serve(executor: SingleThreadedExecutor, node: ModuleNode, ended: threading.
                 ended.wait(BACK_OFF_S)
     finally:
         node.stopping.set()  # without services and diagnostics the node is useless
+
+
+def stop_on_signals(stopping: threading.Event) -> None:
+    """Set `stopping` when SIGINT or SIGTERM comes; call from the main thread.
+
+    A separate thread sets the event. The signal handler must not: it interrupts the main thread,
+    which may be in `stopping.wait` and hold the event's lock. Then `set` would wait for ever.
+    """
+    caught: queue.SimpleQueue[int] = queue.SimpleQueue()  # made to be put into by handlers
+
+    def wait() -> None:
+        caught.get()
+        stopping.set()
+
+    threading.Thread(target=wait, name="signals", daemon=True).start()
+    for number in _SIGNALS:
+        signal.signal(number, lambda received, _: caught.put(received))
+
+
+def stopped() -> None:
+    """Ignore further signals: the process ends, and the interpreter removes the handlers first.
+
+    Otherwise a second Ctrl-C would kill a process that has finished its work.
+    """
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+class StopFlag:
+    """True once SIGINT or SIGTERM came between `catch` and `release`; both from the main thread.
+
+    Not an Event: a handler that interrupts another one in `set` would wait for ever.
+    """
+
+    def __init__(self) -> None:
+        self._came = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __bool__(self) -> bool:
+        return self._came
+
+    def catch(self) -> None:
+        """Handle the signals from now on."""
+        for number in _SIGNALS:
+            self._before[number] = signal.signal(number, self._note)
+
+    def release(self) -> None:
+        """Restore the previous handlers."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def _note(self, *_: object) -> None:
+        self._came = True

@@ -17,8 +17,8 @@ from screw_module_ros.can_io.bus import BusSettings, Port, open_port
 from screw_module_ros.clock import Clock
 from screw_module_ros.graph import BUSES
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.hot_topics import Inbox
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.inbox import Inbox
 from screw_module_ros.operator.robot import RobotError
 
 from ..graph_run import GraphRun
@@ -84,7 +84,7 @@ class Intruders:
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
         """Return a function that returns the topic's next message or None, until `dismiss`."""
-        return self._inbox.subscribe(kind, topic, qos.STATE)
+        return self._inbox.subscribe(kind, topic, topics.STATE)
 
     def repeat(self, act: Callable[[], object], period: float) -> None:
         """Call `act` each `period` [s] of simulated time until `dismiss`."""
@@ -136,7 +136,7 @@ class _SecondPublisher:
 
     def __init__(self, node: Node, clock: Any, kind: type, topic: str):
         self._node = node
-        self._publisher = node.create_publisher(kind, topic, qos.COMMAND)
+        self._publisher = node.create_publisher(kind, topic, topics.COMMAND)
         self._source = clock.source(self._publisher.topic_name)
         self._source.counts = True  # although another one publishes the topic
 

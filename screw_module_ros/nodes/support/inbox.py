@@ -20,7 +20,7 @@ from rclpy.subscription import Subscription
 from screw_module_ros.clock import Clock
 from screw_module_ros.lockstep.wires import Hop, Source
 
-from .flat import Flat
+from .wire import Layout
 
 _LOST_NS = 900_000_000  # wall clock after which a published message counts as lost
 _SLICE_NS = 20_000_000  # the same, of a publisher that has gone
@@ -61,9 +61,9 @@ class Inbox:
         self._wait_set: Any = None
 
     def subscribe(
-        self, kind: type | Flat, topic: str, qos: QoSProfile, wakes: bool = False
+        self, kind: type | Layout, topic: str, qos: QoSProfile, wakes: bool = False
     ) -> Callable[[], Any]:
-        """Subscribe; return a function that takes the next message, or a record of a `Flat`.
+        """Subscribe; return a function that takes the next message, or a record of a `Layout`.
 
         It returns None when there is none. Its `arrived_ns`, if it has one, is when the last one
         came: it may have waited in the queue for long (`Newest`).
@@ -79,9 +79,9 @@ class Inbox:
         return take
 
     def _subscribed(
-        self, kind: type | Flat, topic: str, qos: QoSProfile, wakes: bool
+        self, kind: type | Layout, topic: str, qos: QoSProfile, wakes: bool
     ) -> Callable[[], Any]:
-        message_type = kind.kind if isinstance(kind, Flat) else kind
+        message_type = kind.kind if isinstance(kind, Layout) else kind
         subscription = self._node.create_subscription(
             message_type, topic, never, qos, callback_group=self._group
         )
@@ -292,10 +292,10 @@ class Outlet:
         self._node.destroy_publisher(self._publisher)
 
 
-def _taker(handle: Any, kind: type | Flat) -> Callable[[], Any]:
+def _taker(handle: Any, kind: type | Layout) -> Callable[[], Any]:
     """Return a function that takes a message, or a record, with the middleware's info on it."""
     take_message = handle.take_message
-    if not isinstance(kind, Flat):
+    if not isinstance(kind, Layout):
         return lambda: take_message(kind, False)
     message_type, unpack = kind
 
