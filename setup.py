@@ -41,8 +41,8 @@ setup(
     maintainer_email="screw_module_ros@users.noreply.github.com",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        NAME: ["rig/eds/*.eds", "bridge/pages/static/*.*", "bridge/pages/static/*/*",
-               "bridge/pages/static/*/*/*"]
+        NAME: ["devices/*.csv", "rig/eds/*.eds", "bridge/pages/static/*.*",
+               "bridge/pages/static/*/*", "bridge/pages/static/*/*/*"]
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

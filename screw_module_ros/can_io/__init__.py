@@ -2,8 +2,8 @@
 """CAN buses: sockets and frames, no protocol and no device.
 
 bus         opens one bus through python-can
-port        one bus with one reader: frames in by identifier, frames out
+port        one bus with one reader: frames in by identifier, frames out; the errors
 udp_bus     `udp_multicast` with less work per frame
 echo        drops our own frames that `udp_multicast` returns
-bus_load    share of the bus capacity that the configured frames use
+load        share of the bus capacity that the configured frames use
 """

@@ -18,8 +18,7 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 
 from ..clock import Clock
 from ..settings import Setting, validated
-from .errors import BusError
-from .port import Port
+from .port import BusError, Port
 from .udp_bus import LeanUdpBus
 
 __all__ = ["BusSettings", "Port", "open_bus", "open_port"]

@@ -8,18 +8,16 @@ their answers through the same loop; if no loop pumps, `wait_for` pumps itself.
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import can
-import canopen
 from can.interfaces.socketcan import SocketcanBus
 from can.interfaces.udp_multicast import UdpMulticastBus
 from can.interfaces.virtual import VirtualBus
 
 from ..clock import Clock, WallClock
 from .echo import EchoFilter
-from .errors import BusError
 
 Callback = Callable[[bytes, int], None]
 
@@ -34,27 +32,21 @@ _SLICE_NS = 1_000_000
 _LOCK_S = 0.001
 
 
-@dataclass
-class PortCounters:
-    """Frames of one bus since it was opened, by kind."""
+class DeviceError(Exception):
+    """Base of all errors of a bus and of the devices on it; its text is for the user."""
 
-    sent: int = 0
-    received: int = 0
-    echoes: int = 0
-    unclaimed: int = 0
-    malformed: int = 0
-    ignored: int = 0
-    error_frames: int = 0
-    send_errors: int = 0
-    receive_errors: int = 0
-    foreign_sync: int = 0
+
+class BusError(DeviceError):
+    """The bus cannot be opened or has failed. Example: unplugged cable, wrong channel, bus off."""
 
 
 class Port:
     """One CAN bus, one reader.
 
     bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC is
-    an error. name: name of the bus in messages. clock: clock of arrival stamps and waits.
+    an error. name: name of the bus in messages. clock: clock of arrival stamps and waits. counters:
+    frames since it was opened, by kind: sent, received, echoes, unclaimed, malformed, ignored,
+    error_frames, send_errors, receive_errors, foreign_sync.
     """
 
     def __init__(
@@ -69,9 +61,8 @@ class Port:
         self.name = name or str(bus.channel_info)
         self.clock = clock or WallClock()
         self._arrivals = self.clock.arrivals(bus)
-        self.counters = PortCounters()
+        self.counters: Counter[str] = Counter()
         self.bus_off = False
-        self.network = _Network(self)
         self._callbacks: dict[int, tuple[Callback, ...]] = {}
         self._reading = threading.Lock()
         self._loop_waits = False
@@ -101,7 +92,7 @@ class Port:
         except (can.CanError, OSError) as error:
             self._send_failed(can_id, error)
         self._arrivals.sent()
-        self.counters.sent += 1
+        self.counters["sent"] += 1
 
     def send_sync(self, now_ns: int) -> None:
         """Send SYNC (CiA 301, 7.2.5) and notify the devices of this port that wait for it.
@@ -113,7 +104,7 @@ class Port:
             callback(b"", now_ns)
 
     def _send_failed(self, can_id: int, error: Exception) -> None:
-        self.counters.send_errors += 1
+        self.counters["send_errors"] += 1
         if self._marks:
             self._echo.unmark(can_id)
         cause = error.__cause__ or error
@@ -168,44 +159,35 @@ class Port:
             self._note_odd(message)
             return 1
         if not message.is_rx or (self._may_echo and self._echo.is_echo(message)):
-            self.counters.echoes += 1
+            self.counters["echoes"] += 1
             return 0
-        self.counters.received += 1
+        self.counters["received"] += 1
         callbacks = self._callbacks.get(can_id)
         if can_id == SYNC_ID and self.sync_producer:
-            self.counters.foreign_sync += 1
+            self.counters["foreign_sync"] += 1
         elif callbacks is not None:
             for callback in callbacks:
                 callback(message.data, now_ns)
         else:
-            self._offer_to_network(message)
+            self.counters["unclaimed"] += 1
         return 1
 
     def _note_odd(self, message: can.Message) -> None:
         if not message.is_error_frame:
-            self.counters.ignored += 1
+            self.counters["ignored"] += 1
             return
-        self.counters.error_frames += 1
+        self.counters["error_frames"] += 1
         if message.arbitration_id & _BUS_OFF_FLAG:
             self.bus_off = True
         elif message.arbitration_id & _RESTARTED_FLAG:
             self.bus_off = False
 
-    def _offer_to_network(self, message: can.Message) -> None:
-        if message.arbitration_id not in self.network.subscribers:
-            self.counters.unclaimed += 1
-            return
-        try:
-            self.network.notify(message.arbitration_id, message.data, message.timestamp)
-        except Exception:  # canopen's callbacks trust the length of what comes in
-            self.counters.malformed += 1
-
     def _receive_failed(self, error: Exception) -> None:
         if isinstance(self.bus, UdpMulticastBus) and not isinstance(error.__cause__, OSError):
             if isinstance(error, can.CanOperationError):
-                self.counters.malformed += 1  # a datagram of somebody else's, no CAN frame
+                self.counters["malformed"] += 1  # a datagram of somebody else's, no CAN frame
                 return
-        self.counters.receive_errors += 1
+        self.counters["receive_errors"] += 1
         cause = error.__cause__ or error
         raise BusError(f"cannot receive on {self.name}: {cause}; check cable and driver") from error
 
@@ -247,11 +229,11 @@ class Port:
         watchers = [(can_id, watcher(can_id, test)) for can_id, test in can_ids.items()]
         for can_id, watch in watchers:
             self.subscribe(can_id, watch)
-        before = self.counters.foreign_sync
-        self.wait_for(lambda: found or self.counters.foreign_sync > before, listen_s)
+        before = self.counters["foreign_sync"]
+        self.wait_for(lambda: found or self.counters["foreign_sync"] > before, listen_s)
         for can_id, watch in watchers:
             self.unsubscribe(can_id, watch)
-        if self.counters.foreign_sync > before:
+        if self.counters["foreign_sync"] > before:
             return SYNC_ID
         return found[0] if found else None
 
@@ -262,24 +244,7 @@ class Port:
         except NotImplementedError:
             return -1
 
-    def snapshot(self) -> PortCounters:
-        """Return a copy of the counters."""
-        return replace(self.counters)
-
     def close(self) -> None:
         """Close the bus."""
         self._arrivals.close()
         self.bus.shutdown()
-
-
-class _Network(canopen.Network):
-    """The part of canopen's network that its clients use, on top of a Port."""
-
-    def __init__(self, port: Port):
-        super().__init__()
-        self._port = port
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        if remote:
-            raise NotImplementedError("remote frames are not used")
-        self._port.send(can_id, bytes(data))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Byte layouts, names and units of the ATI NETCANOEM board (ATI manual 9610-05-1030, section 4).
+"""Protocol of the ATI NETCANOEM board (ATI manual 9610-05-1030, section 4): layouts and dialogue.
 
 An identifier is base << 4 | opcode; everything is big-endian; requests and replies share their
 identifiers and differ in length.
@@ -9,8 +9,12 @@ from __future__ import annotations
 
 import math
 import struct
+import threading
+from typing import NamedTuple
 
+from ..can_io.port import Port
 from ..samples import FORCE_STATUS_BITS
+from .errors import NotAnswering, NotConfigured, WrongDevice
 
 READ_GAUGES = 0x0
 READ_GAUGES_SECOND = 0x1
@@ -104,3 +108,150 @@ def counts_to_wrench(
         for block in (force, torque)
         for axis in range(3)
     )
+
+
+_MOST_COUNTS = 0x7FFFFFFF
+"""More counts per unit are a negative number or an erased memory: all forces would read as zero."""
+
+
+class SensorIdentity(NamedTuple):
+    """Identity and units of the sensor.
+
+    serial: eight characters. firmware: major.minor.build. counts_per_force, counts_per_torque:
+    counts per unit. force_unit [N] and torque_unit [Nm]: size of that unit.
+    """
+
+    serial: str = ""
+    firmware: str = ""
+    counts_per_force: int = 0
+    counts_per_torque: int = 0
+    force_unit: float = 1.0
+    torque_unit: float = 1.0
+
+    @property
+    def text(self) -> str:
+        """Identity as text, for messages and hardware_id."""
+        return f"ATI NETCANOEM, serial {self.serial or 'unknown'}, firmware {self.firmware}"
+
+
+class Dialogue:
+    """Sends one request at a time; the thread that pumps the port delivers the replies.
+
+    base_id: high seven bits of the identifiers. timeout_s: time limit of one try [s]; two tries.
+    """
+
+    def __init__(self, port: Port, base_id: int, label: str, timeout_s: float):
+        self.label = label
+        self._port = port
+        self._base = base_id << 4
+        self._base_id = base_id
+        self._timeout_s = timeout_s
+        self._lock = threading.Lock()
+        self._repeated = False
+
+    def ask(self, opcode: int, payload: bytes, replies: dict[int, int]) -> list[bytes]:
+        """Send one request and return its replies; replies: opcode -> expected length [byte].
+
+        Raises NotAnswering after two tries, BusError.
+        """
+        found: dict[int, bytes] = {}
+        listeners = [
+            (self._base | code, _collector(found, code, length))
+            for code, length in replies.items()
+        ]
+        with self._lock:
+            for can_id, listener in listeners:
+                self._port.subscribe(can_id, listener)
+            try:
+                for self._repeated in (False, True):
+                    found.clear()
+                    self._port.send(self._base | opcode, payload)
+                    if self._port.wait_for(lambda: len(found) == len(replies), self._timeout_s):
+                        return [found[code] for code in replies]
+            finally:
+                for can_id, listener in listeners:
+                    self._port.unsubscribe(can_id, listener)
+        raise NotAnswering(
+            f"{self.label} (base id 0x{self._base_id:02X}) does not answer on {self._port.name} "
+            f"when asked with opcode 0x{opcode:X}; check its power, cable, base id and bit rate, "
+            "or start the simulated rig"
+        )
+
+    def serial(self) -> str:
+        """Return the serial number; raises as `ask`."""
+        (data,) = self.ask(READ_SERIAL, b"", {READ_SERIAL: SERIAL_BYTES})
+        return data.decode("ascii", "replace").strip("\0 ")
+
+    def firmware(self) -> str:
+        """Return the firmware version; raises as `ask`."""
+        (data,) = self.ask(READ_FIRMWARE, b"", {READ_FIRMWARE: FIRMWARE.size})
+        return "{}.{}.{}".format(*FIRMWARE.unpack(data))
+
+    def diagnostic(self, index: int) -> int:
+        """Return one diagnostic voltage [ADC counts]; raises as `ask`."""
+        reply = {READ_DIAGNOSTIC: DIAGNOSTIC.size}
+        (data,) = self.ask(READ_DIAGNOSTIC, bytes([index]), reply)
+        return DIAGNOSTIC.unpack(data)[0]
+
+    def set_calibration(self, index: int) -> None:
+        """Make calibration `index` the active one.
+
+        Raises NotConfigured when the sensor reports another one as active; otherwise as `ask`.
+        """
+        (data,) = self.ask(SET_CALIBRATION, bytes([index]), {SET_CALIBRATION: 1})
+        if data[0] != index:
+            raise NotConfigured(
+                f"{self.label}: calibration {index} was asked for, {data[0]} is active"
+            )
+
+    def reset(self) -> None:
+        """Restart the board and wait until it answers again; raises NotAnswering, BusError."""
+        self._port.send(self._base | RESET, b"")
+        self.serial()
+
+    def identify(self) -> SensorIdentity:
+        """Return identity and units of the sensor.
+
+        Raises WrongDevice for unknown units or implausible counts; otherwise as `ask`.
+        """
+        (data,) = self.ask(READ_UNIT_CODES, b"", {READ_UNIT_CODES: 2})
+        force, torque = FORCE_UNITS.get(data[0]), TORQUE_UNITS.get(data[1])
+        if force is None or torque is None:
+            raise WrongDevice(
+                f"{self.label} counts in units that are not known: force code {data[0]}, torque "
+                f"code {data[1]}; calibrate it in N (2) and Nm (3)"
+            )
+        size = COUNTS_PER_UNIT.size
+        (data,) = self.ask(READ_COUNTS_PER_UNIT, b"", {READ_COUNTS_PER_UNIT: size})
+        counts = COUNTS_PER_UNIT.unpack(data)
+        if not all(0 < each <= _MOST_COUNTS for each in counts):
+            raise WrongDevice(f"{self.label} says {counts} counts per unit: no active calibration?")
+        return SensorIdentity(self.serial(), self.firmware(), *counts, force, torque)
+
+    def matrix(self) -> list[Row]:
+        """Return the active calibration matrix, six rows for Fx to Tz over six gauges.
+
+        Raises WrongDevice when a number is not finite; otherwise as `ask`.
+        """
+        rows = [self._row(axis) for axis in range(AXES)]
+        if not all(math.isfinite(x) for row in rows for x in row) or not all(map(any, rows)):
+            raise WrongDevice(f"{self.label}: the active calibration matrix makes no sense: {rows}")
+        return rows
+
+    def _row(self, axis: int) -> Row:
+        size = MATRIX_PART.size
+        replies = {READ_MATRIX + part: size for part in range(3)}
+        parts = self.ask(READ_MATRIX, bytes([axis]), replies)
+        if self._repeated:
+            # The second reply may still come, and it does not say of which row it is. The board
+            # answers in order: after another answer nothing is left for the next row.
+            self.serial()
+        return tuple(x for part in parts for x in MATRIX_PART.unpack(part))
+
+
+def _collector(found: dict[int, bytes], code: int, length: int):
+    def collect(data: bytes, _arrival_ns: int) -> None:
+        if len(data) == length:
+            found[code] = bytes(data)
+
+    return collect

@@ -15,10 +15,12 @@ deadline 1400:05 need not run there (CANopenNode clears it).
 
 from __future__ import annotations
 
-from .cia402 import CONTROLWORD, QUICK_STOP, Goal, State
-from .drive_recovery import Recovery
-from .emcy import code_name
-from .node import NMT_STATES, OPERATIONAL, PRE_OPERATIONAL
+from collections import deque
+
+from canopen.nmt import NMT_STATES
+
+from .canopen import OPERATIONAL, PRE_OPERATIONAL
+from .cia402 import CONTROLWORD, DISABLE_VOLTAGE, FAULT_RESET, QUICK_STOP, Goal, State
 
 _RECOVERED = (State.SWITCH_ON_DISABLED, State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
 _FAULTY = (State.FAULT, State.FAULT_REACTION_ACTIVE)
@@ -26,6 +28,58 @@ _STOPPING = (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
 _PATIENCE_NS = 20_000_000
 """Time for which a drive may still show operation enabled after the request has ended."""
 _NMT_EVERY_NS = 100_000_000
+_EDGE_EVERY_NS = 50_000_000
+
+# Of the excess torque.
+_LATE_NS = 5_000_000
+_SHORTEST_NS = 20_000_000
+_PERIODS = 3
+_ROUNDING = 1e-9
+
+
+class Recovery:
+    """One recovery from a fault, up to switched on at most (CiA 402 transition 15).
+
+    The target torque stays zero. NMT start follows in case the drive fell back to PRE-OPERATIONAL.
+    Then controlword bit 7 rises; the edge repeats, because the drive refuses it while the cause
+    persists. timeout: give up after this long [s].
+    """
+
+    def __init__(self, timeout: float):
+        self._timeout_ns = round(timeout * 1e9)
+        self.begin()
+        self.active = False
+
+    def begin(self) -> None:
+        """Start; the time limit runs from the first tick on."""
+        self._begun_ns: int | None = None
+        self._nmt_ns: int | None = None
+        self._edge_ns: int | None = None
+        self.active = True
+
+    def expired(self, now_ns: int) -> bool:
+        """Return whether the time limit has passed; it starts with the first call."""
+        if self._begun_ns is None:
+            self._begun_ns = now_ns
+        return now_ns - self._begun_ns > self._timeout_ns
+
+    def nmt_start_due(self, state: State, now_ns: int) -> bool:
+        """Return whether to send NMT start: once first, then again while the drive is silent."""
+        if self._nmt_ns is not None and (
+            state is not State.UNKNOWN or now_ns - self._nmt_ns < _NMT_EVERY_NS
+        ):
+            return False
+        self._nmt_ns = now_ns
+        return True
+
+    def controlword(self, state: State, now_ns: int) -> int:
+        """Return the controlword in `state`: bit 7 low, then high, until the fault is gone."""
+        if state is not State.FAULT:
+            return DISABLE_VOLTAGE
+        if self._edge_ns is None or now_ns - self._edge_ns >= _EDGE_EVERY_NS:
+            self._edge_ns = now_ns
+            return DISABLE_VOLTAGE
+        return FAULT_RESET
 
 
 class DriveLogic:
@@ -49,14 +103,18 @@ class DriveLogic:
         self._started_ns = 0
         self._enabling_since_ns: int | None = None
         self._unasked_since_ns: int | None = None
-        self._leaving = False
-        self._intruded = self._cut_off = False
         self._nmt_stopped_ns: int | None = None
+        self._leaving = self._intruded = self._cut_off = False
 
     @property
     def fault(self) -> str:
         """Why the drive is off, with the cause that the drive reports; empty while healthy."""
         return f"{self.reason}: {self._cause}" if self.reason and self._cause else self.reason
+
+    @property
+    def enabling(self) -> bool:
+        """Whether operation enabled is requested."""
+        return self.goal is Goal.OPERATION_ENABLED
 
     # -- requests --------------------------------------------------------------------------------
 
@@ -72,7 +130,7 @@ class DriveLogic:
 
     def disable(self) -> None:
         """Request torque off."""
-        if self.goal is Goal.OPERATION_ENABLED:
+        if self.enabling:
             self.goal = Goal.SWITCHED_ON
             self._leaving = True
 
@@ -84,15 +142,14 @@ class DriveLogic:
     def forget(self) -> None:
         """Drop a latched fault, after the drive has been configured again."""
         self.reason = self._cause = ""
-        self._intruded = False
-        self.recovery.finish()
+        self._intruded = self.recovery.active = False
 
     # -- what happens ----------------------------------------------------------------------------
 
     def latch(self, reason: str, cause: str = "") -> None:
         """Switch off and stay off; the first reason stays. cause: the drive's own report."""
         self.goal = Goal.OFF
-        self.recovery.finish()
+        self.recovery.active = False
         if not self.reason:
             self.reason, self._cause = reason, cause
 
@@ -107,7 +164,7 @@ class DriveLogic:
 
     def changed(self, before: State, after: State, cause: str) -> None:
         """Process a change of the drive's state."""
-        if before is State.OPERATION_ENABLED and self.goal is Goal.OPERATION_ENABLED:
+        if before is State.OPERATION_ENABLED and self.enabling:
             reason = f"the {self._label} left operation enabled by itself, to {after.text}"
             self.latch(reason, cause)
 
@@ -126,7 +183,10 @@ class DriveLogic:
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:
-            self._supervise(state, shown, heard_ns, nmt, now_ns)
+            if wrong := self._problem(state, heard_ns, nmt, now_ns) or (
+                self._enabling_problem(state, silent, now_ns) if self.enabling else ""
+            ):
+                self.latch(wrong)
         if self.recovery.active:
             return self.recovery.controlword(state, now_ns)
         if self._brake and self.reason and state in _STOPPING:
@@ -152,7 +212,7 @@ class DriveLogic:
         if state is not State.OPERATION_ENABLED:
             self._leaving = self._leaving and state is State.UNKNOWN
             self._unasked_since_ns = None
-        elif self.goal is Goal.OPERATION_ENABLED:
+        elif self.enabling:
             self._unasked_since_ns = None
         elif self._unasked_since_ns is None:
             self._unasked_since_ns = now_ns
@@ -164,50 +224,85 @@ class DriveLogic:
         patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
         return since_ns is not None and now_ns - since_ns >= patience_ns
 
-    def _supervise(
-        self, state: State, shown: State, heard_ns: int | None, nmt: int | None, now_ns: int
-    ) -> None:
+    def _problem(self, state: State, heard_ns: int | None, nmt: int | None, now_ns: int) -> str:
+        """Return why the drive must be off, whatever was requested; empty if nothing is wrong."""
         if state in _FAULTY:
-            self.latch(f"the {self._label} is in {state.text}")
-        elif heard_ns is not None and self._is_lost(heard_ns, now_ns):
-            self.latch(f"the heartbeat of the {self._label} is missing")
-        elif heard_ns is not None and self._fell_back(heard_ns, nmt):
-            self.latch(f"the {self._label} fell back to {NMT_STATES.get(nmt, nmt)}")
-        elif self._stays_enabled(now_ns):
-            self.latch(f"the {self._label} is in operation enabled, but nobody asked for it")
-        elif self.goal is Goal.OPERATION_ENABLED:
-            self._supervise_enabling(state, shown, now_ns)
+            return f"the {self._label} is in {state.text}"
+        if heard_ns is not None:
+            if now_ns - max(heard_ns, self._started_ns) > self._silence_ns:
+                return f"the heartbeat of the {self._label} is missing"
+            # Heartbeats from before and just after the start still carry the old state.
+            settled = heard_ns - self._started_ns > self._silence_ns
+            if settled and nmt not in (None, OPERATIONAL):
+                return f"the {self._label} fell back to {NMT_STATES.get(nmt, nmt)}"
+        if self._stays_enabled(now_ns):
+            return f"the {self._label} is in operation enabled, but nobody asked for it"
+        return ""
 
-    def _is_lost(self, heard_ns: int, now_ns: int) -> bool:
-        return now_ns - max(heard_ns, self._started_ns) > self._silence_ns
-
-    def _fell_back(self, heard_ns: int, nmt: int | None) -> bool:
-        # Heartbeats from before and just after the start still carry the old state.
-        settled = heard_ns - self._started_ns > self._silence_ns
-        return settled and nmt is not None and nmt != OPERATIONAL
-
-    def _supervise_enabling(self, state: State, shown: State, now_ns: int) -> None:
+    def _enabling_problem(self, state: State, silent: bool, now_ns: int) -> str:
+        """Return why an enabling has failed, empty if it has not."""
         since_ns = self._enabling_since_ns
         if state is State.OPERATION_ENABLED or since_ns is None:
             self._enabling_since_ns = now_ns
-        elif state is State.UNKNOWN and shown is State.OPERATION_ENABLED:
-            self.latch(f"the {self._label} is silent: its statusword is stale")
-        elif now_ns - since_ns > self._enable_ns:
-            self.latch(
+            return ""
+        if silent:
+            return f"the {self._label} is silent: its statusword is stale"
+        if now_ns - since_ns > self._enable_ns:
+            return (
                 f"the {self._label} did not reach operation enabled in {self._enable_timeout:g} s, "
                 f"it is in {state.text}"
             )
+        return ""
 
     def _recover(self, state: State, now_ns: int) -> None:
         if state in _RECOVERED:
             self.forget()
             self.start(now_ns)
         elif self.recovery.expired(now_ns):
-            self.recovery.finish()
+            self.recovery.active = False
             self.goal = Goal.OFF
             self.reason = f"the {self._label} does not recover, it is in {state.text}"
 
 
-def describe(code: int) -> str:
-    """Return an error code (object 603F) with its name, empty for none."""
-    return f"0x{code:04X} {code_name(code)}" if code else ""
+class ExcessTorque:
+    """Compares the reported torque (6077) with the recent commands; all times are passed in.
+
+    Too little torque makes a weak robot; too much, or of the wrong sign, makes a dangerous one. An
+    excess above `lasting` fills a leaky bucket, a smaller one empties it. So an excess of `largest`
+    is a fault after 20 ms and a smaller one later, and a mean excess above `lasting` always becomes
+    a fault, also if it is intermittent.
+    """
+
+    def __init__(self, largest: float, lasting: float, period_ns: int):
+        """Start without reports: both excesses [Nm], period of the commands [ns]."""
+        self._largest, self._lasting = largest, lasting
+        patience_ns = max(_SHORTEST_NS, _PERIODS * period_ns)
+        self._late_ns = max(_LATE_NS, _PERIODS * period_ns)
+        self._longest_ns = period_ns * _PERIODS
+        self._bucket = (largest - lasting) * patience_ns * (1.0 - _ROUNDING)
+        self._commanded: deque[tuple[int, float]] = deque()
+        self.restart()
+
+    def restart(self) -> None:
+        """Reset, while the drive is not enabled."""
+        self._dose = 0.0
+        self._last_ns: int | None = None
+        self._commanded.clear()
+
+    def check(self, commanded: float, reported: float, now_ns: int) -> bool:
+        """Return whether the excess torque [Nm] has lasted too long at now_ns [ns].
+
+        commanded: torque of the newest command. The drive responds with a delay: each torque
+        commanded within the last 5 ms, or three periods if these are longer, counts as correct.
+        """
+        while self._commanded and now_ns - self._commanded[0][0] > self._late_ns:
+            self._commanded.popleft()
+        self._commanded.append((now_ns, commanded))
+        low = min(0.0, *(torque for _, torque in self._commanded))
+        high = max(0.0, *(torque for _, torque in self._commanded))
+        excess = max(reported - high, low - reported, 0.0)
+        elapsed_ns = 0 if self._last_ns is None else now_ns - self._last_ns
+        self._last_ns = now_ns
+        fill = (min(excess, self._largest) - self._lasting) * min(elapsed_ns, self._longest_ns)
+        self._dose = max(0.0, self._dose + fill)
+        return self._dose >= self._bucket

@@ -1,27 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of a CiA 402 drive, its process data objects and their bus load."""
+"""Settings of a CiA 402 drive."""
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
 
-from ..can_io.bus_load import Traffic
 from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
-from ..units import LARGEST_PER_MILLE, PER_MILLE
-from . import pdo
 
-_COMMAND_ENTRIES = (pdo.Entry(0x6040, 0, 16), pdo.Entry(0x6071, 0, 16))
-_STATUS_ENTRIES = (
-    pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32), pdo.Entry(0x6077, 0, 16)
-)  # fmt: skip
-_SLOW_STATUS_ENTRIES = (
-    pdo.Entry(0x603F, 0, 16), pdo.Entry(0x6061, 0, 8), pdo.Entry(0x60FD, 0, 32)
-)  # fmt: skip
-SLOW_STATUS_MS = 100
-
-_ROUNDING = 1e-6
 COAST, BRAKE = "coast", "brake"
 
 
@@ -123,51 +109,3 @@ def cross_checked(settings: DriveSettings) -> DriveSettings:
             "is wanted"
         )
     return settings
-
-
-def own_limit(max_torque: float, rated_torque: float) -> int:
-    """Return object 6072 for max_torque and rated_torque [Nm]: whole per mille, rounded up.
-
-    The object limits both directions, so it needs no `direction`.
-    """
-    per_mille = math.ceil(max_torque / rated_torque * PER_MILLE - _ROUNDING)
-    return max(0, min(LARGEST_PER_MILLE, per_mille))
-
-
-def milliseconds(seconds: float) -> int:
-    """Return a time [s] in the object dictionary's unit [ms], at least 1."""
-    return max(1, round(seconds * 1e3))
-
-
-def command_pdo(settings: DriveSettings) -> pdo.Pdo:
-    """Return RPDO1, effective at once, with the deadline that stops the drive."""
-    cob_id = 0x200 + settings.node_id
-    deadline = milliseconds(settings.command_timeout)
-    return pdo.Pdo(1, False, cob_id, pdo.ON_EVENT, _COMMAND_ENTRIES, deadline)
-
-
-def status_pdo(settings: DriveSettings) -> pdo.Pdo:
-    """Return TPDO1, at every SYNC or every n-th."""
-    cob_id = 0x180 + settings.node_id
-    return pdo.Pdo(1, True, cob_id, settings.sync_divider, _STATUS_ENTRIES)
-
-
-def slow_status_pdo(settings: DriveSettings, inputs: bool = True) -> pdo.Pdo:
-    """Return TPDO2, on change and every 100 ms; inputs: with the digital inputs, its last entry."""
-    cob_id = 0x280 + settings.node_id
-    entries = _SLOW_STATUS_ENTRIES if inputs else _SLOW_STATUS_ENTRIES[:-1]
-    return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, entries, SLOW_STATUS_MS)
-
-
-def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[Traffic]:
-    """Return the frames of this device for the bus load, SYNC included where we send it."""
-    name, rate = f"drive {settings.node_id}", settings.rate
-    frames = [
-        Traffic(f"{name} RPDO1", command_pdo(settings).size, rate),
-        Traffic(f"{name} TPDO1", status_pdo(settings).size, rate),
-        Traffic(f"{name} TPDO2", slow_status_pdo(settings).size, 1e3 / SLOW_STATUS_MS),
-        Traffic(f"{name} heartbeat", 1, 1.0 / settings.drive_heartbeat),
-        Traffic(f"heartbeat {settings.master_id}", 1, 1.0 / settings.heartbeat_period),
-    ]
-    sync = Traffic("SYNC", 0, rate * settings.sync_divider)
-    return [sync, *frames] if sync_producer else frames

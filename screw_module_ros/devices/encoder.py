@@ -9,29 +9,19 @@ from __future__ import annotations
 
 import math
 import struct
-from dataclasses import replace
 
-from ..can_io.bus_load import Traffic
+from ..can_io.load import Traffic
 from ..can_io.port import SYNC_ID, Port
 from ..geometry import SCREW, Screw, counts_to_height
 from ..samples import SEQUENCE_MASK, EncoderReading
 from ..settings import validated
 from . import encoder_setup as setup
+from .canopen import NMT_PRE_OPERATIONAL, CanopenDevice
 from .emcy import Emergency
-from .encoder_setup import EncoderCounters, EncoderSettings
-from .errors import (
-    BusError,
-    DeviceError,
-    NotAnswering,
-    NotConfigured,
-    NotHomed,
-    Occupied,
-    Refused,
-)
-from .homing import Rehoming
-from .motion import Motion, Unwrapper
-from .node import CanopenNode
-from .polled import Polled
+from .encoder_setup import EncoderSettings
+from .errors import BusError, DeviceError, NotAnswering, NotNow, Refused
+from .motion import FULL_RANGE, Motion, Rehoming, Unwrapper
+from .polled import FRESH, UNEXPECTED, WRONG_LENGTH, Polled
 
 _POSITION = struct.Struct("<I")
 #: Largest age of the position for homing, or ten periods if those are longer.
@@ -40,56 +30,40 @@ _HOME_WITHIN_NS = 100_000_000
 _FASTEST, _FARTHEST = 2.0, 1.0
 
 
-class Encoder:
+class Encoder(CanopenDevice):
     """Driver of one encoder; `request` and `reading` belong to the realtime loop.
 
     screw: the screw whose turns it counts.
+    counters: those of `CanopenDevice` and `Polled`, out_of_range (positions dropped), bus_errors
+    and slow_polls_failed (of 6500 to 6505).
     fault: why it delivers no samples, empty while healthy; latched until `clear_fault`.
     warnings: reports of the device that do not stop it. operating_status: its object 6500.
     """
 
-    def __init__(
-        self,
-        port: Port,
-        settings: EncoderSettings,
-        screw: Screw = SCREW,
-    ):
-        self.settings = validated(settings)
-        self.counters = EncoderCounters()
+    profile = setup.PROFILE
+
+    def __init__(self, port: Port, settings: EncoderSettings, screw: Screw = SCREW):
+        super().__init__(port, validated(settings), "encoder")
         self.fault = ""
-        self.emergency = ""
         self.warnings: list[str] = []
         self.operating_status = 0
-        self._port = port
-        self._node = CanopenNode(
-            port, settings.node_id, "encoder", settings.sdo_timeout, self._boot_up, self._emergency,
-            self._on_foreign_sdo,
-        )  # fmt: skip
         self._period_ns = round(1e9 / settings.rate)
         self._metres = counts_to_height(
             settings.direction, validated(screw), settings.counts_per_turn
         )
         self._motion = Motion(settings.velocity_cutoff, self._period_ns)
         self._poll: Polled[EncoderReading] = Polled(port, self.counters)
-        self._unwrapper = Unwrapper(setup.FULL_RANGE)
+        self._unwrapper = Unwrapper(FULL_RANGE)
         self._longest_gap_ns = math.inf
-        self._running = False
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
         self._heard_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
-        port.subscribe(0x180 + settings.node_id, self._on_position)
+        port.subscribe(setup.position_pdo(settings).cob_id, self._on_position)
         if not port.sync_producer:
             port.subscribe(SYNC_ID, self._on_sync)
-
-    # -- configuration: blocking -----------------------------------------------------------------
-
-    @property
-    def identity(self) -> str:
-        """Identity that the device reports, for hardware_id."""
-        return self._node.identity.text
 
     @property
     def homed(self) -> bool:
@@ -99,62 +73,49 @@ class Encoder:
     @property
     def silent(self) -> bool:
         """Whether its newest position, or its start, is too long ago for homing."""
-        return self._running and self._silent_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns)
+        return self.running and self._silent_ns > max(_HOME_WITHIN_NS, 10 * self._period_ns)
 
     @property
     def _silent_ns(self) -> int:
         return self._port.clock.now_ns() - self._heard_ns
 
     @property
-    def configured(self) -> bool:
-        """Whether `start` may follow: configured just now, and neither restarted nor left since."""
-        return self._node.may_start(watched=self._running)
-
-    @property
     def traffic(self) -> list[Traffic]:
         """Frames for the bus load."""
         return setup.encoder_traffic(self.settings, self._port.sync_producer)
 
-    def configure(self) -> None:
-        """Find the encoder and configure it; blocking. Position and homing restart.
+    # -- configuration: blocking; position and homing restart ------------------------------------
 
-        Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
-        """
-        self._running = self._node.configured = False
-        if self._port.sync_producer and self._port.heard({}, self.settings.listen) is not None:
-            raise Occupied(
-                f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
-                "or can.sync_producer should be false here"
-            )
-        wrap = setup.configure(self._node, self.settings)
-        self._unwrapper = Unwrapper(wrap)
+    def refuse_others(self) -> None:
+        """Raise Occupied when somebody else sends our SYNC."""
+        if self._port.sync_producer:
+            self.listen_for({})
+
+    def set_up(self) -> int:
+        """Write the settings; return the range at which the position wraps [counts]."""
+        return setup.set_up(self.sdo, self.settings)
+
+    def adopt(self, found: int) -> None:
+        """Count from the range that was found."""
+        self._unwrapper = Unwrapper(found)
         # One sample a period is no silence, whatever the rate.
-        longest_ns = _longest_gap_ns(wrap * abs(self._metres))
+        longest_ns = _longest_gap_ns(found * abs(self._metres))
         self._longest_gap_ns = max(1.5 * self._period_ns, longest_ns)
         self._motion.restart()
         self._rehoming.forget()
         self._last = None
         self._poll.restart()
 
-    def start(self) -> None:
-        """NMT start; each request from now on gives a sample.
-
-        Raises NotConfigured before `configure` and after `stop`, BusError.
-        """
-        if not self._node.configured:
-            raise NotConfigured("the encoder is not configured")
+    def prepare_start(self) -> None:
+        """Drop what came before: each request from now on gives a sample."""
         self._poll.restart()
-        self._foreign_sync = self._port.counters.foreign_sync
-        self._node.start()
+        self._foreign_sync = self._port.counters["foreign_sync"]
         self._heard_ns = self._port.clock.now_ns()
-        self._running = True
-        if not self._node.configured:  # it has restarted at just that
-            self._running = False
 
     def stop(self) -> None:
         """Back to PRE-OPERATIONAL; nobody watches, the configuration is gone. Raises BusError."""
-        self._node.configured = self._running = False
-        self._node.pre_operational()
+        super().stop()
+        self.command_nmt(NMT_PRE_OPERATIONAL)
 
     def clear_fault(self) -> None:
         """Clear a latched fault; if the configuration is lost, configure again (blocking).
@@ -165,10 +126,10 @@ class Encoder:
         silent = self.silent
         if silent:
             self._latch("the encoder does not answer")
-        stopped = silent or not self._running
+        stopped = silent or not self.running
         if stopped:
             self.configure()
-        self._foreign_sync = self._port.counters.foreign_sync
+        self._foreign_sync = self._port.counters["foreign_sync"]
         before, self.fault, self.emergency = self.fault, "", ""
         if stopped:  # last: what comes from here on is no fault of before
             try:
@@ -184,18 +145,18 @@ class Encoder:
 
         sequence: tick number. monotonic_ns, stamp_ns: now, on both clocks [ns]. Raises BusError.
         """
-        if not self._running:
+        if not self.running:
             return
         if not self._port.sync_producer:
             self._stamp_offset_ns = stamp_ns - monotonic_ns
             return
-        if self._port.counters.foreign_sync != self._foreign_sync:
+        if self._port.counters["foreign_sync"] != self._foreign_sync:
             self._latch(f"somebody else sends SYNC on {self._port.name}")
         try:
             if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send_sync(monotonic_ns)
         except BusError:
-            self.counters.bus_errors += 1
+            self.counters["bus_errors"] += 1
             raise
 
     def reading(self) -> EncoderReading | None:
@@ -203,24 +164,20 @@ class Encoder:
         return self._poll.take()
 
     def _on_sync(self, _data: bytes, arrival_ns: int) -> None:
-        if self._running:
+        if self.running:
             sequence = arrival_ns // self._period_ns & SEQUENCE_MASK
             self._poll.begin_unasked(sequence, arrival_ns, arrival_ns + self._stamp_offset_ns)
 
     def _on_position(self, data: bytes, _arrival_ns: int) -> None:
-        counters = self.counters
-        verdict = self._poll.note()
-        if len(data) != _POSITION.size:
-            counters.wrong_length += 1
+        well_formed = len(data) == _POSITION.size
+        if not self.running:
+            self.counters[UNEXPECTED if well_formed else WRONG_LENGTH] += 1
             return
-        if not self._running:
-            counters.unexpected += 1
+        if self._poll.note(well_formed) != FRESH:
             return
-        if not self._poll.is_fresh(verdict):
-            return
-        raw = _POSITION.unpack(data)[0]
+        (raw,) = _POSITION.unpack(data)
         if not self._unwrapper.holds(raw):
-            counters.out_of_range += 1
+            self.counters["out_of_range"] += 1
             return
         sample = self._last = self._sample(self._unwrapper.step(raw))
         if not self.fault:
@@ -231,7 +188,7 @@ class Encoder:
         motion, last = self._motion, self._last
         self._heard_ns = monotonic_ns
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
-        if elapsed_ns > self._longest_gap_ns:
+        if elapsed_ns > self._longest_gap_ns:  # it may have wrapped unseen
             motion.homed = False
             self._rehoming.forget()
         motion.take(count * self._metres, elapsed_ns)
@@ -244,19 +201,19 @@ class Encoder:
     def home(self) -> float:
         """Declare that the nut stands at the reference mark; return that height [m].
 
-        Raises NotHomed without a recent sample, with a fault, or while the nut moves; the first
+        Raises NotNow without a recent sample, with a fault, or while the nut moves; the first
         time also when it contradicts the last homing since `configure`: see `Rehoming`.
         """
         last, settings = self._last, self.settings
-        if self.fault or last is None or not self._running:
-            raise NotHomed(f"no position to home at: {self.fault or 'no sample yet'}")
+        if self.fault or last is None or not self.running:
+            raise NotNow(f"no position to home at: {self.fault or 'no sample yet'}")
         if self.silent:
-            raise NotHomed(
+            raise NotNow(
                 f"no position to home at: the newest is {self._silent_ns * 1e-9:.3g} s old, the "
                 "encoder does not answer"
             )
         if abs(last.velocity) > settings.home_speed_limit:
-            raise NotHomed(
+            raise NotNow(
                 f"the nut moves at {last.velocity:.4f} m/s; let it rest at the reference mark "
                 f"(limit {settings.home_speed_limit:g} m/s)"
             )
@@ -264,67 +221,55 @@ class Encoder:
             mark, place = settings.home_position, self._motion.position
             if doubt := self._rehoming.doubt([mark], [place], self._port.clock.now_ns()):
                 self._motion.homed = False
-                raise NotHomed(doubt)
+                raise NotNow(doubt)
         self._motion.home(settings.home_position)
         return settings.home_position
 
     def poll_slow(self) -> None:
         """Read status, alarms and warnings (6500, 6503, 6505); blocking, not for the loop."""
         try:
-            status = self._optional(0x6500)
-            alarms = self._optional(0x6503)
-            warnings = self._optional(0x6505)
+            status, alarms, warnings = map(self._optional, (0x6500, 0x6503, 0x6505))
         except (NotAnswering, BusError):
-            self.counters.slow_polls_failed += 1
+            self.counters["slow_polls_failed"] += 1
             return
         self.operating_status = status
         self.warnings = _bit_names(warnings, setup.WARNINGS)
         if alarms:
             self._latch(f"encoder alarm: {', '.join(_bit_names(alarms, setup.ALARMS))}")
 
-    def snapshot(self) -> EncoderCounters:
-        """Return a copy of the counters."""
-        return replace(self.counters)
-
     def _optional(self, index: int) -> int:
-        if index in self._absent:
-            return 0
-        try:
-            return self._node.sdo.unsigned(index)
-        except Refused:
-            self._absent.add(index)
-            return 0
+        if index not in self._absent:
+            try:
+                return self.sdo.unsigned(index)
+            except Refused:
+                self._absent.add(index)
+        return 0
 
     # -- unsolicited reports of the device -------------------------------------------------------
 
-    def _boot_up(self) -> None:
-        self.counters.boot_ups += 1
-        if not self._node.configured:
-            return
-        self._forget_configuration(
+    def restarted(self) -> None:
+        """Stop delivering samples after a boot-up."""
+        self._lose_configuration(
             "the encoder restarted (boot-up): its configuration and the home position are gone; "
             "clear the fault to configure it again, then home"
         )
 
-    def _on_foreign_sdo(self) -> None:
+    def altered_by(self, client: str) -> None:
         """Stop delivering samples: direction, scale and preset may have changed."""
-        self.counters.foreign_sdo += 1
-        if self._node.configured:
-            self._forget_configuration(
-                f"{self._node.sdo.foreign_client} talks to the encoder and may have changed how "
-                "it counts: stop it, clear the fault to configure the encoder again, then home"
-            )
+        self._lose_configuration(
+            f"{client} talks to the encoder and may have changed how it counts: stop it, clear the "
+            "fault to configure the encoder again, then home"
+        )
 
-    def _forget_configuration(self, why: str) -> None:
-        self._node.configured = self._running = False
+    def _lose_configuration(self, why: str) -> None:
+        self.intact = self.running = False
         self._motion.restart()
         self._rehoming.forget()
         self.fault = why
 
-    def _emergency(self, emergency: Emergency) -> None:
-        self.counters.emcy += 1
-        self.emergency = "" if emergency.is_reset else emergency.text
-        if self.emergency and self._running:
+    def reported(self, emergency: Emergency) -> None:
+        """Latch an emergency in operation."""
+        if self.running:
             self._latch(f"encoder emergency {emergency.text}")
 
     def _latch(self, reason: str) -> None:

@@ -1,22 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings and counters of the encoder, and its configuration over SDO (CiA 406, thesis 3.1.8)."""
+"""Settings of the encoder, and its configuration over SDO (CiA 406, thesis 3.1.8)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from ..can_io.bus_load import Traffic
+from ..can_io.load import Traffic
 from ..geometry import COUNTS_PER_TURN
 from ..settings import Setting
 from . import pdo
 from .errors import NotConfigured, Refused
 from .motion import FULL_RANGE
-from .node import CanopenNode
-from .polled import PollCounters
+from .sdo import Sdo
 
 PROFILE = 406
-POSITION = pdo.Entry(0x6004, 0, 32)
 
 # Object 6000, operating parameters.
 _CODE_SEQUENCE_BIT = 0x0001
@@ -76,26 +73,10 @@ class EncoderSettings(NamedTuple):
     ] = 0.1
 
 
-@dataclass
-class EncoderCounters(PollCounters):
-    """Events since the driver was created, beside those of polling.
-
-    wrong_length, out_of_range: frames dropped. slow_polls_failed: of 6500 to 6505. foreign_sdo:
-    requests of another SDO client.
-    """
-
-    wrong_length: int = 0
-    out_of_range: int = 0
-    emcy: int = 0
-    boot_ups: int = 0
-    bus_errors: int = 0
-    slow_polls_failed: int = 0
-    foreign_sdo: int = 0
-
-
 def position_pdo(settings: EncoderSettings) -> pdo.Pdo:
     """Return TPDO1: object 6004 at every SYNC."""
-    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, (POSITION,))
+    position = (pdo.Entry(0x6004, 0, 32),)
+    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, position)
 
 
 def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> list[Traffic]:
@@ -104,37 +85,33 @@ def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> li
     return [Traffic("SYNC", 0, settings.rate), *frames] if sync_producer else frames
 
 
-def configure(node: CanopenNode, settings: EncoderSettings) -> int:
-    """Configure the encoder as the settings describe, without NMT start.
+def set_up(sdo: Sdo, settings: EncoderSettings) -> int:
+    """Write what the settings say and read it back; the device is in PRE-OPERATIONAL.
 
-    Returns the range at which the position wraps [counts]. Raises NotAnswering, WrongDevice,
-    Refused, NotConfigured.
+    Returns the range at which the position wraps [counts]. Raises NotAnswering, Refused,
+    NotConfigured.
     """
-    node.pre_operational()
-    node.identify(PROFILE, settings.vendor_id, settings.product_code)
-    wrap = _scale(node, settings)
+    wrap = _scale(sdo, settings)
     if not settings.counts_per_turn <= wrap <= FULL_RANGE:
         # Within a period the nut could pass half of a shorter range, and turns would be miscounted.
         raise NotConfigured(
-            f"{node.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
+            f"{sdo.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
             "(counts_per_turn) to 2^32 are wanted: set measuring_range, or use an encoder that can"
         )
     position = position_pdo(settings)
-    pdo.disable_unused(node.sdo, (position,))
-    pdo.configure(node.sdo, position)
-    node.end_configuration()
+    pdo.disable_unused(sdo, (position,))
+    pdo.configure(sdo, position)
     return wrap
 
 
-def _scale(node: CanopenNode, settings: EncoderSettings) -> int:
+def _scale(sdo: Sdo, settings: EncoderSettings) -> int:
     """Set direction and resolution; 6001 and 6002 act only with the scaling bit of 6000."""
-    sdo = node.sdo
     parameters = sdo.unsigned(0x6000)
     wanted = parameters & ~_CODE_SEQUENCE_BIT | settings.code_sequence | _SCALING_BIT
     try:
         _set_if_other(sdo, 0x6000, wanted, 2)
     except (Refused, NotConfigured):
-        return _unscaled(node, settings)
+        return _unscaled(sdo, settings)
     _set_if_other(sdo, 0x6001, settings.counts_per_turn, 4)
     if settings.measuring_range:
         _set_if_other(sdo, 0x6002, settings.measuring_range, 4)
@@ -142,15 +119,14 @@ def _scale(node: CanopenNode, settings: EncoderSettings) -> int:
     return sdo.unsigned(0x6002) or FULL_RANGE
 
 
-def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
+def _unscaled(sdo: Sdo, settings: EncoderSettings) -> int:
     """Accept an encoder that cannot scale, if its resolution is that of the settings."""
-    sdo = node.sdo
     direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
     _set_if_other(sdo, 0x6000, direction, 2)
     per_turn = sdo.unsigned(0x6501)
     if per_turn != settings.counts_per_turn:
         raise NotConfigured(
-            f"{node.label} cannot scale (object 6000 bit 2) and counts {per_turn} per turn; "
+            f"{sdo.label} cannot scale (object 6000 bit 2) and counts {per_turn} per turn; "
             f"counts_per_turn is {settings.counts_per_turn}"
         )
     try:
@@ -160,7 +136,7 @@ def _unscaled(node: CanopenNode, settings: EncoderSettings) -> int:
     return per_turn * turns or FULL_RANGE
 
 
-def _set_if_other(sdo, index: int, value: int, size: int) -> None:
+def _set_if_other(sdo: Sdo, index: int, value: int, size: int) -> None:
     """Write a value only if it differs: some encoders store each write in EEPROM."""
     if sdo.unsigned(index) != value:
         sdo.set(index, 0, value, size)

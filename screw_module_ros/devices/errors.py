@@ -2,25 +2,22 @@
 """Errors of a device; the text of each exception is a message for the user::
 
     DeviceError
-     +-- BusError        the bus cannot be opened, or failed while in use (`can_io/errors.py`)
-     +-- BusOverload     the configured frames do not fit on the bus (`can_io/errors.py`)
+     +-- BusError        the bus cannot be opened, or failed while in use (`can_io/port.py`)
+     +-- BusOverload     the configured frames do not fit on the bus (`can_io/load.py`)
      +-- Occupied        another process already drives this device or this bus
      +-- NotAnswering    a device does not answer
      +-- Refused         a device answered with an SDO abort
      +-- WrongDevice     another profile, vendor, product or rating than expected
      +-- NotConfigured   a value written is not the value read back, or a mode is missing
-     +-- NotEnabled      enabling is not allowed now
-     +-- NotHomed        homing is not allowed now
-     +-- NotTared        taring is not allowed now
+     +-- NotNow          enabling, homing or taring is not allowed in the present state
 
 Values that are out of range raise ValueError at construction instead.
 """
 
 from __future__ import annotations
 
-from ..can_io.errors import BusError as BusError
-from ..can_io.errors import BusOverload as BusOverload
-from ..can_io.errors import DeviceError as DeviceError
+from ..can_io.port import BusError as BusError
+from ..can_io.port import DeviceError as DeviceError
 
 
 class Occupied(DeviceError):
@@ -58,13 +55,5 @@ class NotConfigured(DeviceError):
     """The device did not accept its configuration. Example: another value read back."""
 
 
-class NotEnabled(DeviceError):
-    """A drive may not be enabled now. Example: a latched fault, or a refused guard."""
-
-
-class NotHomed(DeviceError):
-    """Homing is not possible now. Example: no sample yet, or the nut moves."""
-
-
-class NotTared(DeviceError):
-    """Taring is not possible now. Example: the handle is loaded or being moved."""
+class NotNow(DeviceError):
+    """Enabling, homing or taring is refused now. Example: a latched fault, a nut that moves."""

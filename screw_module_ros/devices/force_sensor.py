@@ -8,25 +8,24 @@ before the next request.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 
-from ..can_io.bus_load import Traffic
+from ..can_io.load import Traffic
 from ..can_io.port import Port
 from ..samples import FORCE_FAULT_MASK, ForceReading
 from ..settings import validated
 from . import ati
-from .ati_dialogue import Dialogue, SensorIdentity
-from .errors import BusError, NotAnswering, NotConfigured, NotTared, Occupied, WrongDevice
+from .ati import Dialogue, SensorIdentity
+from .canopen import UNWATCHED_NS
+from .errors import BusError, NotAnswering, NotConfigured, NotNow, Occupied, WrongDevice
 from .force_sensor_settings import (
     ANY_CALIBRATION,
-    ForceSensorCounters,
     ForceSensorSettings,
     force_sensor_traffic,
     unchanged_samples,
 )
-from .node import UNWATCHED_NS
-from .polled import Polled
+from .polled import FRESH, LATE, UNEXPECTED, Polled
 from .tare import mean_wrench
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -48,7 +47,7 @@ class ForceSensor:
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
         self.settings = validated(settings)
-        self.counters = ForceSensorCounters()
+        self.counters: Counter[str] = Counter()
         self.fault = ""
         self.sensor = SensorIdentity()
         self.voltages: dict[str, int] = {}
@@ -183,7 +182,7 @@ class ForceSensor:
             if self._poll.begin(sequence, monotonic_ns, stamp_ns):
                 self._port.send(self._request_id, b"")
         except BusError:
-            self.counters.bus_errors += 1
+            self.counters["bus_errors"] += 1
             raise
 
     def reading(self) -> ForceReading | None:
@@ -194,24 +193,21 @@ class ForceSensor:
         if not self._running:
             return
         if not data:
-            self.counters.foreign_requests += 1
+            self.counters["foreign_requests"] += 1
             self._latch(f"somebody else polls the {self._label} on {self._port.name}")
             return
         if self._unanswered > self._too_many_unanswered:
             # Bit 0 of the status word shows a restart by the watchdog, not one of the supply.
             self._doubt_calibration("was silent and may have restarted")
         self._unanswered = 0
-        verdict = self._poll.note(0)
-        if len(data) != ati.GAUGES_FIRST.size:
-            self.counters.wrong_length += 1
-        elif self._poll.is_fresh(verdict):
+        if self._poll.note(len(data) == ati.GAUGES_FIRST.size, 0) == FRESH:
             self._half = data
 
     def _on_foreign_setting(self, _data: bytes, _arrival_ns: int) -> None:
         """Stop delivering samples; while it runs, we ask for neither, nor is this our reply."""
         if not self._running:
             return
-        self.counters.foreign_requests += 1
+        self.counters["foreign_requests"] += 1
         self._calibration_lost = True
         self._latch(
             f"somebody else set up or restarted the {self._label} on {self._port.name}, its "
@@ -221,15 +217,13 @@ class ForceSensor:
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
             return
-        verdict = self._poll.note(1)
+        verdict = self._poll.note(len(data) == ati.GAUGES_SECOND.size, 1)
         half, self._half = self._half, None
-        if len(data) != ati.GAUGES_SECOND.size:
-            self.counters.wrong_length += 1
-        elif not self._poll.is_fresh(verdict):
+        if verdict in (LATE, UNEXPECTED):
             self._half = half  # an older second half: the present first half still needs its own
-        elif half is None:
-            self.counters.out_of_order += 1
-        else:
+        elif verdict == FRESH and half is None:
+            self.counters["out_of_order"] += 1
+        elif verdict == FRESH:
             self._complete(half, data)
 
     def _complete(self, first: bytes, second: bytes) -> None:
@@ -238,11 +232,11 @@ class ForceSensor:
         if status or self._last_status != 0:
             self._note_status(status)
         if self._stands_still(first, second):
-            self.counters.frozen += 1
+            self.counters["frozen"] += 1
             return
         end = ati.SATURATED
         if max(g0, g1, g2, g3, g4, g5) >= end or min(g0, g1, g2, g3, g4, g5) <= -end:
-            self.counters.saturated += 1
+            self.counters["saturated"] += 1
             return
         if self._calibration_lost:
             return
@@ -273,13 +267,13 @@ class ForceSensor:
     def _note_status(self, status: int) -> None:
         before, self._last_status = self._last_status, status
         if status & ati.RESERVED_MASK:
-            self.counters.reserved_bits += 1
+            self.counters["reserved_bits"] += 1
         if status & FORCE_FAULT_MASK:
-            self.counters.status_faults += 1
+            self.counters["status_faults"] += 1
             self._needs_reset = True
             self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")
         if before is not None and status & ~before & ati.RESTARTED:
-            self.counters.restarts += 1
+            self.counters["restarts"] += 1
             self._doubt_calibration("restarted")
 
     def _doubt_calibration(self, why: str) -> None:
@@ -295,11 +289,11 @@ class ForceSensor:
     def tare(self, readings: Sequence[ForceReading]) -> Wrench:
         """Make the mean of `readings` the new zero; return the bias now in use [N, Nm].
 
-        Raises NotTared when there are too few readings, one is unusable, the gauges are frozen, or
+        Raises NotNow when there are too few readings, one is unusable, the gauges are frozen, or
         the handle is loaded or moved.
         """
         if self._frozen:
-            raise NotTared(self.fault)
+            raise NotNow(self.fault)
         mean = mean_wrench(readings, self.settings)
         self._earlier_biases.append(self.bias)
         self.bias = tuple(old + new for old, new in zip(self.bias, mean, strict=True))
@@ -316,11 +310,7 @@ class ForceSensor:
             named = ati.DIAGNOSTICS.items()
             self.voltages = {name: self._dialogue.diagnostic(i) for i, name in named}
         except (NotAnswering, BusError):
-            self.counters.slow_polls_failed += 1
-
-    def snapshot(self) -> ForceSensorCounters:
-        """Return a copy of the counters."""
-        return replace(self.counters)
+            self.counters["slow_polls_failed"] += 1
 
 
 def _is_request(data: bytes) -> bool:

@@ -1,44 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings and counters of the force sensor, and its bus load."""
+"""Settings of the force sensor, and its bus load."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from ..can_io.bus_load import Traffic
+from ..can_io.load import Traffic
 from ..settings import Setting
 from . import ati
-from .polled import PollCounters
 
 ANY_CALIBRATION = -1
 
 FEWEST_UNCHANGED = 10
 """Smallest number of equal samples in a row that means frozen gauges: with a noise of less than a
 count fewer may be equal by chance."""
-
-
-@dataclass
-class ForceSensorCounters(PollCounters):
-    """Events since the driver was created, beside those of polling.
-
-    out_of_order: second halves without their first. wrong_length: frames dropped. saturated:
-    samples with a gauge at its end. frozen: samples withheld because the gauges were constant.
-    status_faults: samples whose status makes them unusable. reserved_bits: samples with reserved
-    status bits. foreign_requests: polls and settings of another master. restarts: of the board, in
-    mid-run.
-    """
-
-    out_of_order: int = 0
-    wrong_length: int = 0
-    saturated: int = 0
-    frozen: int = 0
-    status_faults: int = 0
-    reserved_bits: int = 0
-    foreign_requests: int = 0
-    restarts: int = 0
-    bus_errors: int = 0
-    slow_polls_failed: int = 0
 
 
 class ForceSensorSettings(NamedTuple):

@@ -12,12 +12,10 @@ from typing import NamedTuple
 from .errors import NotConfigured, Refused
 from .sdo import Sdo
 
-ID_MASK = 0x7FF
-_DISABLED = 1 << 31
-_NO_REMOTE = 1 << 30
-_EXTENDED = 1 << 29
-_RECEIVE_PARAMETERS, _RECEIVE_MAPPING = 0x1400, 0x1600
-_TRANSMIT_PARAMETERS, _TRANSMIT_MAPPING = 0x1800, 0x1A00
+_ID_MASK = 0x7FF
+_DISABLED, _NO_REMOTE, _EXTENDED = 1 << 31, 1 << 30, 1 << 29
+_RECEIVE_PARAMETERS, _TRANSMIT_PARAMETERS = 0x1400, 0x1800
+_MAPPING = 0x200  # from the parameters of a PDO to its mapping
 #: PDOs beyond these may exist but are disabled by default in CiA 301.
 _PDOS_LOOKED_AT = 8
 
@@ -62,8 +60,7 @@ class Pdo(NamedTuple):
     @property
     def mapping(self) -> int:
         """Index of the mapping."""
-        base = _TRANSMIT_MAPPING if self.transmit else _RECEIVE_MAPPING
-        return base + self.number - 1
+        return self.parameters + _MAPPING
 
     @property
     def size(self) -> int:
@@ -94,7 +91,12 @@ def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
     refused = _set_timer(sdo, pdo, timer_optional)
     keep = before & _NO_REMOTE if pdo.transmit else 0
     sdo.write(pdo.parameters, 1, keep | pdo.cob_id, 4)
-    _check_identifier(sdo, pdo)
+    found = sdo.unsigned(pdo.parameters, 1)
+    if found & _ID_MASK != pdo.cob_id or found & (_DISABLED | _EXTENDED):
+        raise NotConfigured(
+            f"{sdo.label}: PDO {pdo.parameters:04X} should be enabled with identifier "
+            f"0x{pdo.cob_id:X}, read back 0x{found:08X}"
+        )
     return refused
 
 
@@ -114,33 +116,20 @@ def _disable(sdo: Sdo, parameters: int, optional: bool = False) -> int:
 
 
 def _map(sdo: Sdo, pdo: Pdo) -> None:
+    wanted = [entry.value for entry in pdo.entries]
     try:
         sdo.set(pdo.mapping, 0, 0, 1)
     except Refused as error:
-        if _mapped(sdo, pdo) != [entry.value for entry in pdo.entries]:
+        count = sdo.unsigned(pdo.mapping, 0)
+        if [sdo.unsigned(pdo.mapping, subindex + 1) for subindex in range(count)] != wanted:
             raise NotConfigured(
                 f"{sdo.label}: the mapping {pdo.mapping:04X} is fixed and not the one needed "
                 f"({error})"
             ) from error
         return  # fixed, and as desired
-    for subindex, entry in enumerate(pdo.entries, start=1):
-        sdo.set(pdo.mapping, subindex, entry.value, 4)
-    sdo.set(pdo.mapping, 0, len(pdo.entries), 1)
-
-
-def _mapped(sdo: Sdo, pdo: Pdo) -> list[int]:
-    count = sdo.unsigned(pdo.mapping, 0)
-    return [sdo.unsigned(pdo.mapping, subindex) for subindex in range(1, count + 1)]
-
-
-def _clear_if_there(sdo: Sdo, parameters: int, subindex: int) -> None:
-    """Set a time to 0 unless it is 0 already or the device does not implement it."""
-    try:
-        if sdo.unsigned(parameters, subindex) == 0:
-            return
-    except Refused:
-        return
-    sdo.set(parameters, subindex, 0, 2)
+    for subindex, value in enumerate(wanted, start=1):
+        sdo.set(pdo.mapping, subindex, value, 4)
+    sdo.set(pdo.mapping, 0, len(wanted), 1)
 
 
 def _set_timer(sdo: Sdo, pdo: Pdo, optional: bool) -> str:
@@ -156,10 +145,11 @@ def _set_timer(sdo: Sdo, pdo: Pdo, optional: bool) -> str:
     return ""
 
 
-def _check_identifier(sdo: Sdo, pdo: Pdo) -> None:
-    found = sdo.unsigned(pdo.parameters, 1)
-    if found & ID_MASK != pdo.cob_id or found & (_DISABLED | _EXTENDED):
-        raise NotConfigured(
-            f"{sdo.label}: PDO {pdo.parameters:04X} should be enabled with identifier "
-            f"0x{pdo.cob_id:X}, read back 0x{found:08X}"
-        )
+def _clear_if_there(sdo: Sdo, parameters: int, subindex: int) -> None:
+    """Set a time to 0 unless it is 0 already or the device does not implement it."""
+    try:
+        if sdo.unsigned(parameters, subindex) == 0:
+            return
+    except Refused:
+        return
+    sdo.set(parameters, subindex, 0, 2)

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
 from typing import Generic, TypeVar
 
 from ..can_io.port import Port
 
 Sample = TypeVar("Sample")
-FRESH = 0
-LATE = 1
-UNEXPECTED = 2
+#: Verdicts on a frame; all but FRESH are also names of counters.
+FRESH, LATE, UNEXPECTED, WRONG_LENGTH = "fresh", "late", "unexpected", "wrong_length"
 
 
 class RequestTracker:
@@ -26,18 +25,17 @@ class RequestTracker:
     parts: number of frames that make one answer, in this order.
     """
 
-    __slots__ = ("_arrived", "_open", "_over", "listening", "parts")
+    __slots__ = ("_arrived", "_open", "_over", "listening")
 
     def __init__(self, parts: int = 1):
-        self.parts = parts
+        self._open = [0] * parts
         self.reset()
 
     def reset(self) -> None:
         """Close all requests; call it at a start, when no answer can be in transit."""
-        self._open = [0] * self.parts
+        self._open = [0] * len(self._open)
         self._arrived = 0
-        self._over = False
-        self.listening = False
+        self._over = self.listening = False
 
     def end_tick(self) -> None:
         """End the tick: an answer that arrives before the next `ask` is late."""
@@ -48,19 +46,17 @@ class RequestTracker:
         open_requests = any(self._open)
         if self.listening:
             if not open_requests or not self._arrived:
-                self._open = [0] * self.parts
+                self._open = [0] * len(self._open)
                 self.listening = False
         elif open_requests and self._arrived:
             self.listening = True
         self._arrived = 0
         self._over = False
-        if self.listening:
-            return False
-        for part in range(self.parts):
-            self._open[part] += 1
-        return True
+        if not self.listening:
+            self._open = [count + 1 for count in self._open]
+        return not self.listening
 
-    def answer(self, part: int = 0) -> int:
+    def answer(self, part: int = 0) -> str:
         """Process one frame; return FRESH when it belongs to the newest request."""
         self._arrived += 1
         open_requests = self._open
@@ -73,46 +69,30 @@ class RequestTracker:
         return LATE if open_requests[part] or self.listening or self._over else FRESH
 
 
-@dataclass
-class PollCounters:
-    """The counters that `Polled` updates, since the driver was created; each device adds its own.
-
-    requests: ticks. received: samples delivered. missing: ticks without one; missing_in_a_row: up
-    to now. late: frames that came after the next request. unexpected: frames without a request.
-    silent: ticks without a request, to distinguish late from lost.
-    """
-
-    requests: int = 0
-    received: int = 0
-    missing: int = 0
-    missing_in_a_row: int = 0
-    late: int = 0
-    unexpected: int = 0
-    silent: int = 0
-
-
 class Polled(Generic[Sample]):
     """Ticks, requests and answers of one device; a tick that delivers no sample is missing.
 
-    counters: of the device. parts: frames of one answer. asked: sequence and both clocks [ns] of
-    the newest tick.
+    counters: of the device; those updated here are requests (ticks), received (samples delivered),
+    missing (ticks without one), missing_in_a_row (up to now), late (frames that came after the next
+    request), unexpected (frames without a request), wrong_length (frames dropped) and silent (ticks
+    without a request, to distinguish late from lost). parts: frames of one answer. asked: sequence
+    and both clocks [ns] of the newest tick.
     """
 
     __slots__ = ("_counters", "_fresh", "_port", "_tracker", "_waiting", "asked")
 
-    def __init__(self, port: Port, counters: PollCounters, parts: int = 1):
+    def __init__(self, port: Port, counters: Counter[str], parts: int = 1):
         self._port = port
         self._counters = counters
         self._tracker = RequestTracker(parts)
         self.asked = (0, 0, 0)
-        self._waiting = False
-        self._fresh: Sample | None = None
+        self.restart()
 
     def restart(self) -> None:
         """Drop all open requests; call it at a start, when no answer can be in transit."""
         self._tracker.reset()
         self._waiting = False
-        self._fresh = None
+        self._fresh: Sample | None = None
 
     def begin(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> bool:
         """Begin a tick: read all waiting frames; return whether a request may be sent.
@@ -131,25 +111,20 @@ class Polled(Generic[Sample]):
         self._tick(sequence, monotonic_ns, stamp_ns)
         self._ask()
 
-    def note(self, part: int = 0) -> int:
-        """Process one frame of an answer; return whether it is fresh, late or unexpected."""
-        return self._tracker.answer(part)
-
-    def is_fresh(self, verdict: int) -> bool:
-        """Return whether to use a frame with this verdict; count it if not."""
-        if verdict == FRESH:
-            return True
-        if verdict == LATE:
-            self._counters.late += 1
-        else:
-            self._counters.unexpected += 1
-        return False
+    def note(self, well_formed: bool, part: int = 0) -> str:
+        """Process one frame of an answer; only a FRESH one may be used, others are counted."""
+        verdict = self._tracker.answer(part)
+        if not well_formed:
+            verdict = WRONG_LENGTH
+        if verdict != FRESH:
+            self._counters[verdict] += 1
+        return verdict
 
     def deliver(self, sample: Sample) -> None:
         """Store the sample that answers this tick."""
         self._waiting = False
-        self._counters.received += 1
-        self._counters.missing_in_a_row = 0
+        self._counters["received"] += 1
+        self._counters["missing_in_a_row"] = 0
         self._fresh = sample
 
     def take(self) -> Sample | None:
@@ -158,11 +133,10 @@ class Polled(Generic[Sample]):
         return sample
 
     def _tick(self, sequence: int, monotonic_ns: int, stamp_ns: int) -> None:
-        counters = self._counters
-        counters.requests += 1
+        self._counters["requests"] += 1
         if self._waiting:
-            counters.missing += 1
-            counters.missing_in_a_row += 1
+            self._counters["missing"] += 1
+            self._counters["missing_in_a_row"] += 1
         self.asked = (sequence, monotonic_ns, stamp_ns)
         self._fresh = None
         self._waiting = True
@@ -170,5 +144,5 @@ class Polled(Generic[Sample]):
     def _ask(self) -> bool:
         asked = self._tracker.ask()
         if not asked:
-            self._counters.silent += 1
+            self._counters["silent"] += 1
         return asked

@@ -21,9 +21,9 @@ from .errors import NotAnswering, NotConfigured, Refused
 _FRAME_BYTES = 8
 _ABORT = struct.Struct("<BHBL")
 _ABORT_COMMAND = 0x80
-_OBJECT = struct.Struct("<H")
-_NO_OBJECT = b"\0\0"
 _GENERAL_ERROR = 0x08000000
+_NO_OBJECT = b"\0\0"
+_TRIES = 2
 _REQUEST_BASE = 0x600
 _RESPONSE_BASE = 0x580
 
@@ -33,7 +33,7 @@ class Sdo:
 
     label: name of the device in messages. timeout_s: time limit of one try [s]; there are two.
     on_foreign(): called by the thread that pumps the port, for each request of another client to
-    the node. foreign: number of these requests.
+    the node.
     """
 
     def __init__(
@@ -41,19 +41,18 @@ class Sdo:
         port: Port,
         node_id: int,
         label: str,
-        timeout_s: float = 0.5,
-        on_foreign: Callable[[], None] = lambda: None,
+        timeout_s: float,
+        on_foreign: Callable[[], None],
     ):
         self.label = label
-        self.foreign = 0
-        self._on_foreign = on_foreign
         self._port = port
         self._node_id = node_id
         self._lock = threading.Lock()
         self._object = _NO_OBJECT
         self._client = _Client(port, node_id, timeout_s)
         port.subscribe(_RESPONSE_BASE + node_id, self._on_response)
-        port.subscribe(_REQUEST_BASE + node_id, self._on_request)
+        # Our own frames do not arrive here.
+        port.subscribe(_REQUEST_BASE + node_id, lambda _data, _arrival_ns: on_foreign())
 
     @property
     def foreign_client(self) -> str:
@@ -63,26 +62,12 @@ class Sdo:
             f"{self._port.name})"
         )
 
-    def _on_request(self, _data: bytes, _arrival_ns: int) -> None:
-        """Count a request of another client; our own frames do not arrive here."""
-        self.foreign += 1
-        self._on_foreign()
-
     def _on_response(self, data: bytes, _arrival_ns: int) -> None:
-        if len(data) == _FRAME_BYTES and not self._is_stale(data):
+        # An abort of another object answers a request that was repeated. canopen would take it for
+        # ours, and an existing object would pass for absent.
+        stale = data[:1] == bytes([_ABORT_COMMAND]) and data[1:3] not in (self._object, _NO_OBJECT)
+        if len(data) == _FRAME_BYTES and not stale:
             self._client.on_response(_RESPONSE_BASE + self._node_id, data, 0.0)
-
-    def _is_stale(self, data: bytes) -> bool:
-        """Return whether this is an abort of another object, which canopen would take for ours.
-
-        It answers a request that was repeated; an existing object would pass for absent.
-        """
-        return data[0] == _ABORT_COMMAND and data[1:3] not in (self._object, _NO_OBJECT)
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._port.unsubscribe(_REQUEST_BASE + self._node_id, self._on_request)
-        self._port.unsubscribe(_RESPONSE_BASE + self._node_id, self._on_response)
 
     def read(self, index: int, subindex: int = 0) -> bytes:
         """Upload one object.
@@ -126,23 +111,19 @@ class Sdo:
                 f"0x{found:X}; the device does not take this setting"
             )
 
-    def _transfer(self, index: int, subindex: int, action):
+    def _transfer(self, index: int, subindex: int, action: Callable):
         with self._lock:
-            self._object = _OBJECT.pack(index)
-            try:
-                return self._attempt(index, subindex, action)
-            except NotAnswering:
-                return self._attempt(index, subindex, action)
-
-    def _attempt(self, index: int, subindex: int, action):
-        try:
-            return action()
-        except SdoAbortedError as error:
-            raise Refused(
-                f"{self.label} refused {_name(index, subindex)}: {error}", error.code
-            ) from error
-        except (SdoCommunicationError, struct.error) as error:
-            raise NotAnswering(self._silent(index, subindex, error)) from error
+            self._object = index.to_bytes(2, "little")
+            for _ in range(_TRIES):
+                try:
+                    return action()
+                except SdoAbortedError as error:
+                    raise Refused(
+                        f"{self.label} refused {_name(index, subindex)}: {error}", error.code
+                    ) from error
+                except (SdoCommunicationError, struct.error) as error:
+                    failure = error
+            raise NotAnswering(self._silent(index, subindex, failure)) from failure
 
     def _silent(self, index: int, subindex: int, error: Exception) -> str:
         return (
@@ -155,13 +136,13 @@ class Sdo:
 class _Client(SdoClient):
     """canopen's client with its frames sent and received through the port."""
 
-    MAX_RETRIES = 1
-
     def __init__(self, port: Port, node_id: int, timeout_s: float):
         super().__init__(_REQUEST_BASE + node_id, _RESPONSE_BASE + node_id, ObjectDictionary())
-        self.network = port.network
         self.RESPONSE_TIMEOUT = timeout_s
         self._port = port
+
+    def send_request(self, request: bytes) -> None:
+        self._port.send(self.rx_cobid, bytes(request))
 
     def read_response(self) -> bytes:
         if not self._port.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from ..samples import FORCE_FAULT_MASK, ForceReading
 from .ati import status_names
-from .errors import NotTared
+from .errors import NotNow
 from .force_sensor_settings import ForceSensorSettings
 
 _WRENCH = slice(ForceReading._fields.index("fx"), ForceReading._fields.index("tz") + 1)
@@ -18,24 +18,24 @@ _WRENCH = slice(ForceReading._fields.index("fx"), ForceReading._fields.index("tz
 def mean_wrench(readings: Sequence[ForceReading], settings: ForceSensorSettings) -> list[float]:
     """Return the mean of `readings` over fx, fy, fz [N], tx, ty, tz [Nm].
 
-    Raises NotTared when there are too few, one is unusable, or the handle is loaded or moved.
+    Raises NotNow when there are too few, one is unusable, or the handle is loaded or moved.
     """
     if len(readings) < settings.tare_samples:
-        raise NotTared(f"{len(readings)} force samples; {settings.tare_samples} are needed to tare")
+        raise NotNow(f"{len(readings)} force samples; {settings.tare_samples} are needed to tare")
     for reading in readings:
         if reading.status & FORCE_FAULT_MASK:
-            raise NotTared(f"the sensor reports {', '.join(status_names(reading.status))}")
+            raise NotNow(f"the sensor reports {', '.join(status_names(reading.status))}")
     columns = list(zip(*(reading[_WRENCH] for reading in readings), strict=True))
     mean = [statistics.fmean(column) for column in columns]
     load = math.hypot(*mean[:3])
     if load > settings.tare_force_limit:
-        raise NotTared(
+        raise NotNow(
             f"the handle is loaded with {load:.1f} N (limit {settings.tare_force_limit:g} N): "
             "let it go"
         )
     spread = max(statistics.pstdev(column) for column in columns[:3])
     if spread > settings.tare_spread_limit:
-        raise NotTared(
+        raise NotNow(
             f"the force varies by {spread:.1f} N (limit {settings.tare_spread_limit:g} N): "
             "keep the handle at rest"
         )

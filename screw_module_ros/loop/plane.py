@@ -20,11 +20,10 @@ from ..clock import Clock
 from ..control.planar import PlanarInput, PlanarOutput, initial_state, planar_step
 from ..control.planar_settings import PlanarSettings
 from ..control.slot import SlotLimits
-from ..devices import drive_exit
+from ..devices import drive_group
 from ..devices.drive import Drive
 from ..devices.errors import BusError, DeviceError
-from ..devices.homing import Rehoming
-from ..devices.motion import Motion
+from ..devices.motion import Motion, Rehoming
 from ..geometry import MANUS, PlanarArm, forward, inverse, jacobian
 from ..safety.checks import ForceLike, FreezeSettings, Frozen, Stream, force_problem
 from ..safety.latch import Age
@@ -413,7 +412,7 @@ class Plane:
     def shutdown(self) -> str:
         """Shut both drives down cleanly after the loop has ended; return the errors."""
         self.permit.close()  # else the next start would report a stale command
-        return drive_exit.leave(self._drives, self._port)
+        return drive_group.leave(self._drives, self._port)
 
 
 def hand_torques(

@@ -183,7 +183,7 @@ class AmplifierNode(DriveNode):
             "state": drive.state(self.clock.now_ns()).text,
             "largest force [N]": f"{peak:.0f}",
             "calibration": state.calibration,
-            **device_values(drive.snapshot()),
+            **device_values(drive.counters),
             **self.port_values(part.skipped),
         }
         return self.drive_health(values, state)

@@ -8,7 +8,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import DeviceError, NotHomed
+from screw_module_ros.devices.errors import DeviceError, NotNow
 from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import EncoderReading
@@ -66,9 +66,9 @@ class EncoderNode(SensorNode):
             return self.part.requests.ask(
                 lambda: Done(f"homed at {device.home():g} m"), self.clock
             )
-        except NotHomed as error:
+        except NotNow as error:
             if cleared and not device.fault:
-                raise NotHomed(f"the fault is cleared; {error}") from None
+                raise NotNow(f"the fault is cleared; {error}") from None
             raise
 
     def health(self) -> Health:

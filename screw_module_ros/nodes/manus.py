@@ -172,7 +172,7 @@ class ManusNode(DriveNode):
         }
         for joint, drive in zip(JOINTS, self.drives, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text
-            counters = device_values(drive.snapshot())
+            counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})
         return self.drive_health(values, state)
 

@@ -7,9 +7,9 @@ from typing import Annotated, NamedTuple
 
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.settings import Setting
 
 from .support.parameters import Parameters

@@ -40,7 +40,7 @@ def test_frames_go_to_their_subscribers_with_the_arrival(wire, heard):
     wire.emit(0x124, "BE EF")
     assert wire.port.pump() == 2
     assert heard == [(b"\xde\xad", wire.now_ns)]
-    assert wire.port.counters.unclaimed == 1
+    assert wire.port.counters["unclaimed"] == 1
 
 
 def test_two_subscribers_of_one_identifier_and_leaving(wire, heard):
@@ -76,7 +76,7 @@ def test_extended_remote_and_fd_frames_are_ignored(wire, heard, kind):
     wire.emit_message(can.Message(arbitration_id=0x123, **options))
     wire.port.pump()
     assert heard == []
-    assert wire.port.counters.ignored == 1
+    assert wire.port.counters["ignored"] == 1
 
 
 def test_error_frames_are_counted_and_bus_off_is_known(wire):
@@ -86,20 +86,20 @@ def test_error_frames_are_counted_and_bus_off_is_known(wire):
         )
         wire.port.pump()
         assert wire.port.bus_off is bus_off
-    assert wire.port.counters.error_frames == 3
+    assert wire.port.counters["error_frames"] == 3
 
 
 def test_foreign_sync_is_counted_where_we_produce_it(wire):
     wire.emit(0x080, "")
     wire.port.pump()
-    assert wire.port.counters.foreign_sync == 1
+    assert wire.port.counters["foreign_sync"] == 1
     wire.port.sync_producer = False
     seen = []
     wire.port.subscribe(0x080, lambda data, arrival: seen.append(arrival))
     wire.emit(0x080, "")
     wire.port.pump()
     assert seen == [wire.now_ns]
-    assert wire.port.counters.foreign_sync == 1
+    assert wire.port.counters["foreign_sync"] == 1
 
 
 def test_own_sync_reaches_the_devices_of_the_port(wire):
@@ -108,13 +108,6 @@ def test_own_sync_reaches_the_devices_of_the_port(wire):
     wire.port.send_sync(77)
     assert seen == [77]
     assert wire.frames == [(0x080, b"")]
-
-
-def test_canopen_callbacks_that_choke_do_not_stop_the_pump(wire):
-    wire.port.network.subscribe(0x321, lambda can_id, data, stamp: data[5])
-    wire.emit(0x321, "00")
-    wire.port.pump()
-    assert wire.port.counters.malformed == 1
 
 
 def test_waiting_gives_up(wire):
@@ -132,8 +125,8 @@ def test_closed_bus_raises_on_both_ways(wire):
         wire.port.pump()
     with pytest.raises(BusError, match="cannot receive"):
         wire.port.wait_for(lambda: False, 1.0)
-    assert wire.port.counters.send_errors == 1
-    assert wire.port.counters.receive_errors == 2
+    assert wire.port.counters["send_errors"] == 1
+    assert wire.port.counters["receive_errors"] == 2
 
 
 def test_full_buffer_is_a_bus_error_with_the_way_out(wire, monkeypatch):
@@ -178,7 +171,7 @@ def test_slow_polls_get_their_answers_through_the_loop(wire, encoder_end):
     done.set()
     looping.join()
     assert encoder.warnings == ["light control reserve reached"]
-    assert encoder.counters.slow_polls_failed == 0
+    assert encoder.counters["slow_polls_failed"] == 0
     assert "loop" in pumped_by
 
 
@@ -256,7 +249,7 @@ def test_own_echoes_do_not_count(udp, wait_until):
     far.send(can.Message(arbitration_id=0x120, data=b"reply", is_extended_id=False))
     wait_until(lambda: pumped(port) and seen, what="the reply")
     assert seen == [b"reply"]
-    assert port.counters.echoes == (not port._echo.in_kernel)
+    assert port.counters["echoes"] == (not port._echo.in_kernel)
 
 
 def test_reply_that_equals_its_request_is_no_echo(udp, wait_until):
@@ -274,8 +267,8 @@ def test_strangers_sync_is_told_from_our_own(udp, wait_until):
     port, far = udp
     port.send_sync(0)
     far.send(can.Message(arbitration_id=0x080, is_extended_id=False))
-    wait_until(lambda: pumped(port) and port.counters.foreign_sync, what="the foreign SYNC")
-    assert port.counters.foreign_sync == 1
+    wait_until(lambda: pumped(port) and port.counters["foreign_sync"], what="the foreign SYNC")
+    assert port.counters["foreign_sync"] == 1
 
 
 def test_datagrams_that_are_no_frames_are_counted(udp, can_port_base, wait_until):
@@ -288,7 +281,7 @@ def test_datagrams_that_are_no_frames_are_counted(udp, can_port_base, wait_until
             stranger.sendto(datagram, (GROUP, can_port_base))
         wait_until(lambda: pumped(port) and seen, what="the good frame")
     assert seen == [b"ok"]
-    assert port.counters.malformed >= 1  # the filter keeps the short ones out
+    assert port.counters["malformed"] >= 1  # the filter keeps the short ones out
 
 
 def test_groups_on_one_udp_port_are_kept_apart(udp, can_port_base, wait_until):
@@ -327,7 +320,7 @@ def test_buses_with_other_interfaces_are_sent_to_one_thread_at_a_time(wire):
         thread.join()
     bus.shutdown()
     assert bus.most == 1
-    assert port.counters.sent == 5
+    assert port.counters["sent"] == 5
 
 
 def test_scripted_encoder_also_answers_over_a_second_wire(wire):
@@ -336,7 +329,7 @@ def test_scripted_encoder_also_answers_over_a_second_wire(wire):
     end.operational = True
     wire.port.send(0x080, b"")
     wire.port.pump()
-    assert wire.port.counters.unclaimed == 1
+    assert wire.port.counters["unclaimed"] == 1
 
 
 def test_a_loop_that_wants_to_read_comes_first(wire, heard):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from scripted_devices import ScriptedDrive
 
+from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.heartbeat import Heartbeat
 
 
 def tick(wire, sensor, sequence=1):

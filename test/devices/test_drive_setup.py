@@ -7,14 +7,14 @@ import pytest
 from running_drivers import tick_both, two_drives
 from scripted import Wire, unsigned
 
-from screw_module_ros.devices import drive_exit
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.drive_setup import rated_torque
 from screw_module_ros.devices.errors import (
     NotAnswering,
     NotConfigured,
-    NotEnabled,
+    NotNow,
     Occupied,
     WrongDevice,
 )
@@ -156,8 +156,8 @@ def test_drive_without_digital_inputs_reports_the_rest(wire, drive_end):
     drive.start()
     wire.emit(0x281, "20 32 0A")
     wire.port.pump()
-    assert (drive.error_code, drive.reports.mode_display) == (0x3220, 10)
-    assert drive.counters.wrong_length == 0
+    assert (drive.error_code, drive.mode_display) == (0x3220, 10)
+    assert drive.counters["wrong_length"] == 0
 
 
 def test_silent_drive_is_named_within_its_time_limit(wire):
@@ -215,7 +215,7 @@ def test_drive_without_a_guard_is_not_enabled(wire, drive_end, key, how):
         tick(wire, drive)
     assert f"{key[0]:04X}" in drive.warnings[0]
     assert drive.warnings[0].startswith("UNGUARDED")
-    with pytest.raises(NotEnabled, match=f"{key[0]:04X}"):
+    with pytest.raises(NotNow, match=f"{key[0]:04X}"):
         drive.request_enable()
 
 
@@ -285,7 +285,7 @@ def test_settings_that_cannot_work_name_the_field(wire, field, value):
 
 def test_enabling_before_the_loop_runs_is_refused(wire, drive_end):
     drive = configured(wire)
-    with pytest.raises(NotEnabled, match="not being commanded"):
+    with pytest.raises(NotNow, match="not being commanded"):
         drive.request_enable()
 
 
@@ -391,7 +391,7 @@ def test_two_drives_share_a_heartbeat_and_leave_together(wire):
         tick_both(wire, drives)
     assert [end.state for end in ends] == ["switched on"] * 2
     assert len(wire.sent(0x771)) < 8
-    assert drive_exit.leave(drives, wire.port) == ""
+    assert drive_group.leave(drives, wire.port) == ""
     assert [end.objects[0x1016, 1] for end in ends] == [bytes(4)] * 2
 
 

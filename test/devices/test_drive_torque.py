@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from screw_module_ros.devices.drive_torque import ExcessTorque
+from screw_module_ros.devices.drive_logic import ExcessTorque
 
 MS = 1_000_000
 LARGEST, LASTING = 0.1, 0.02

@@ -10,7 +10,7 @@ from scripted import ScriptedNode, unsigned
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import NotAnswering, NotEnabled, NotHomed, Occupied
+from screw_module_ros.devices.errors import NotAnswering, NotNow, Occupied
 from screw_module_ros.devices.sdo import Sdo
 
 DRIVE = DriveSettings(listen=0.0, sdo_timeout=0.02, max_torque=1.6)
@@ -61,9 +61,9 @@ def test_the_drive_stops_and_is_configured_anew_on_request(wire, drive, drive_en
     assert watched_tick(wire, drive, 0.1) == 0.0
     assert "another SDO client (frames 0x601 on" in drive.fault
     assert wire.sent(0x000)[0] == b"\x02\x01", "NMT stop: it serves no SDO any more"
-    with pytest.raises(NotEnabled, match="SDO client"):
+    with pytest.raises(NotNow, match="SDO client"):
         drive.request_enable()
-    assert drive.counters.foreign_sdo == 1
+    assert drive.counters["foreign_sdo"] == 1
     drive.clear_fault()
     assert drive_end.objects[0x6072, 0] == limit
     for _ in range(200):
@@ -91,7 +91,7 @@ def test_while_the_intruder_goes_on_the_drive_is_not_configured(wire, drive, dri
     drive_end.written = lambda key, data: None
     wire.port.pump()
     assert "SDO client" in drive.fault
-    with pytest.raises(NotEnabled):
+    with pytest.raises(NotNow):
         drive.request_enable()
     drive.clear_fault()
     for _ in range(200):
@@ -104,17 +104,18 @@ def test_the_encoder_delivers_nothing_and_is_not_homed(wire, encoder, encoder_en
     assert sample(wire, encoder) is None
     assert not encoder.homed
     assert "another SDO client (frames 0x602 on" in encoder.fault
-    with pytest.raises(NotHomed, match="SDO client"):
+    with pytest.raises(NotNow, match="SDO client"):
         encoder.home()
     encoder.clear_fault()
     assert encoder_end.objects[0x6000, 0] == b"\x04\0"
     assert sample(wire, encoder) is not None
-    assert encoder.counters.foreign_sdo == 1
+    assert encoder.counters["foreign_sdo"] == 1
 
 
 def test_our_own_requests_and_late_answers_are_nobody_else_s(wire):
     node = wire.attach(ScriptedNode(wire, 5, {(0x1018, 4): unsigned(7, 4)}))
-    sdo = Sdo(wire.port, 5, "test device", timeout_s=0.02)
+    foreign = []
+    sdo = Sdo(wire.port, 5, "test device", 0.02, lambda: foreign.append(True))
     node.mute = True
     with pytest.raises(NotAnswering):
         sdo.read(0x1018, 4)
@@ -126,4 +127,4 @@ def test_our_own_requests_and_late_answers_are_nobody_else_s(wire):
     assert sdo.unsigned(0x1018, 4) == 7
     wire.emit(0x585, late)
     wire.port.pump()
-    assert sdo.foreign == 0
+    assert foreign == []

@@ -22,7 +22,7 @@ def node(wire):
 
 @pytest.fixture
 def sdo(wire, node):
-    return Sdo(wire.port, 5, "test device", timeout_s=0.02)
+    return Sdo(wire.port, 5, "test device", 0.02, lambda: None)
 
 
 # -- SDO -----------------------------------------------------------------------------------------

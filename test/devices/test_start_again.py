@@ -9,12 +9,12 @@ from __future__ import annotations
 import pytest
 from running_drivers import tick, tick_both, two_drives, watched_drive, watched_tick
 
-from screw_module_ros.devices import drive_exit, drive_start
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
 from screw_module_ros.devices.encoder_setup import EncoderSettings
-from screw_module_ros.devices.errors import BusError, NotAnswering, NotConfigured, NotEnabled
+from screw_module_ros.devices.errors import BusError, NotAnswering, NotConfigured, NotNow
 from screw_module_ros.devices.force_sensor import ForceSensor
 from screw_module_ros.devices.force_sensor_settings import ForceSensorSettings
 
@@ -63,7 +63,7 @@ def test_after_the_exit_that_disarmed_its_guards_a_drive_does_not_start(wire, dr
 
 def test_the_start_after_an_exit_arms_the_guards_again(wire, drive, drive_end):
     drive.shutdown()
-    assert drive_start.start([drive]) == [drive]
+    assert drive_group.start([drive]) == [drive]
     assert guards(drive_end) == ARMED
     for _ in range(5):
         watched_tick(wire, drive)
@@ -80,11 +80,11 @@ def test_a_fault_outlives_exit_and_start(wire, drive, drive_end):
     assert "fault" in told
     drive.shutdown()
     drive_end.state = "switch on disabled"
-    drive_start.start([drive])
+    drive_group.start([drive])
     for _ in range(5):
         watched_tick(wire, drive)
     assert drive.fault == told
-    with pytest.raises(NotEnabled, match="clear the fault first"):
+    with pytest.raises(NotNow, match="clear the fault first"):
         drive.request_enable()
 
 
@@ -92,7 +92,7 @@ def test_what_was_configured_just_now_is_not_configured_twice(wire, drive_end):
     drive = Drive(wire.port, DRIVE)
     drive.configure()
     drive_end.writes.clear()
-    assert drive_start.start([drive]) == []
+    assert drive_group.start([drive]) == []
     assert drive_end.writes == []
 
 
@@ -102,18 +102,18 @@ def test_a_drive_that_nobody_watched_is_configured_anew(wire, drive_end):
     drive.configure()
     wire.advance(60_000)
     drive_end.objects[0x1400, 5] = bytes(2)
-    assert drive_start.start([drive]) == [drive]
+    assert drive_group.start([drive]) == [drive]
     assert guards(drive_end) == ARMED
 
 
 def test_both_drives_of_a_bus_are_configured_before_either_starts(wire):
     ends, drives = two_drives(wire, DRIVE)
-    drive_start.start(drives)
+    drive_group.start(drives)
     for _ in range(5):
         tick_both(wire, drives)
-    assert drive_exit.leave(drives, wire.port) == ""
+    assert drive_group.leave(drives, wire.port) == ""
     wire.frames.clear()
-    assert drive_start.start(drives) == drives
+    assert drive_group.start(drives) == drives
     commands = [data[0] for data in wire.sent(0x000)]
     assert commands == [0x80, 0x80, NMT_START, NMT_START]
     assert [end.objects[0x1400, 5] for end in ends] == [b"\x14\x00"] * 2
@@ -195,7 +195,7 @@ def test_a_drive_that_restarts_as_it_is_started_gives_no_torque(wire, drive_end)
     for _ in range(10):
         assert watched_tick(wire, drive, 0.1) == 0.0
     assert "boot-up" in drive.fault
-    with pytest.raises(NotEnabled):
+    with pytest.raises(NotNow):
         drive.request_enable()
 
 
@@ -224,7 +224,7 @@ def test_what_comes_while_a_fault_is_cleared_stays(wire, drive, drive_end, resta
     for _ in range(200):
         assert watched_tick(wire, drive, 0.1) == 0.0
     assert "clear it again" in drive.fault
-    with pytest.raises(NotEnabled, match="clear the fault first"):
+    with pytest.raises(NotNow, match="clear the fault first"):
         drive.request_enable()
     drive.clear_fault()
     for _ in range(200):
@@ -240,12 +240,12 @@ def test_a_start_that_fails_leaves_the_encoder_s_fault_and_another_try(wire, enc
     def fail():
         raise BusError("cannot send")
 
-    start = encoder._node.start
-    encoder._node.start = fail
+    start = encoder.prepare_start
+    encoder.prepare_start = fail
     with pytest.raises(BusError):
         encoder.clear_fault()
     assert encoder.fault == told
-    encoder._node.start = start
+    encoder.prepare_start = start
     encoder.clear_fault()
     encoder.request(1, wire.advance(), 0)
     wire.port.pump()

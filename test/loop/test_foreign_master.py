@@ -121,7 +121,7 @@ def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
     if enabled:
         assert robot.enable() == ""
         robot.ticks(600)
-    limit = robot.drive.node.sdo.unsigned(0x6072)
+    limit = robot.drive.sdo.unsigned(0x6072)
 
     def unguard():
         intruder.write(0x6072, 10_000, 2)
@@ -133,8 +133,8 @@ def test_a_foreign_sdo_client_stops_the_drive_and_what_it_altered_is_set_anew(
     assert "another SDO client" in robot.drive.fault
     assert robot.clear_fault() == ""
     robot.ticks(10)
-    assert robot.drive.node.sdo.unsigned(0x6072) == limit
-    assert robot.drive.node.sdo.unsigned(0x6007) == 1
+    assert robot.drive.sdo.unsigned(0x6072) == limit
+    assert robot.drive.sdo.unsigned(0x6007) == 1
     assert robot.enable() == ""
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from screw_module_ros.control.slot import Slot
-from screw_module_ros.devices import drive_start
+from screw_module_ros.devices import drive_group
 from screw_module_ros.safety.permit import CLOSED, OPENING
 
 
@@ -57,7 +57,7 @@ def test_a_plane_that_was_left_starts_with_its_guards_and_without_a_home(bench):
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [(0, 0)] * 2
     axes.restart()
     assert axes.guide.guidance(0.03, 0.0, 0.0, 0.0, bench.now_ns, 0.002).weight == 0.0
-    drive_start.start(axes.permit.drives)
+    drive_group.start(axes.permit.drives)
     assert [(end.value(0x1400, 5), end.value(0x1016, 1)) for end in ends] == [
         (20, 113 << 16 | 100)
     ] * 2

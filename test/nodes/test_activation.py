@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from types import SimpleNamespace
 
 import pytest
 import rclpy
 
 from screw_module_ros import graph
-from screw_module_ros.can_io.port import PortCounters
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.loop.plane import JointSettings, Plane
@@ -91,7 +91,7 @@ def test_a_set_point_from_before_is_gone_in_the_plane_too(make_node, monkeypatch
     """Deactivated and activated, with drives that do nothing."""
     node = make_node("manus")
     node.period_ns = 2_000_000
-    node.port = SimpleNamespace(clock=node.clock, snapshot=PortCounters)
+    node.port = SimpleNamespace(clock=node.clock, counters=Counter())
     drive = SimpleNamespace(
         settings=DriveSettings(), running=False, request_disable=lambda: None
     )

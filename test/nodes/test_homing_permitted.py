@@ -8,7 +8,7 @@ from amplifier_told import PatientClock, inbox_with, served_at_once
 from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
-from screw_module_ros.devices.errors import NotHomed
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.nodes.support.driver import NotPermitted, TorqueOff
 from screw_module_ros.nodes.support.place import lock_node
 
@@ -29,7 +29,7 @@ class Device:
     def home(self) -> float:
         self.asked += 1
         if self.asked == 1:
-            raise NotHomed("this moves the origin by 57 mm")
+            raise NotNow("this moves the origin by 57 mm")
         return 0.25
 
 

@@ -19,10 +19,10 @@ from scripted_devices import STATUSWORDS, ScriptedDrive
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.devices.heartbeat import Heartbeat
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
 

@@ -22,7 +22,7 @@ from screw_module_ros.control.linearization import default_linearization, torque
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
-from screw_module_ros.devices.errors import NotEnabled
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.geometry import SCREW, force_to_torque
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.safety.permit import CLOSED, OPEN, PermitSettings
@@ -138,6 +138,13 @@ class Machine(RuleBasedStateMachine):
             self.wire.emit(0x181, shown.to_bytes(2, "little") + bytes(6))
 
 
+    def mended(self) -> None:
+        """The far end works again; a fault reaction ends in fault by itself (CiA 402, 14)."""
+        end = self.end
+        end.answering, end.cause_stands = True, False
+        end.state = "fault" if end.state == "fault reaction active" else end.state
+
+
 class DriveMachine(Machine):
     """The driver alone: any torque, and an operator's requests in any order."""
 
@@ -149,14 +156,14 @@ class DriveMachine(Machine):
     @rule(torque=near(-0.8, 0.8, wild=False))
     def bring_up(self, torque):
         """Recover, enable and work, so that there is something to lose."""
-        self.end.answering, self.end.cause_stands = True, False
+        self.mended()
         self.tick(0.0, 1, 2)
         if self.drive.fault:
             self.clear()
         self.tick(0.0, 1, 120)
         self.enable()
         self.tick(torque, 1, 4)
-        assert self.drive.enabling or self.drive.fault
+        assert self.drive.logic.enabling or self.drive.fault
 
     @rule(torque=near(-0.8, 0.8, wild=False))
     def wait_long(self, torque):
@@ -179,7 +186,7 @@ class DriveMachine(Machine):
         fault = self.drive.fault
         try:
             self.drive.request_enable()
-        except NotEnabled:
+        except NotNow:
             return
         assert not fault
         self.asked = True
@@ -196,7 +203,7 @@ class DriveMachine(Machine):
 
     @rule()
     def start_anew(self):
-        if self.drive.node.configured:
+        if self.drive.intact:
             self.drive.start()
             self.asked = False
 
@@ -239,7 +246,7 @@ class AxisMachine(Machine):
     @rule(repeats=st.sampled_from((10, 60)))
     def bring_up(self, repeats):
         """Recover, enable and work."""
-        self.end.answering, self.end.cause_stands = True, False
+        self.mended()
         self.clear()
         self.enable()
         self.work(repeats)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
@@ -12,7 +12,7 @@ from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_port, where
-from screw_module_ros.can_io.bus_load import check_load
+from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
 from screw_module_ros.devices.errors import DeviceError
@@ -70,7 +70,7 @@ class DriverNode(ModuleNode):
         return self.port
 
     def check_bus_load(self, traffic: list) -> None:
-        """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/bus_load.py`)."""
+        """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/load.py`)."""
         bus = self.parameters.read(BusSettings, "can")
         self.bus_load, warning = check_load(traffic, bus.bitrate, self.bus_name)
         if warning:
@@ -115,8 +115,8 @@ class DriverNode(ModuleNode):
 
     def port_values(self, skipped: int) -> dict:
         """Return the bus's part of the diagnostics; skipped: ticks that an overrun skipped."""
-        counters = dataclasses.asdict(self.port.snapshot()) if self.port else {}
-        values = {f"bus {name}": count for name, count in counters.items() if count}
+        counters = device_values(self.port.counters) if self.port else {}
+        values = {f"bus {name}": count for name, count in counters.items()}
         return {
             "bus": self.bus_name,
             **({"bus state": "bus-off"} if self.port and self.port.bus_off else {}),
@@ -126,9 +126,9 @@ class DriverNode(ModuleNode):
         }
 
 
-def device_values(counters) -> dict:
-    """Return a device's counters that are not zero, for diagnostics."""
-    return {name: count for name, count in dataclasses.asdict(counters).items() if count}
+def device_values(counters: Counter[str]) -> dict[str, int]:
+    """Return the counters of a device or a bus that are not zero, for diagnostics."""
+    return {name: count for name, count in counters.copy().items() if count}
 
 
 class SensorNode(DriverNode):
@@ -184,8 +184,8 @@ class SensorNode(DriverNode):
     def sensor_health(self, shown: dict) -> Health:
         """Return rate, faults and counters; shown: further values."""
         device = self.device
-        counters = device.snapshot()
-        rate = self._rate.rate(counters.received, self.clock.now_ns())
+        counters = device.counters
+        rate = self._rate.rate(counters["received"], self.clock.now_ns())
         values = {
             "rate [1/s]": f"{rate:.1f}",
             **latency_values("answer", self.part.answers),

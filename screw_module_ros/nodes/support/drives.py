@@ -11,7 +11,7 @@ from screw_module_msgs.msg import SafetyState
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.devices import drive_start
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
@@ -79,7 +79,7 @@ class DriveNode(DriverNode):
 
     def start_drives(self) -> None:
         """Start the drives, disabled and with their guards. Raises DeviceError."""
-        for drive in drive_start.start(self.drives):
+        for drive in drive_group.start(self.drives):
             self._tell_warnings(drive)
 
     def _tell_warnings(self, drive: Drive) -> None:

@@ -5,10 +5,16 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.can_io.bus_load import Traffic, bits_per_second, check_load, frame_bits
-from screw_module_ros.devices.drive_settings import DriveSettings, drive_traffic
+from screw_module_ros.can_io.load import (
+    BusOverload,
+    Traffic,
+    bits_per_second,
+    check_load,
+    frame_bits,
+)
+from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.drive_setup import drive_traffic
 from screw_module_ros.devices.encoder_setup import EncoderSettings, encoder_traffic
-from screw_module_ros.devices.errors import BusOverload
 from screw_module_ros.devices.force_sensor_settings import (
     ForceSensorSettings,
     force_sensor_traffic,

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The clean exit of drives: disable, disarm 1400:05 and 1016, only then stop the heartbeat.
+"""Drives that share a bus: their common start, and their clean exit.
 
-Any other order leaves the drive in a fault, and the next start begins with it. Until the guards are
-disarmed, commands and heartbeats to all drives of the bus continue during the SDO transfers. A
-drive that did not confirm that it left operation enabled keeps its guards: they stop it when the
-commands end.
+Start: a drive whose guards may be disarmed is configured anew, as is one that may have restarted
+unseen while nobody read the bus.
+
+Exit: disable, disarm 1400:05 and 1016, only then stop the heartbeat. Any other order leaves the
+drive in a fault, and the next start begins with it. Until the guards are disarmed, commands and
+heartbeats to all drives of the bus continue during the SDO transfers. A drive that did not confirm
+that it left operation enabled keeps its guards: they stop it when the commands end.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import TYPE_CHECKING
 from ..can_io.port import Port
 from ..clock import TimeStandsStill
 from . import cia402, drive_setup
+from .canopen import NMT_PRE_OPERATIONAL
 from .cia402 import State
 from .errors import BusError, DeviceError
 
@@ -24,6 +28,19 @@ if TYPE_CHECKING:
 
 _DISABLE_WITHIN_NS = 500_000_000
 _PERIOD_NS = 1_000_000
+
+
+def start(drives: Sequence[Drive]) -> list[Drive]:
+    """Start all drives, disabled; return those that had to be configured anew. Blocking then.
+
+    Raises as `Drive.configure` and `Drive.start`; all are configured before any is started.
+    """
+    anew = [drive for drive in drives if not drive.configured]
+    for drive in anew:
+        drive.configure()
+    for drive in drives:
+        drive.start()
+    return anew
 
 
 def leave(drives: Sequence[Drive], port: Port) -> str:
@@ -38,7 +55,7 @@ def leave(drives: Sequence[Drive], port: Port) -> str:
         _disable(running, port)
         off = _disarm(running, port, problems)
         for drive in off:
-            drive.node.pre_operational()
+            drive.command_nmt(NMT_PRE_OPERATIONAL)
     except BusError as error:
         problems.append(str(error))
     for drive in running:
@@ -64,7 +81,7 @@ def _is_off(state: State) -> bool:
 def _state(drive: Drive, port: Port) -> State:
     """Return the drive's present state; request the statusword if it is stale."""
     state = drive.state(port.clock.now_ns())
-    return cia402.decode(drive.node.sdo.unsigned(0x6041)) if state is State.UNKNOWN else state
+    return cia402.decode(drive.sdo.unsigned(0x6041)) if state is State.UNKNOWN else state
 
 
 def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Drive]:
@@ -85,7 +102,7 @@ def _disarm(drives: Sequence[Drive], port: Port, problems: list[str]) -> list[Dr
                     )
                     continue
                 off.append(drive)
-                drive_setup.disarm(drive.node)
+                drive_setup.disarm(drive.sdo)
             except (DeviceError, TimeStandsStill) as error:
                 why = f"{drive.fault}; {error}" if drive.fault else f"{error}"
                 problems.append(f"guards of {drive.label} not disarmed: {why}")

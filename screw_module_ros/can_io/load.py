@@ -9,13 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from .errors import BusOverload
+from .port import DeviceError
 
 WARNING_LOAD = 0.8
 HIGHEST_LOAD = 1.0
 
 _FRAME_BITS = 47  # 11-bit identifier, no data: SOF to EOF 44, intermission 3
 _STUFFED_BITS = 34  # those subject to bit stuffing: SOF to the end of the CRC
+
+
+class BusOverload(DeviceError):
+    """The configured frames exceed the capacity of the bus at its bit rate."""
 
 
 class Traffic(NamedTuple):

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What drives and encoders share as CANopen devices (CiA 301), and our own heartbeat.
+
+A device goes `configure` -> `start` -> cyclic work -> `stop`. Its configuration counts as lost
+after a boot-up, after `stop`, and when nobody has read its bus for 2 s. Requests of another SDO
+client may have altered it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, ClassVar, NamedTuple
+
+from ..can_io.port import SYNC_ID, Port
+from . import emcy
+from .errors import DeviceError, NotConfigured, Occupied, Refused, WrongDevice
+from .sdo import Sdo
+
+#: NMT commands (CiA 301, 7.2.8.3.1): each goes to one node, never to all.
+NMT_START, NMT_STOP, NMT_PRE_OPERATIONAL = 0x01, 0x02, 0x80
+#: NMT states in a heartbeat.
+BOOT_UP, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
+
+_NMT_ID = 0x000
+_HEARTBEAT_BASE = 0x700
+_EMCY_BASE = 0x080
+_TOGGLE_BIT = 0x80
+UNWATCHED_NS = 2_000_000_000
+"""After this time without a reader of its bus a device may have lost what it was told [ns]."""
+
+
+class Heartbeat:
+    """Heartbeat producer of this process on one bus (CiA 301, 7.2.8.3); drives of a bus share it.
+
+    The loop that writes the torque sends it, never a thread: when the loop hangs, the heartbeat
+    must stop, so that the drive detects it. master_id: node id in the identifier. period: [s].
+    """
+
+    def __init__(self, port: Port, master_id: int, period: float):
+        self.can_id = _HEARTBEAT_BASE + master_id
+        self._port = port
+        self._period_ns = round(period * 1e9)
+        self._due_ns = 0
+
+    def beat(self, now_ns: int) -> None:
+        """Send one frame when it is due. now_ns: CLOCK_MONOTONIC [ns]. Raises BusError."""
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + self._period_ns
+            self._port.send(self.can_id, bytes([OPERATIONAL]))
+
+    def rest(self) -> None:
+        """Restart: the next `beat` sends at once."""
+        self._due_ns = 0
+
+
+class Identity(NamedTuple):
+    """Objects 1000 and 1018 of a device; 0 for an entry that it does not have."""
+
+    device_type: int
+    vendor_id: int = 0
+    product_code: int = 0
+    revision: int = 0
+    serial: int = 0
+
+    @property
+    def profile(self) -> int:
+        """Number of the device profile: 402 for drives, 406 for encoders."""
+        return self.device_type & 0xFFFF
+
+    @property
+    def text(self) -> str:
+        """Identity as text, for messages and hardware_id."""
+        return (
+            f"CiA {self.profile}, vendor 0x{self.vendor_id:X}, product 0x{self.product_code:X}, "
+            f"revision 0x{self.revision:X}, serial {self.serial}"
+        )
+
+
+class CanopenDevice:
+    """One remote node; a driver is a subclass with its profile and the hooks at the end.
+
+    settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
+    device in messages, like `vertical drive`. counters: events since the driver was created, by
+    name. running: started, and not left since. intact: the device still has its configuration, as
+    far as its frames tell. nmt, heartbeat_ns: network state and arrival of the last heartbeat.
+    emergency: text of the last emergency, empty after its reset.
+    """
+
+    profile: ClassVar[int]
+
+    def __init__(self, port: Port, settings: Any, label: str):
+        self.settings = settings
+        self.label = label
+        self.counters: Counter[str] = Counter()
+        self.running = self.intact = False
+        self.nmt: int | None = None
+        self.heartbeat_ns: int | None = None
+        self.emergency = ""
+        self.sdo = Sdo(
+            port, settings.node_id, label, settings.sdo_timeout, self._on_foreign_request
+        )
+        self._port = port
+        self._identity = Identity(0)
+        self._disturbances = (0, 0)
+        self._configured_ns = 0
+        port.subscribe(_HEARTBEAT_BASE + settings.node_id, self._on_heartbeat)
+        port.subscribe(_EMCY_BASE + settings.node_id, self._on_emergency)
+
+    # -- configuration: blocking -----------------------------------------------------------------
+
+    @property
+    def identity(self) -> str:
+        """Identity that the device reports, for hardware_id."""
+        return self._identity.text
+
+    @property
+    def configured(self) -> bool:
+        """Whether `start` may follow: configured just now, and neither restarted nor left since.
+
+        Where nobody reads the bus, a boot-up frame may be lost in a full receive buffer.
+        """
+        age_ns = self._port.clock.now_ns() - self._configured_ns
+        return self.intact and (self.running or age_ns <= UNWATCHED_NS)
+
+    def configure(self) -> None:
+        """Find the device and configure it as the settings say; blocking, without NMT start.
+
+        Raises Occupied, NotAnswering, WrongDevice, Refused, NotConfigured, BusError.
+        """
+        self.running = self.intact = False
+        self.refuse_others()
+        self.command_nmt(NMT_PRE_OPERATIONAL)
+        self._identify()
+        found = self.set_up()
+        self._configured_ns = self._port.clock.now_ns()
+        self.intact = True  # before the check, so that nothing is missed between the two
+        try:
+            self._check_undisturbed()
+        except DeviceError:
+            self.intact = False
+            raise
+        self.adopt(found)
+
+    def start(self) -> None:
+        """NMT start; cyclic work may begin.
+
+        Raises NotConfigured before `configure` and after `stop`, BusError.
+        """
+        if not self.intact:
+            raise NotConfigured(f"the {self.label} is not configured")
+        self.prepare_start()
+        self.command_nmt(NMT_START)
+        self.running = True
+        if not self.intact:  # it has restarted at just that
+            self.running = False
+
+    def stop(self) -> None:
+        """Send nothing more. The configuration counts as gone: nobody watches any more."""
+        self.running = self.intact = False
+
+    def command_nmt(self, command: int) -> None:
+        """Send an NMT command to this node, and to no other. Raises BusError."""
+        self._port.send(_NMT_ID, bytes([command, self.settings.node_id]))
+
+    def listen_for(self, can_ids: dict[int, str]) -> None:
+        """Raise Occupied when another master sends one of `can_ids`, or SYNC where that is ours.
+
+        can_ids: text about each identifier for the message.
+        """
+        heard = self._port.heard(dict.fromkeys(can_ids, bool), self.settings.listen)
+        if heard == SYNC_ID:
+            raise Occupied(
+                f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "
+                "or can.sync_producer should be false here"
+            )
+        if heard is not None:
+            raise Occupied(
+                f"somebody already commands the {self.label} on {self._port.name} "
+                f"({can_ids[heard]}): is a second copy of this node running?"
+            )
+
+    def _identify(self) -> None:
+        """Read the identity and compare it with the settings, where 0 means any."""
+        foreign = self.counters["foreign_sdo"]
+        parts = [self.sdo.unsigned(0x1000)]
+        for subindex in range(1, 5):
+            try:
+                parts.append(self.sdo.unsigned(0x1018, subindex))
+            except Refused:
+                parts.append(0)  # only the vendor is mandatory
+        # Boot-ups that came before its answers happened before them.
+        self._disturbances = foreign, self.counters["boot_ups"]
+        self._identity = found = Identity(*parts)
+        settings = self.settings
+        for name, value in (
+            ("profile", self.profile),
+            ("vendor_id", settings.vendor_id),
+            ("product_code", settings.product_code),
+        ):
+            if value and getattr(found, name) != value:
+                raise WrongDevice(
+                    f"{self.label}: node id {settings.node_id} on {self._port.name} is another "
+                    f"device ({found.text}); {name} {value} (0x{value:X}) is wanted: check the "
+                    "node id and the cable"
+                )
+
+    def _check_undisturbed(self) -> None:
+        foreign, boot_ups = self._disturbances
+        if self.counters["foreign_sdo"] != foreign:
+            raise Occupied(
+                f"{self.sdo.foreign_client} talked to the {self.label} while it was being "
+                "configured: stop it"
+            )
+        if self.counters["boot_ups"] != boot_ups:
+            raise NotConfigured(
+                f"{self.label} restarted while it was being configured; check its supply"
+            )
+
+    # -- unsolicited reports of the device, from the thread that pumps the port ------------------
+
+    def _on_heartbeat(self, data: bytes, arrival_ns: int) -> None:
+        if len(data) != 1:
+            self._port.counters["malformed"] += 1
+            return
+        self.heartbeat_ns = arrival_ns
+        state = data[0] & ~_TOGGLE_BIT
+        if state != BOOT_UP:
+            self.nmt = state
+            return
+        self.nmt = PRE_OPERATIONAL
+        self.counters["boot_ups"] += 1
+        if self.intact:
+            self.running = self.intact = False
+            self.restarted()
+
+    def _on_foreign_request(self) -> None:
+        self.counters["foreign_sdo"] += 1
+        if self.intact:
+            self.altered_by(self.sdo.foreign_client)
+
+    def _on_emergency(self, data: bytes, _arrival_ns: int) -> None:
+        emergency = emcy.decode(data)
+        if emergency is None:
+            self._port.counters["malformed"] += 1
+            return
+        self.counters["emcy"] += 1
+        self.emergency = "" if emergency.is_reset else emergency.text
+        if self.emergency:
+            self.reported(emergency)
+
+    # -- hooks -----------------------------------------------------------------------------------
+
+    def refuse_others(self) -> None:
+        """Raise Occupied when another master works on this bus: see `listen_for`."""
+        raise NotImplementedError
+
+    def set_up(self) -> Any:
+        """Write the objects of an identified device and read them back; return what was found."""
+        raise NotImplementedError
+
+    def adopt(self, found: Any) -> None:
+        """Take over what `set_up` returned: the device is configured."""
+        raise NotImplementedError
+
+    def prepare_start(self) -> None:
+        """Begin the cyclic work anew, just before NMT start."""
+        raise NotImplementedError
+
+    def restarted(self) -> None:
+        """Latch that a configured device has booted up."""
+        raise NotImplementedError
+
+    def altered_by(self, client: str) -> None:
+        """Latch that another SDO client talks to a configured device. client: its description."""
+        raise NotImplementedError
+
+    def reported(self, emergency: emcy.Emergency) -> None:
+        """Process an emergency that is no reset."""
+        raise NotImplementedError
