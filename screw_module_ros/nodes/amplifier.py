@@ -24,9 +24,8 @@ from screw_module_ros.settings import Setting
 from .support import topics
 from .support.driver import RateSettings, device_values
 from .support.drives import VERTICAL, DriveNode
-from .support.health import Health
 from .support.runtime import main as run_node
-from .support.states import Due, fill_amplifier, latency_values, timing_values
+from .support.states import Due, Health, fill_amplifier, latency_values, timing_values
 from .support.topics import offered
 from .support.wire import COMMAND, Command
 
@@ -134,9 +133,8 @@ class AmplifierNode(DriveNode):
         A command that arrives exactly then belongs to the next tick: the loop takes it after that
         tick's SYNC and the drive's answer, so the result does not depend on process speed.
         """
-        if not self._inbox.wait(until_ns):
-            return None
-        return self._take_command()
+        self._inbox.wait(until_ns)
+        return self._take_command(early=self.clock.now_ns() < until_ns)
 
     def publish_state(self, now_ns: int) -> None:
         """Publish the state when due."""

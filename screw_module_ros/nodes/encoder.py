@@ -13,10 +13,10 @@ from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import EncoderReading
 
+from .support.answering import Done
 from .support.driver import RateSettings, SensorNode, TorqueOff
-from .support.health import OK, WARN, Health
 from .support.runtime import main as run_node
-from .support.serving_node import Done
+from .support.states import OK, WARN, Health
 from .support.wire import pack_encoder
 
 

@@ -14,11 +14,10 @@ from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
+from .support.answering import Done
 from .support.driver import RateSettings, SensorNode
-from .support.health import OK, WARN, Health
 from .support.runtime import main as run_node
-from .support.serving_node import Done
-from .support.states import fill_wrench
+from .support.states import OK, WARN, Health, fill_wrench
 from .support.topics import offered
 from .support.wire import pack_force
 from .taring import Taring

@@ -42,10 +42,10 @@ from screw_module_ros.therapy.wishes import WishLimits
 
 from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from .support import topics
-from .support.module_node import OK, WARN, Health, ModuleNode
+from .support.node import Node
 from .support.place import below, root_folder
 from .support.runtime import main as run_node
-from .support.states import Due
+from .support.states import OK, WARN, Due, Health
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 from .wish_relay import WishRelay
@@ -68,7 +68,7 @@ class TherapySettings(NamedTuple):
     ] = True
 
 
-class TherapySessionNode(ModuleNode):
+class TherapySessionNode(Node):
     """The loop's thread takes samples; services change the session, under one lock."""
 
     def __init__(self):

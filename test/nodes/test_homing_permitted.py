@@ -9,6 +9,7 @@ from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.nodes.support.answering import carried_out
 from screw_module_ros.nodes.support.driver import NotPermitted, TorqueOff
 from screw_module_ros.nodes.support.place import lock_node
 
@@ -42,7 +43,7 @@ def home(make_node):
 
     def ask(*states: AmplifierState) -> str:
         node._torque_off = TorqueOff(node, inbox_with(None, *states), PatientClock(1))
-        return node._carried_out(node._home, None, "~/home", always=True)
+        return carried_out(node, node._home, None, "~/home", always=True)
 
     ask.device = device
     return ask

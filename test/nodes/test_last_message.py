@@ -14,9 +14,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import UInt32
 
+from screw_module_ros.lockstep.clock import simulated_clock
 from screw_module_ros.nodes.support import inbox, topics
 from screw_module_ros.nodes.support.inbox import Inbox, Outlet
-from screw_module_ros.simulated_clock import simulated_clock
 
 FOREVER_NS = 3_600_000_000_000
 
@@ -46,7 +46,7 @@ def test_what_never_comes_is_waited_for_no_longer_than_its_publisher_is_there(
     ends, monkeypatch, goes_first
 ):
     monkeypatch.setattr(inbox, "_LOST_NS", FOREVER_NS)
-    ends.outlet._source.publishing()  # counted, and dropped by the middleware
+    ends.outlet._end.count()  # counted, and dropped by the middleware
     found = []
     taking = threading.Thread(target=lambda: found.append(ends.take()), daemon=True)
     if goes_first:

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
-from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
@@ -21,16 +20,16 @@ from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.settings import Setting
 
-from .health import ERROR, OK, Health
 from .inbox import Inbox
-from .module_node import ModuleNode
+from .node import Node
 from .place import Lock, lock_device, runs
-from .states import RateMeter, latency_values
+from .states import ERROR, OK, Health, RateMeter, latency_values
 from .timers import Timer, Watch
 from .topics import offered, requested
 
 _SLOW_POLL_S = 5.0
 _STATE_S = 0.2
+_LOOKS = 15
 _AMPLIFIER = graph.TOPICS[graph.AMPLIFIER_STATE].publisher
 
 
@@ -42,7 +41,7 @@ class RateSettings(NamedTuple):
     )
 
 
-class DriverNode(ModuleNode):
+class DriverNode(Node):
     """A node with one CAN bus and its own tick rate."""
 
     def __init__(self, name: str, rate: float = 1000.0):
@@ -215,8 +214,25 @@ class TorqueOff:
         """Raise NotPermitted when the amplifier's next state shows that torque passes or may pass.
 
         why: the consequence, for the message. A silent amplifier passes no torque, but one that
-        the middleware has not discovered yet may: then it raises too.
+        the middleware has not discovered yet may: it has 3 s for that.
         """
+        for _ in range(_LOOKS):
+            state = self._next_state()
+            if state is not None or not self._is_undiscovered():
+                break
+        else:
+            raise NotPermitted(
+                f"{_AMPLIFIER} runs, but this node has not discovered it yet: try again in a moment"
+            )
+        if state is not None and (
+            state.enabled or state.state == AmplifierState.OPERATION_ENABLED
+        ):
+            raise NotPermitted(
+                f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
+            )
+
+    def _next_state(self) -> AmplifierState | None:
+        """Return the amplifier's next state, None while it is silent."""
         self._take_state()  # a waiting message may be old
         states: list[AmplifierState] = []
 
@@ -225,17 +241,7 @@ class TorqueOff:
             states.extend([state] if state is not None else [])
             return bool(states)
 
-        if not self._clock.wait_for(answered, _STATE_S):
-            if self._is_undiscovered():
-                raise NotPermitted(
-                    f"{_AMPLIFIER} runs, but this node has not discovered it yet: try again in a "
-                    "moment"
-                )
-            return
-        if states[0].enabled or states[0].state == AmplifierState.OPERATION_ENABLED:
-            raise NotPermitted(
-                f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
-            )
+        return states[0] if self._clock.wait_for(answered, _STATE_S) else None
 
     def _is_undiscovered(self) -> bool:
         """Return whether the amplifier runs on this machine and the graph does not show it."""

@@ -16,12 +16,11 @@ from screw_module_ros.devices.drive import Drive
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
 from . import topics
+from .answering import Done
 from .driver import DriverNode
-from .health import ERROR, OK, WARN, Health
 from .inbox import Inbox
-from .module_node import ModuleNode
-from .serving_node import Done
-from .states import broken_contract
+from .node import Node
+from .states import ERROR, OK, WARN, Health, broken_contract
 from .topics import requested, too_many_senders
 
 _LOOK_S = 0.1
@@ -139,7 +138,7 @@ class Permission:
     field: of the message, with the axis group's permission.
     """
 
-    def __init__(self, node: ModuleNode, inbox: Inbox, field: str):
+    def __init__(self, node: Node, inbox: Inbox, field: str):
         self._field = field
         self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, topics.PERMISSION))
         self._senders = Senders(node, [graph.SAFETY_STATE])
@@ -191,7 +190,7 @@ class Senders:
     until the middleware drops it, 20 s later.
     """
 
-    def __init__(self, node: ModuleNode, topics: Iterable[str]):
+    def __init__(self, node: Node, topics: Iterable[str]):
         self.warning = ""
         self._node, self._topics = node, tuple(topics)
         self._timer = node.periodic.every(node.clock, _LOOK_S, self._count)

@@ -8,17 +8,15 @@ subscriptions directly from a wait set, and the executor ignores them (`HotGroup
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from itertools import islice
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 
 from screw_module_ros.clock import Clock
-from screw_module_ros.lockstep.wires import Hop, Source
+from screw_module_ros.lockstep.end import End
 
 from .wire import Layout
 
@@ -49,134 +47,172 @@ class Inbox:
     """
 
     def __init__(self, node: Node, clock: Clock, direct: Collection[str] = ()):
-        self._node = node
-        self._clock = clock
-        self._direct = direct
+        self._node, self._clock, self._direct = node, clock, direct
         self._group = HotGroup()
-        self._subscriptions: list[Subscription] = []
-        self._hops: list[Hop] = []
-        self._takes: list[tuple[Callable[[], Any], int]] = []
-        self._waking: list[Any] = []
-        self._wakers: list[Hop] = []
+        self._all: list[Subscription] = []
+        self._waking: list[Subscription] = []
         self._wait_set: Any = None
 
     def subscribe(
         self, kind: type | Layout, topic: str, qos: QoSProfile, wakes: bool = False
-    ) -> Callable[[], Any]:
-        """Subscribe; return a function that takes the next message, or a record of a `Layout`.
+    ) -> Callable[..., Any]:
+        """Subscribe; return a `Subscription`, to be called for the next message.
 
-        It returns None when there is none. Its `arrived_ns`, if it has one, is when the last one
-        came: it may have waited in the queue for long (`Newest`).
-
-        `wakes`: `wait` returns when this subscription has a message. In simulated time the other
-        subscriptions return only messages published before the present time: a message published on
-        a tick arrives on the next tick, independent of the speed of the processes.
+        wakes: `wait` returns when this subscription has a message.
         """
         if topic in self._direct:
             return _nothing
-        take = self._subscribed(kind, topic, qos, wakes)
-        self._takes.append((take, qos.depth))
-        return take
-
-    def _subscribed(
-        self, kind: type | Layout, topic: str, qos: QoSProfile, wakes: bool
-    ) -> Callable[[], Any]:
-        message_type = kind.kind if isinstance(kind, Layout) else kind
-        subscription = self._node.create_subscription(
-            message_type, topic, never, qos, callback_group=self._group
-        )
-        self._subscriptions.append(subscription)
-        handle = subscription.handle
+        made = Subscription(self._node, self._clock, self._group, kind, topic, qos, wakes)
+        self._all.append(made)
         if wakes:
-            self._waking.append(handle)
-        take_one = _taker(handle, kind)
-        if self._clock.simulated:
-            hop = self._clock.hop(subscription.topic_name)
-            self._hops.append(hop)
-            if not wakes:
-                return _Settled(self, take_one, handle, hop, qos.depth == 1)
-            self._wakers.append(hop)
-            return lambda: self._take_counted(take_one, handle, hop, qos.depth == 1)
-
-        return _Received(take_one, self._clock)
-
-    def _take_counted(self, take: Callable, handle: Any, hop: Hop, only_newest: bool) -> Any:
-        """Take a message; wait for one that is published and still in transit."""
-        newest = None
-        while True:
-            taken = self.take_one(take, handle, hop, hop.pending)
-            if taken is None:
-                return newest
-            newest = taken
-            if not (only_newest and hop.pending()):
-                return newest
-
-    def take_one(
-        self, take: Callable, handle: Any, hop: Hop, is_due: Callable[[], bool]
-    ) -> Any:
-        """Take one message, None without one; is_due: it is published and must arrive."""
-        taken = take()
-        if taken is None and is_due():
-            taken = awaited(self._node, take, handle, hop)
-        if taken is None:
-            return None
-        hop.taken(taken[1]["publication_sequence_number"] or 0)
-        return taken[0]
+            self._waking.append(made)
+        return made
 
     def discard(self) -> None:
         """Drop what has come so far."""
-        for take, depth in self._takes:
-            for _ in islice(iter(take, None), depth + 1):  # one may have been held back
-                pass
+        for subscription in self._all:
+            subscription.discard()
 
-    def now_ns(self) -> int:
-        """Return the time of the inbox's clock [ns]."""
-        return self._clock.now_ns()
-
-    def wait(self, until_ns: int) -> bool:
-        """Wait for a message of a waking subscription, until `until_ns` at most.
-
-        In simulated time return False when `until_ns` came first, unless a message may have arrived
-        that does not hold time: from a publisher that is not counted, or of a topic that this end
-        does not follow yet.
-        """
+    def wait(self, until_ns: int) -> None:
+        """Wait for a message of a waking subscription, until `until_ns` at most."""
         if self._clock.simulated:
-            self._clock.member.wait(until_ns, hops=self._wakers)
-            in_time = self._clock.now_ns() < until_ns
-            return in_time or not any(hop.pending() for hop in self._wakers)
+            if not any(one.has_kept for one in self._waking):
+                self._clock.member.wait(until_ns, [one.end for one in self._waking])
+            return
         if self._wait_set is None:
             self._wait_set = _new_wait_set(self._node, len(self._waking))
         wait_set = self._wait_set
         wait_set.clear_entities()
-        for handle in self._waking:
-            wait_set.add_subscription(handle)
+        for one in self._waking:
+            wait_set.add_subscription(one.handle)
         wait_set.wait(max(0, until_ns - self._clock.now_ns()))
-        return True  # a message may have come: a late wake-up must not leave it for the next tick
 
     def close(self) -> None:
         """Destroy the subscriptions."""
-        self._wait_set, self._waking = None, []
-        for hop in self._hops:
-            hop.close()
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
-        self._subscriptions, self._hops, self._takes, self._wakers = [], [], [], []
+        for subscription in self._all:
+            subscription.close()
+        self._all, self._waking, self._wait_set = [], [], None
 
 
-def awaited(node: Node, take: Callable[[], Any], handle: Any, hop: Hop) -> Any:
+class Subscription:
+    """One subscription of a hot loop; a call returns its next message, None without one.
+
+    Of a queue of one it returns the newest. A `Layout` gives records in place of messages. In
+    simulated time a message published on a tick arrives on the next tick, independent of the speed
+    of the processes, unless this subscription wakes its loop.
+    """
+
+    def __init__(
+        self, node: Node, clock: Clock, group: CallbackGroup, kind: type | Layout, topic: str,
+        qos: QoSProfile, wakes: bool,
+    ):
+        self._node, self._clock, self._wakes = node, clock, wakes
+        self._depth = qos.depth
+        if clock.simulated:
+            # One more place: a message of this tick must not push out that of the last one.
+            qos = QoSProfile(
+                history=qos.history, depth=qos.depth + 1, reliability=qos.reliability,
+                durability=qos.durability,
+            )  # fmt: skip
+        message_type = kind.kind if isinstance(kind, Layout) else kind
+        self._subscription = node.create_subscription(
+            message_type, topic, never, qos, callback_group=group
+        )
+        self.handle = self._subscription.handle
+        self._take = _taker(self.handle, kind)
+        self.end: End | None = None
+        if clock.simulated:
+            self.end = clock.subscription(self._subscription.topic_name)
+        self._kept: tuple[int, Any] | None = None
+        self._arrived_ns = self._stamp_ns = 0
+
+    def __call__(self, early: bool | None = None) -> Any:
+        """Return the next message.
+
+        early: in simulated time also one that was published at the present time; None: if this
+        subscription wakes its loop.
+        """
+        if self.end is None:
+            return self._received()
+        early = self._wakes if early is None else early
+        found = self._released(early)
+        while self._kept is None and (found is None or self._depth == 1):
+            message = self._taken(early)
+            if message is None:
+                break
+            if self.end.is_early and not early:
+                self._kept = (self._clock.now_ns(), message)
+            else:
+                found, self._arrived_ns = message, self._clock.now_ns()
+        return found
+
+    @property
+    def has_kept(self) -> bool:
+        """Whether a message was kept for a later time."""
+        return self._kept is not None
+
+    @property
+    def arrived_ns(self) -> int:
+        """Time at which the message returned last came [ns]; it may have waited for long.
+
+        By wall clock the middleware stamps with the system clock. One that is set meanwhile makes a
+        message older, never newer than it is taken.
+        """
+        if self.end is not None:
+            return self._arrived_ns
+        waited_ns = self._clock.stamp_ns() - self._stamp_ns
+        return self._clock.now_ns() - max(0, waited_ns)
+
+    def discard(self) -> None:
+        """Drop what has come so far."""
+        for _ in range(self._depth + 2):  # one more place, and one that was kept
+            if self(early=True) is None:
+                return
+
+    def close(self) -> None:
+        """Destroy it."""
+        if self.end is not None:
+            self.end.close()
+        self._node.destroy_subscription(self._subscription)
+
+    def _received(self) -> Any:
+        taken = self._take()
+        if taken is None:
+            return None
+        self._stamp_ns = taken[1]["received_timestamp"]
+        return taken[0]
+
+    def _released(self, early: bool) -> Any:
+        if self._kept is None or (self._kept[0] == self._clock.now_ns() and not early):
+            return None
+        (self._arrived_ns, message), self._kept = self._kept, None
+        return message
+
+    def _taken(self, early: bool) -> Any:
+        """Take one message; wait for one that must arrive."""
+        taken = self._take()
+        if taken is None and (self.end.pending if early else self.end.unsettled):
+            taken = awaited(self._node, self._take, self.handle, self.end)
+        if taken is None:
+            return None
+        self.end.take(taken[1]["publication_sequence_number"] or 0)
+        return taken[0]
+
+
+def awaited(node: Node, take: Callable[[], Any], handle: Any, end: End) -> Any:
     """Take a published message that is still in transit; None if it is lost.
 
     It arrives within a moment, or it is lost: then time does not wait for this end until the next
-    one has come. take: takes a message of `handle`, a subscription of `node`; hop: its count.
+    one has come. take: takes a message of `handle`, a subscription of `node`; end: its count.
     """
-    _await_message(node, handle, hop)
+    _await_message(node, handle, end)
     taken = take()
     if taken is None:
-        hop.let_go()
+        end.let_go()
     return taken
 
 
-def _await_message(node: Node, handle: Any, hop: Hop) -> None:
+def _await_message(node: Node, handle: Any, end: End) -> None:
     """Wait until a message is there, or has had its time to arrive.
 
     The middleware drops what a process that ends has sent and nobody has taken yet; waiting for it
@@ -184,7 +220,7 @@ def _await_message(node: Node, handle: Any, hop: Hop) -> None:
     """
     wait_set = _new_wait_set(node, 1)
     for _ in range(_LOST_NS // _SLICE_NS):
-        is_last = hop.is_orphaned  # asked before the wait, in which its last message may come
+        is_last = end.is_orphaned  # asked before the wait, in which its last message may come
         wait_set.clear_entities()
         wait_set.add_subscription(handle)
         wait_set.wait(_SLICE_NS)
@@ -196,69 +232,6 @@ def _new_wait_set(node: Node, subscriptions: int) -> Any:
     context = node.context
     with context.handle:
         return _rclpy.WaitSet(subscriptions, 0, 0, 0, 0, 0, context.handle)
-
-
-class _Received:
-    """A subscription by wall clock."""
-
-    def __init__(self, take: Callable, clock: Clock):
-        self._take, self._clock = take, clock
-        self._stamp_ns = 0
-
-    def __call__(self) -> Any:
-        """Return the next message, None without one."""
-        taken = self._take()
-        if taken is None:
-            return None
-        self._stamp_ns = taken[1]["received_timestamp"]
-        return taken[0]
-
-    @property
-    def arrived_ns(self) -> int:
-        """Time at which the middleware received the message returned last [ns].
-
-        It stamps with the system clock. One that is set meanwhile makes a message older, never
-        newer than it is taken.
-        """
-        waited_ns = self._clock.stamp_ns() - self._stamp_ns
-        return self._clock.now_ns() - max(0, waited_ns)
-
-
-class _Settled:
-    """A subscription that holds messages of the present tick back until the next one.
-
-    arrived_ns: time at which the message returned last had come; a reader that looks rarely gets
-    one that was held back for long.
-    """
-
-    def __init__(
-        self, inbox: Inbox, take: Callable, handle: Any, hop: Hop, only_newest: bool
-    ):
-        self._inbox, self._hop, self._only_newest = inbox, hop, only_newest
-        self._from = (take, handle, hop, hop.unsettled)
-        self._early: tuple[int, Any] | None = None
-        self.arrived_ns = 0
-
-    def __call__(self) -> Any:
-        """Return the next message, or the newest with `only_newest`; None without one."""
-        found = self._kept()
-        while found is None or self._only_newest:
-            if self._early is not None:
-                break
-            message = self._inbox.take_one(*self._from)
-            if message is None:
-                break
-            if self._hop.is_new():
-                self._early = (self._inbox.now_ns(), message)
-            else:
-                found, self.arrived_ns = message, self._inbox.now_ns()
-        return found
-
-    def _kept(self) -> Any:
-        if self._early is None or self._early[0] == self._inbox.now_ns():
-            return None
-        (self.arrived_ns, message), self._early = self._early, None
-        return message
 
 
 class Outlet:
@@ -274,21 +247,21 @@ class Outlet:
         self._publisher = node.create_publisher(kind, topic, qos)
         handle = self._publisher.handle
         self._send = handle.publish_raw if raw else handle.publish
-        self._source: Source | None = None
+        self._end: End | None = None
         self.publish = self._send
         if clock.simulated:
-            self._source = clock.source(self._publisher.topic_name)
+            self._end = clock.publisher(self._publisher.topic_name)
             self.publish = self._publish_counted
 
     def _publish_counted(self, message: Any) -> None:
-        self._source.publishing()
+        self._end.count()
         self._send(message)
-        self._source.published()
+        self._end.announce()
 
     def close(self) -> None:
         """Destroy the publisher."""
-        if self._source is not None:
-            self._source.close()
+        if self._end is not None:
+            self._end.close()
         self._node.destroy_publisher(self._publisher)
 
 
@@ -306,7 +279,7 @@ def _taker(handle: Any, kind: type | Layout) -> Callable[[], Any]:
     return take
 
 
-def _nothing() -> None:
+def _nothing(early: bool | None = None) -> None:
     return None
 
 

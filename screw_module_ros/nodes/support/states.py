@@ -8,8 +8,9 @@ come from the newest state message: the loop owns the meter.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
 
@@ -29,8 +30,27 @@ from screw_module_ros.samples import ForceReading
 
 from .inbox import fill_stamp
 
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _UNKNOWN = [math.nan, math.nan]
 _SHARES = (0.5, 0.99, 0.999)
+
+
+class Health(NamedTuple):
+    """One entry on /diagnostics: level, message and named values."""
+
+    level: bytes
+    message: str
+    values: dict
+
+    def status(self, node: str, hardware_id: str) -> DiagnosticStatus:
+        """Return the entry as a message; node: its full name."""
+        return DiagnosticStatus(
+            level=self.level,
+            name=node.lstrip("/"),
+            message=self.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in self.values.items()],
+        )
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
