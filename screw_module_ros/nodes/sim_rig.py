@@ -235,7 +235,7 @@ class SimRigNode(Node):
         counters = self._rig.counters._asdict()
         if self._time is not None:
             if told := self._slowness.told(self.clock.page.factor, self._time.speed):
-                self.get_logger().warning(told)
+                self.get_logger().info(told)
             counters["real-time factor"] = f"{self.clock.page.factor:.2f}"
             counters["given up"] = self._time.given_up
             factor = f"simulating, real-time factor {self.clock.page.factor:.2f}"

@@ -72,7 +72,7 @@ class CanFrames:
             drive.sync(now_ns)
             drive.heartbeat(now_ns)
             wire.port.pump()
-            wished = drive.enabling
+            wished = drive.logic.enabling
             written = drive.write(torque, now_ns)
             assert math.isfinite(written) and abs(written) <= _DRIVE.max_torque + _STEP
             assert not written or wished, "torque that nobody asked for"
