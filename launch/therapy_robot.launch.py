@@ -12,9 +12,9 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchDescription
 from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import PACKAGE
+from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.robot_description import robot_description
-from screw_module_ros.nodes.support.plan import plan
-from screw_module_ros.nodes.support.transport import keep_to_this_machine, open_to_network
+from screw_module_ros.nodes.support.place import keep_to_this_machine, open_to_network
 from screw_module_ros.resources import resource_path
 
 _YES, _NO = ("true", "1", "yes", "on"), ("false", "0", "no", "off", "")

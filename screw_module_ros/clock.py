@@ -2,7 +2,7 @@
 """Clocks: every loop, driver, guard and client takes the time from one of them.
 
 `WallClock` is CLOCK_MONOTONIC, for hardware. The owner of a `ManualClock` advances it, for loops in
-a single thread. `simulated_clock.SimulatedClock` is the time of the simulated rig. Laws, limits and
+a single thread. `lockstep.clock.SimulatedClock` is the time of the simulated rig. Laws, limits and
 guards work with any of them.
 """
 
@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Protocol
 
-from .lockstep.member import TimeStandsStill as TimeStandsStill  # raised by simulated waits
-
 _POLL_NS = 1_000_000
+
+
+class TimeStandsStill(RuntimeError):
+    """Simulated time does not advance; the message names what is missing."""
 
 
 class Arrivals(Protocol):
@@ -81,10 +83,31 @@ class Clock:
     def close(self) -> None:
         """Release the clock."""
 
-    @contextmanager
-    def working(self):
+    def working(self) -> AbstractContextManager:
         """Hold simulated time while this thread works, except in its waits."""
-        yield
+        return nullcontext()
+
+    def serving(self, node: str) -> Serving:
+        """Return what holds simulated time for the requests to a node (full name)."""
+        return Serving()
+
+
+class Serving:
+    """Requests to a node, for the threads that serve it; by wall clock they hold nothing."""
+
+    def working(self) -> AbstractContextManager:
+        """Hold time while this thread works, except in its waits, in which requests wait too."""
+        return nullcontext()
+
+    def answering(self) -> AbstractContextManager:
+        """Like `working`, for one request, whose client has the answer before time advances."""
+        return nullcontext()
+
+    def hold(self) -> None:
+        """Hold time for the thread that serves until it has worked once more."""
+
+    def close(self) -> None:
+        """Hold nothing from now on: nothing is served any more."""
 
 
 class PlainArrivals:

@@ -2,7 +2,7 @@
 """The one table of the graph: executables, topics, CAN buses. All other code reads it from here.
 
 The table is independent of ROS: a type is `package/msg/Name`, a quality of service is a name in
-`nodes/support/qos.py`. Tests compare the table with the running graph, the security policy,
+`nodes/support/topics.py`. Tests compare the table with the running graph, the security policy,
 setup.py, the parameter files and the README.
 """
 

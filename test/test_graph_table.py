@@ -26,9 +26,9 @@ from screw_module_ros.graph import (
     subscribed_by,
     table,
 )
-from screw_module_ros.nodes.support.flat import Flat
-from screw_module_ros.nodes.support.plan import placement
+from screw_module_ros.nodes.bringup import placement
 from screw_module_ros.nodes.support.topics import message_class, offered, requested
+from screw_module_ros.nodes.support.wire import Layout
 from screw_module_ros.recording.expected import TICKED
 from screw_module_ros.rig import build
 
@@ -127,7 +127,7 @@ def test_types_and_qualities_are_there(topic):
     kind, name, profile = offered(topic.name)
     assert (kind, name) == (message_class(topic.type), topic.name)
     taken, _, wanted = requested(topic.name)
-    assert (taken.kind if isinstance(taken, Flat) else taken) is kind
+    assert (taken.kind if isinstance(taken, Layout) else taken) is kind
     assert wanted.reliability == profile.reliability and wanted.depth == 1
 
 

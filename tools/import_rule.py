@@ -29,15 +29,15 @@ SHARED = (
     "settings_mapping", "samples", "geometry", "filters", "compiled", "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
-    *SHARED, "lockstep", "clock", "simulated_clock", "plant", "can_io", "rig", "safety", "control",
+    *SHARED, "clock", "lockstep", "plant", "can_io", "rig", "safety", "control",
     "calibration", "devices", "loop", "recording", "identification", "therapy", "bridge",
     "session_command",
     "nodes", "operator", "identification/live", "trials",
 )  # fmt: skip
 FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...
-    "plant": ("lockstep", "clock", "simulated_clock"),
-    "safety": ("lockstep", "clock", "simulated_clock", "can_io", "plant", "rig"),
-    "control": ("lockstep", "clock", "simulated_clock", "can_io", "plant", "rig"),
+    "plant": ("lockstep", "clock"),
+    "safety": ("lockstep", "clock", "can_io", "plant", "rig"),
+    "control": ("lockstep", "clock", "can_io", "plant", "rig"),
     "calibration": ("plant", "rig"),
     "devices": ("control", "calibration", "plant", "rig"),
     "loop": ("calibration", "plant", "rig"),

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 
-from .page import BUSY, FOREVER, HOPS, LINES, NOBODY, SLOTS, Page, alive, works
-from .wires import Line
+from .page import BUSY, FOREVER, THREADS, Page, alive, works
 
 PATIENCE_S = 1.0
 STARVED_S = 10.0
@@ -53,9 +53,10 @@ class Conductor:
             page.changed()
         self._roster = -1
         self._top = 0
+        self._is_new_roll = False
         self._seen = 0
-        self._lines: list[Line] = []
-        self._hops: list[tuple[int, int]] = []
+        self._ends: list[tuple[int, list[int]]] = []  # with those that send to them
+        self._buses: list[tuple[int, list[int]]] = []
         self.given_up = 0
         self._progress: tuple = ()
         self._progress_s = self._looked_s = self._called_s = time.monotonic()
@@ -74,40 +75,43 @@ class Conductor:
             self._call_roll()
         top = self._top
         while True:
-            declared = sum(page.slot_declared[:top])
-            if self._under_way():
+            waits = sum(page.waits[:top])
+            if next(self._in_transit(), None) is not None:
                 return None
-            earliest = min(page.slot_until[:top], default=FOREVER)
+            earliest = min(page.until[:top], default=FOREVER)
             if earliest <= page.now_ns:
                 return None
-            if sum(page.slot_declared[:top]) == declared:
+            if sum(page.waits[:top]) == waits:
                 return earliest
 
-    def _under_way(self) -> bool:
-        page = self._page
-        for line in self._lines:
-            if self._is_awaited(line) and line.pending() > 0:
-                return True
-        published, taken = page.topic_published, page.hop_taken
-        for hop, topic in self._hops:
-            if taken[hop] != published[topic]:
-                if page.hop_waiter[hop] >= 0 and page.hop_follows[hop]:
-                    return True
-        return False
+    def _in_transit(self) -> Iterator[int]:
+        """Yield the ends that time waits for: something is in transit, and a thread waits there.
 
-    def _is_awaited(self, line: Line) -> bool:
-        """Return whether a member waits for the frames, or this process does."""
-        page, row = self._page, line.row
-        return page.line_waiter[row] >= 0 or page.line_pid[row] == page.conductor
+        This process takes whatever is sent to it.
+        """
+        page, own = self._page, self._page.conductor
+        follows, waiter, taken, sent = page.follows, page.waiter, page.taken, page.sent
+        for end, senders in self._ends:
+            if follows[end] and (waiter[end] >= 0 or page.end_pid[end] == own):
+                total = 0
+                for sender in senders:
+                    total += sent[sender]
+                if taken[end] < total:
+                    yield end
 
     def _call_roll(self) -> None:
         page = self._page
         self._roster = page.roster
-        self._top = 1 + max((i for i in range(SLOTS) if page.slot_pid[i]), default=-1)
-        rows = [i for i in range(LINES) if page.line_pid[i]]
-        known = {line.row: line for line in self._lines}
-        self._lines = [known.get(row) or _watched(page, row) for row in rows]
-        self._hops = [(i, page.hop_topic[i]) for i in range(HOPS) if page.hop_pid[i]]
+        self._top = 1 + max((i for i in range(THREADS) if page.thread_pid[i]), default=-1)
+        senders: dict[int, list[int]] = defaultdict(list)
+        channels = {row: channel for row, channel in enumerate(page.channel) if channel}
+        for row, channel in channels.items():
+            if page.sends[row]:
+                senders[channel].append(row)
+        ends = ((row, [each for each in senders[channels[row]] if each != row]) for row in channels)
+        self._ends = [(end, others) for end, others in ends if others]
+        self._buses = [(end, others) for end, others in self._ends if page.sends[end]]
+        self._is_new_roll = True
         page.top = self._top
 
     def too_early(self) -> float:
@@ -121,23 +125,24 @@ class Conductor:
         now_s = self._progress_s = time.monotonic()
         if self.speed:
             self._due_s = max(self._due_s, now_s - _MOST_AHEAD_S) + elapsed_s / self.speed
-        page.topic_settled[:] = page.topic_published
+        for end, senders in self._ends if self._is_new_roll else self._buses:
+            # One that left was taken from at the same moment, or lost frames came after all.
+            page.taken[end] = min(page.taken[end], sum(page.sent[each] for each in senders))
+        self._is_new_roll = False
+        page.settled[:] = page.sent  # what was sent is of the past from here on
         page.now_ns = to_ns
         if now_s - self._factor_s > 1.0:
             page.factor = (to_ns - self._factor_ns) * 1e-9 / (now_s - self._factor_s)
             self._factor_s, self._factor_ns = now_s, to_ns
-        for line in self._lines:
-            if line.pending() < 0:  # an end has gone, with its count; or frames were not lost
-                line.forgive(line.pending())
 
     def release(self) -> None:
         """Wake every member that waits for this time."""
         page, now_ns = self._page, self._page.now_ns
-        until = page.slot_until
-        for slot in range(self._top):
-            if BUSY < until[slot] <= now_ns:
-                until[slot] = BUSY
-                page.wake_slot(slot)
+        until = page.until
+        for thread in range(self._top):
+            if BUSY < until[thread] <= now_ns:
+                until[thread] = BUSY
+                page.wake_thread(thread)
 
     def sleep(self, longest_s: float) -> None:
         """Sleep until a member has changed its state since `look`, for `longest_s` at most."""
@@ -171,27 +176,13 @@ class Conductor:
     def _starves(self) -> bool:
         """Return whether a process that holds time could run."""
         page = self._page
-        holding = {page.slot_pid[slot] for slot in self._busy_slots()}
-        holding |= {page.line_pid[line.row] for line in self._unread_lines()}
-        holding |= {page.hop_pid[hop] for hop in self._untaken_hops()}
+        holding = {page.thread_pid[thread] for thread in self._busy_threads()}
+        holding |= {page.end_pid[end] for end in self._in_transit()}
         return any(works(pid) for pid in holding - {0, os.getpid()})
 
-    def _busy_slots(self) -> list[int]:
+    def _busy_threads(self) -> list[int]:
         page, now_ns = self._page, self._page.now_ns
-        return [slot for slot in range(self._top) if page.slot_until[slot] <= now_ns]
-
-    def _unread_lines(self) -> list[Line]:
-        return [line for line in self._lines if self._is_awaited(line) and line.pending() > 0]
-
-    def _untaken_hops(self) -> list[int]:
-        page = self._page
-        return [
-            hop
-            for hop, topic in self._hops
-            if page.hop_taken[hop] != page.topic_published[topic]
-            and page.hop_waiter[hop] >= 0
-            and page.hop_follows[hop]
-        ]
+        return [thread for thread in range(self._top) if page.until[thread] <= now_ns]
 
     def _busy_now(self) -> tuple:
         """Return the time and the number of waits of each busy thread; constant while it hangs.
@@ -199,7 +190,7 @@ class Conductor:
         Waiting threads repeat their declaration now and then; that is no progress.
         """
         page = self._page
-        return (page.now_ns, *((slot, page.slot_declared[slot]) for slot in self._busy_slots()))
+        return (page.now_ns, *((thread, page.waits[thread]) for thread in self._busy_threads()))
 
     def _dismiss_ended(self) -> None:
         page = self._page
@@ -212,13 +203,13 @@ class Conductor:
     def _give_up(self, stood_s: float) -> None:
         page = self._page
         names = []
-        for slot in self._busy_slots():
-            page.slot_until[slot] = FOREVER
-            names.append(page.name(slot))
-        names += [self._give_up_line(line) for line in self._unread_lines()]
-        for hop in self._untaken_hops():
-            names.append(f"{page.name(page.hop_waiter[hop])} (a message lost)")
-            page.hop_follows[hop] = 0
+        for thread in self._busy_threads():
+            page.until[thread] = FOREVER
+            names.append(page.name(thread))
+        for end in [*self._in_transit()]:
+            waiter = page.waiter[end]
+            names.append(f"{page.name(waiter) if waiter >= 0 else 'the rig'} (not received)")
+            page.follows[end] = 0
         if names:
             self.given_up += len(names)
             self._report(
@@ -226,24 +217,8 @@ class Conductor:
                 f"{stood_s:.0f} s"
             )
 
-    def _give_up_line(self, line: Line) -> str:
-        """Stop waiting for the frames of one line; return the name of its owner."""
-        page, waiter = self._page, self._page.line_waiter[line.row]
-        if waiter >= 0:
-            page.line_waiter[line.row] = NOBODY  # until it waits again
-            return f"{page.name(waiter)} (frames not read)"
-        line.forgive(line.pending())
-        return "the rig (frames lost)"
-
     def close(self) -> None:
         """Stop the time."""
         with self._page.locked():
             if self._page.conductor == os.getpid():
                 self._page.conductor = 0
-
-
-def _watched(page: Page, row: int) -> Line:
-    """Return another member's line, to read its counts."""
-    line = Line.__new__(Line)
-    line._page, line.row, line._roster, line._peers = page, row, -1, []
-    return line

@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
 
+from ..clock import TimeStandsStill
+from .end import End
 from .page import BUSY, FOREVER, NOBODY, Page
-from .wires import Hop, Line
 
 _SLICE_S = 0.05
 """Longest sleep of a waiting thread: the cost of a missed wake-up."""
-
-
-class TimeStandsStill(RuntimeError):
-    """Simulated time does not advance; the message names what is missing."""
 
 
 class Member:
@@ -36,68 +32,60 @@ class Member:
         self._stopping = stopping
         self._patience_s = patience_s
         with page.locked():
-            self.slot = page.take(page.slot_pid, os.getpid(), "thread")
-            page.set_name(self.slot, name)
-            page.slot_until[self.slot] = BUSY
+            self.row = page.take(page.thread_pid, "thread")
+            page.set_name(self.row, name)
+            page.until[self.row] = BUSY
 
     def busy(self) -> None:
         """Hold time until the next wait."""
-        self._page.slot_until[self.slot] = BUSY
+        self._page.until[self.row] = BUSY
 
     def idle(self) -> None:
         """Release time for good: this thread no longer uses the clock."""
-        if self._page.slot_until[self.slot] != FOREVER:  # a repetition must not count as progress
+        if self._page.until[self.row] != FOREVER:  # a repetition must not count as progress
             self._declare(FOREVER)
 
     def leave(self) -> None:
         """Return the row: this thread ends."""
         self.idle()
         with self._page.locked():
-            self._page.slot_pid[self.slot] = 0
+            self._page.thread_pid[self.row] = 0
             self._page.changed()
 
-    def wait(
-        self, until_ns: int, line: Line | None = None, hops: Sequence[Hop] = ()
-    ) -> None:
-        """Wait until `until_ns`, or until a frame on `line` or a message on one of `hops` arrives.
+    def wait(self, until_ns: int, ends: Sequence[End] = ()) -> None:
+        """Wait until `until_ns`, or until something is in transit to one of `ends`.
 
         Raises TimeStandsStill.
         """
-        page, slot = self._page, self.slot
+        page, row = self._page, self.row
         if page.now_ns >= until_ns:
-            page.slot_until[slot] = BUSY  # an idle or given-up member holds time again from now on
+            page.until[row] = BUSY  # an idle or given-up member holds time again from now on
             return
         stood_at, stood_since = page.now_ns, None
         try:
             while True:
-                if line is not None:  # each time: the conductor may have reset it
-                    page.line_waiter[line.row] = slot
-                for hop in hops:
-                    page.hop_waiter[hop.row] = slot
-                seen = page.slot_wake[slot]
-                if page.now_ns >= until_ns or (line is not None and line.pending() > 0):
+                for end in ends:  # each time: the conductor may have reset it
+                    page.waiter[end.row] = row
+                seen = page.wake[row]
+                if page.now_ns >= until_ns or any(end.pending for end in ends):
                     return
-                if any(hop.pending() for hop in hops):
-                    return
-                if page.slot_until[slot] != until_ns:  # a repetition must not count as progress
+                if page.until[row] != until_ns:  # a repetition must not count as progress
                     self._declare(until_ns)
-                page.sleep_slot(slot, seen, _SLICE_S)
-                if page.slot_wake[slot] == seen:
+                page.sleep_thread(row, seen, _SLICE_S)
+                if page.wake[row] == seen:
                     if page.now_ns != stood_at:
                         stood_at, stood_since = page.now_ns, None
                     stood_since = self._look_up(stood_since)
         finally:
-            page.slot_until[slot] = BUSY
-            if line is not None:
-                page.line_waiter[line.row] = NOBODY
-            for hop in hops:
-                page.hop_waiter[hop.row] = NOBODY
+            page.until[row] = BUSY
+            for end in ends:
+                page.waiter[end.row] = NOBODY
 
     def _declare(self, until_ns: int) -> None:
         page = self._page
-        page.slot_declared[self.slot] += 1  # before the time: the conductor looks again
-        page.slot_until[self.slot] = until_ns
-        if min(page.slot_until[: page.top]) > page.now_ns:
+        page.waits[self.row] += 1  # before the time: the conductor looks again
+        page.until[self.row] = until_ns
+        if min(page.until[: page.top]) > page.now_ns:
             page.wake_conductor()
 
     def _look_up(self, since: float | None) -> float:

@@ -25,28 +25,23 @@ NOBODY = -1
 START_NS = 1_000_000_000_000
 """Start of simulated time [ns]: far from 0, which means never."""
 
-USERS, SLOTS, LINES, TOPICS, HOPS = 64, 96, 64, 192, 320
+USERS, THREADS, ENDS = 64, 96, 640
 _NAME_BYTES = 96
-_VERSION = 5
+_VERSION = 6
 _FOLDER = Path("/dev/shm")
 _FUTEX = {"x86_64": 202, "aarch64": 98}.get(platform.machine())
 _FUTEX_WAIT, _FUTEX_WAKE = 0, 1
 _WORD = 8
 
 _HEADER = ("version", "now", "conductor", "roster", "wake", "asleep", "factor", "top")
-_TABLES = (
-    ("user_pid", USERS),
-    ("slot_pid", SLOTS), ("slot_until", SLOTS), ("slot_wake", SLOTS), ("slot_asleep", SLOTS),
-    ("slot_declared", SLOTS),
-    ("line_pid", LINES), ("line_bus", LINES), ("line_sent", LINES), ("line_handled", LINES),
-    ("line_base", LINES), ("line_waiter", LINES),
-    ("topic_key", TOPICS), ("topic_pid", TOPICS), ("topic_published", TOPICS),
-    ("topic_base", TOPICS), ("topic_settled", TOPICS),
-    ("hop_pid", HOPS), ("hop_topic", HOPS), ("hop_taken", HOPS), ("hop_follows", HOPS),
-    ("hop_waiter", HOPS),
-)  # fmt: skip
-_WORDS = len(_HEADER) + sum(count for _, count in _TABLES)
-_SIZE = _WORDS * _WORD + SLOTS * _NAME_BYTES
+_TABLES = {
+    "user_pid": USERS,
+    "thread_pid": THREADS, "until": THREADS, "waits": THREADS, "wake": THREADS, "asleep": THREADS,
+    "end_pid": ENDS, "channel": ENDS, "sends": ENDS, "sent": ENDS, "settled": ENDS, "taken": ENDS,
+    "follows": ENDS, "waiter": ENDS,
+}  # fmt: skip
+_WORDS = len(_HEADER) + sum(_TABLES.values())
+_SIZE = _WORDS * _WORD + THREADS * _NAME_BYTES
 
 _syscall = ctypes.CDLL(None).syscall
 _syscall.argtypes = (
@@ -65,18 +60,17 @@ def _limit(timeout_s: float) -> Any:
 
 
 class TableFull(RuntimeError):
-    """More threads, buses or topics than the page has rows for."""
+    """More threads or ends of channels than the page has rows for."""
 
 
 class Page:
     """The words of one page; attributes named as in the tables are arrays of 64-bit integers.
 
-    now: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with each
-    row that is taken or returned. factor: real-time factor in per mille.
-    user_*: one row per process that has the page open. slot_*: one row per thread: the time that it
-    waits for [ns], its wake word, number of its declarations. line_*: one row per open bus: frames
-    sent and handled. topic_*: messages published in all, and before the present time.
-    hop_*: one row per subscription: newest message taken, whether it keeps up, which thread waits.
+    now_ns: simulated time [ns]. conductor: process id of the rig, 0 = none. roster: changes with
+    each row that is taken or returned. factor: real-time factor in per mille.
+    user_pid: one row per process that has the page open. thread_pid, until, waits, wake, asleep:
+    one row per thread: the time that it waits for [ns], the number of its waits, its wake word.
+    end_pid, channel, ...: one row per end of a bus, topic or service (see `End`).
     """
 
     def __init__(self, name: str):
@@ -89,7 +83,7 @@ class Page:
             for pid in {*self.user_pid} - {0}:
                 if not alive(pid):
                     self.dismiss(pid)
-            self._user = self.take(self.user_pid, os.getpid(), "process")
+            self._user = self.take(self.user_pid, "process")
         finally:
             fcntl.flock(self._file, fcntl.LOCK_UN)
 
@@ -101,7 +95,7 @@ class Page:
         self._address = ctypes.addressof(ctypes.c_char.from_buffer(memory))
         at = len(_HEADER)
         self._at: dict[str, int] = {}
-        for table, count in _TABLES:
+        for table, count in _TABLES.items():
             setattr(self, table, words[at : at + count])
             self._at[table] = at
             at += count
@@ -112,11 +106,10 @@ class Page:
         if self.header[0] == _VERSION:
             return
         self._memory[:] = bytes(_SIZE)  # a page of another version of this package
-        for index in range(SLOTS):
-            self.slot_until[index] = FOREVER
-        for table in (self.line_waiter, self.hop_waiter):
-            for index in range(len(table)):
-                table[index] = NOBODY
+        for row in range(THREADS):
+            self.until[row] = FOREVER
+        for row in range(ENDS):
+            self.waiter[row] = NOBODY
         self.header[1] = START_NS
         self.header[0] = _VERSION
 
@@ -157,8 +150,8 @@ class Page:
 
     @property
     def top(self) -> int:
-        """Upper bound of the slots in use."""
-        return self.header[7] or SLOTS
+        """Upper bound of the threads' rows in use."""
+        return self.header[7] or THREADS
 
     @top.setter
     def top(self, top: int) -> None:
@@ -175,54 +168,71 @@ class Page:
 
     # Rows ----------------------------------------------------------------------------------
 
-    def take(self, table: memoryview, value: int, what: str) -> int:
-        """Take the first free row (0) of `table`, with the lock held. Raises TableFull."""
-        for index in range(len(table)):
-            if not table[index]:
-                table[index] = value
-                self.header[7] = 0
-                self.changed()
-                return index
-        raise TableFull(f"no room for one more {what} in simulated time: {len(table)} are there")
+    def take(self, table: memoryview, what: str) -> int:
+        """Take the first free row of `table` for this process, with the lock held.
+
+        Raises TableFull.
+        """
+        try:
+            row = table.tolist().index(0)
+        except ValueError:
+            raise TableFull(
+                f"no room for one more {what} in simulated time: {len(table)} are there"
+            ) from None
+        table[row] = os.getpid()
+        self.top = 0
+        self.changed()
+        return row
 
     def changed(self) -> None:
-        """Notify the conductor that the roster has changed."""
+        """Notify everybody that the roster has changed."""
         self.header[3] += 1
 
-    def name(self, slot: int) -> str:
-        """Return the name of the thread in a slot."""
-        raw = bytes(self._names[slot * _NAME_BYTES : (slot + 1) * _NAME_BYTES])
+    def name(self, thread: int) -> str:
+        """Return the name of the thread in a row."""
+        raw = bytes(self._names[thread * _NAME_BYTES : (thread + 1) * _NAME_BYTES])
         return raw.rstrip(b"\0").decode(errors="replace")
 
-    def set_name(self, slot: int, name: str) -> None:
-        """Name the thread in a slot."""
+    def set_name(self, thread: int, name: str) -> None:
+        """Name the thread in a row."""
         raw = name.encode()[:_NAME_BYTES].ljust(_NAME_BYTES, b"\0")
-        self._names[slot * _NAME_BYTES : (slot + 1) * _NAME_BYTES] = raw
+        self._names[thread * _NAME_BYTES : (thread + 1) * _NAME_BYTES] = raw
+
+    def ends_of(self, channel: int) -> list[int]:
+        """Return the rows of a channel's ends."""
+        return [row for row, each in enumerate(self.channel.tolist()) if each == channel]
+
+    def senders_to(self, end: int) -> list[int]:
+        """Return the rows of the other ends of its channel that send."""
+        others = self.ends_of(self.channel[end])
+        return [row for row in others if row != end and self.sends[row]]
+
+    def buses(self) -> list[tuple[int, int]]:
+        """Return process and frames sent of each open bus: only there an end sends and receives."""
+        rows = zip(self.end_pid, self.sent, self.sends, self.follows, strict=True)
+        return [(pid, sent) for pid, sent, sends, follows in rows if sends and follows]
 
     def dismiss(self, pid: int) -> None:
         """Return all rows of a process; the caller holds the lock."""
-        for index in range(USERS):
-            if self.user_pid[index] == pid:
-                self.user_pid[index] = 0
-        for index in range(SLOTS):
-            if self.slot_pid[index] == pid:
-                self.slot_until[index] = FOREVER
-                self.slot_asleep[index] = 0
-                self.slot_pid[index] = 0
-        for index in range(LINES):
-            if self.line_pid[index] == pid:
-                self.line_waiter[index] = NOBODY
-                self.line_pid[index] = 0
-        for index in range(TOPICS):
-            if self.topic_pid[index] == pid:
-                self.topic_pid[index] = 0
-        for index in range(HOPS):
-            if self.hop_pid[index] == pid:
-                self.hop_follows[index] = 0
-                self.hop_waiter[index] = NOBODY
-                self.hop_pid[index] = 0
+        for row in _rows(self.user_pid, pid):
+            self.user_pid[row] = 0
+        for row in _rows(self.thread_pid, pid):
+            self.until[row] = FOREVER
+            self.asleep[row] = self.thread_pid[row] = 0
+        for row in _rows(self.end_pid, pid):
+            self.leave(row)
         if self.conductor == pid:
             self.conductor = 0
+        self.changed()
+
+    def leave(self, end: int) -> None:
+        """Return the row of an end; what nobody has taken is lost. The caller holds the lock."""
+        others = self.ends_of(self.channel[end])
+        self.follows[end] = self.sends[end] = self.channel[end] = self.end_pid[end] = 0
+        self.waiter[end] = NOBODY
+        for row in others:
+            if row != end:
+                self.taken[row] = sum(self.sent[each] for each in self.senders_to(row))
         self.changed()
 
     def close(self) -> None:
@@ -238,17 +248,17 @@ class Page:
 
     # Waking --------------------------------------------------------------------------------
 
-    def wake_slot(self, slot: int) -> None:
-        """Wake the thread in a slot, if it sleeps."""
-        self.slot_wake[slot] += 1
-        if self.slot_asleep[slot]:
-            self._wake(self._at["slot_wake"] + slot)
+    def wake_thread(self, thread: int) -> None:
+        """Wake a thread, if it sleeps."""
+        self.wake[thread] += 1
+        if self.asleep[thread]:
+            self._wake(self._at["wake"] + thread)
 
-    def sleep_slot(self, slot: int, seen: int, timeout_s: float) -> None:
-        """Sleep until `slot_wake` of the slot is no longer `seen`, or for `timeout_s`."""
-        self.slot_asleep[slot] = 1
-        self._sleep(self._at["slot_wake"] + slot, seen, timeout_s)
-        self.slot_asleep[slot] = 0
+    def sleep_thread(self, thread: int, seen: int, timeout_s: float) -> None:
+        """Sleep until `wake` of the thread is no longer `seen`, or for `timeout_s`."""
+        self.asleep[thread] = 1
+        self._sleep(self._at["wake"] + thread, seen, timeout_s)
+        self.asleep[thread] = 0
 
     def wake_conductor(self) -> None:
         """Wake the conductor, if it sleeps."""
@@ -309,6 +319,10 @@ def works(pid: int) -> bool:
 def _state(folder: Path) -> str:
     """Return the kernel's letter for the state of a process or thread, from its folder in /proc."""
     return (folder / "stat").read_text().rpartition(")")[2].split()[0]
+
+
+def _rows(table: memoryview, pid: int) -> list[int]:
+    return [row for row, each in enumerate(table.tolist()) if each == pid]
 
 
 def _opened_and_locked(path: Path) -> int:

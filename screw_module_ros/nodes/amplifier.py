@@ -21,17 +21,13 @@ from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
-from .support import qos
-from .support.drive_node import DriveNode
+from .support import topics
 from .support.driver import RateSettings, device_values
-from .support.flat import COMMAND, Command
-from .support.health import Health
-from .support.permission import VERTICAL
-from .support.rates import Due
+from .support.drives import VERTICAL, DriveNode
 from .support.runtime import main as run_node
-from .support.states import fill_amplifier
-from .support.timing_report import latency_values, timing_values
+from .support.states import Due, Health, fill_amplifier, latency_values, timing_values
 from .support.topics import offered
+from .support.wire import COMMAND, Command
 
 _TRIALS = "characterize"  # the node that sets limits for torque trials, and restores them
 
@@ -89,7 +85,7 @@ class AmplifierNode(DriveNode):
         self.get_logger().info(f"linearization: {self._state.calibration}")
         inbox = self.new_inbox()
         self._take_command = inbox.subscribe(
-            COMMAND, graph.FORCE_COMMAND, qos.COMMAND, wakes=True
+            COMMAND, graph.FORCE_COMMAND, topics.COMMAND, wakes=True
         )
         self.want_one_sender(graph.FORCE_COMMAND)
         self.follow_permission(inbox, VERTICAL)
@@ -137,9 +133,8 @@ class AmplifierNode(DriveNode):
         A command that arrives exactly then belongs to the next tick: the loop takes it after that
         tick's SYNC and the drive's answer, so the result does not depend on process speed.
         """
-        if not self._inbox.wait(until_ns):
-            return None
-        return self._take_command()
+        self._inbox.wait(until_ns)
+        return self._take_command(early=self.clock.now_ns() < until_ns)
 
     def publish_state(self, now_ns: int) -> None:
         """Publish the state when due."""

@@ -33,10 +33,10 @@ from screw_module_ros.bridge.rights import (
 )
 from screw_module_ros.clock import WallClock
 
-from .support import qos
-from .support.hot_topics import HotGroup, never
-from .support.served import is_served
+from .support import topics
+from .support.inbox import HotGroup, never
 from .support.timers import Timers
+from .support.topics import is_served
 
 _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
@@ -135,11 +135,11 @@ class BridgeGateway:
         group = HotGroup()
         for place, kind in rights.places(HEARD):
             kept = place.name in KEPT
-            profile = qos.STATE if kept else qos.SAMPLE
+            profile = topics.STATE if kept else topics.SAMPLE
             self._polled[place.full] = PolledTopic(node, place.full, kind, profile, group, kept)
         for place, kind in rights.places(SENT):
             self._publishers[place.full] = node.create_publisher(
-                found_type(kind), place.full, qos.COMMAND
+                found_type(kind), place.full, topics.COMMAND
             )
         for place, kind in rights.places(ASKED):
             self._clients[place.full] = node.create_client(found_type(kind), place.full)

@@ -7,10 +7,8 @@ from screw_module_ros import graph
 from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.samples import EncoderReading, ForceReading
 
-from .support.freshness import Newest
-from .support.hot_topics import Inbox
-from .support.slot_input import SlotInbox
-from .support.topics import requested
+from .support.inbox import Inbox
+from .support.topics import Newest, SlotInbox, requested
 
 _SAFETY_AGE_NS = 200_000_000
 

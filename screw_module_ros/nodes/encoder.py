@@ -13,13 +13,11 @@ from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import EncoderReading
 
-from .support.driver import RateSettings
-from .support.flat import pack_encoder
-from .support.health import OK, WARN, Health
+from .support.answering import Done
+from .support.driver import RateSettings, SensorNode, TorqueOff
 from .support.runtime import main as run_node
-from .support.sensor_node import SensorNode
-from .support.serving_node import Done
-from .support.torque_off import TorqueOff
+from .support.states import OK, WARN, Health
+from .support.wire import pack_encoder
 
 
 class EncoderNode(SensorNode):

@@ -26,13 +26,11 @@ from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
-from .support.freshness import Newest
-from .support.health import OK, WARN, Health
-from .support.hot_topics import fill_stamp
-from .support.module_node import ModuleNode
-from .support.rates import RateMeter
+from .support.inbox import fill_stamp
+from .support.node import Node
 from .support.runtime import main as run_node
-from .support.topics import offered, requested
+from .support.states import OK, WARN, Health, RateMeter
+from .support.topics import Newest, offered, requested
 
 _NAN = math.nan
 _JOINTS_EVERY = 2
@@ -47,7 +45,7 @@ class EndpointSettings(NamedTuple):
     max_age: Annotated[float, Setting("samples older than this are invalid", "s", 0.005, 1.0)] = 0.1
 
 
-class EndpointStateNode(ModuleNode):
+class EndpointStateNode(Node):
     """Combines the newest messages at its own rate and never waits for one."""
 
     def __init__(self):

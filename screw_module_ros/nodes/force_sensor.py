@@ -14,14 +14,12 @@ from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
-from .support.driver import RateSettings
-from .support.flat import pack_force
-from .support.health import OK, WARN, Health
+from .support.answering import Done
+from .support.driver import RateSettings, SensorNode
 from .support.runtime import main as run_node
-from .support.sensor_node import SensorNode
-from .support.serving_node import Done
-from .support.states import fill_wrench
+from .support.states import OK, WARN, Health, fill_wrench
 from .support.topics import offered
+from .support.wire import pack_force
 from .taring import Taring
 
 

@@ -33,17 +33,24 @@ from screw_module_ros.samples import EncoderReading
 from screw_module_ros.settings import Setting
 
 from .controller_inputs import ControllerInputs
+from .support.answering import Done
 from .support.driver import RateSettings
-from .support.flat import pack_command
-from .support.health import ERROR, OK, WARN, Health
-from .support.module_node import ModuleNode
-from .support.rates import Due
+from .support.drives import Senders
+from .support.node import Node
 from .support.runtime import main as run_node
-from .support.senders import Senders
-from .support.serving_node import Done
-from .support.states import fill_controller, impedance_text
-from .support.timing_report import broken_contract, timing_values
+from .support.states import (
+    ERROR,
+    OK,
+    WARN,
+    Due,
+    Health,
+    broken_contract,
+    fill_controller,
+    impedance_text,
+    timing_values,
+)
 from .support.topics import offered
+from .support.wire import pack_command
 
 _SAMPLES = (graph.ENCODER, graph.FORCE)
 
@@ -65,7 +72,7 @@ class ControllerSettings(NamedTuple):
     ] = graph.TOPICS[graph.CONTROLLER_STATE].rate
 
 
-class ImpedanceControllerNode(ModuleNode):
+class ImpedanceControllerNode(Node):
     """Encoder sample in, force command out; zero force while the watch has a latched fault."""
 
     def __init__(self):

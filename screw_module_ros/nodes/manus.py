@@ -19,15 +19,12 @@ from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
 from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
-from .support.drive_node import DriveNode
+from .support.answering import Done
 from .support.driver import RateSettings, device_values
-from .support.health import Health
-from .support.permission import PLANAR
+from .support.drives import PLANAR, DriveNode
 from .support.runtime import main as run_node
-from .support.serving_node import Done
-from .support.slot_input import SlotInbox
-from .support.states import fill_plane, impedance_text
-from .support.topics import offered, requested
+from .support.states import Health, fill_plane, impedance_text
+from .support.topics import SlotInbox, offered, requested
 
 
 class ManusSettings(NamedTuple):

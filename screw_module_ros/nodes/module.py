@@ -25,7 +25,7 @@ from .encoder import EncoderNode
 from .force_sensor import ForceSensorNode
 from .impedance_controller import ImpedanceControllerNode
 from .support.driver import RateSettings
-from .support.module_node import ModuleNode
+from .support.node import Node
 from .support.parameters import ParameterError
 from .support.runtime import run_together
 
@@ -36,7 +36,7 @@ _BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 class ModuleLoop:
     """The hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
 
-    def __init__(self, nodes: list[ModuleNode]):
+    def __init__(self, nodes: list[Node]):
         self._nodes = nodes
         self._stopping = nodes[0].stopping
         self._clock = nodes[0].clock
@@ -47,17 +47,23 @@ class ModuleLoop:
         """Run until the nodes are to stop."""
         try:
             while not self._stopping.is_set():
-                parts = [node.part if node.takes_part() else None for node in self._nodes]
-                if any(parts):
-                    self._loop.step(Parts(*parts))
-                else:
+                if not self._step():
                     self._clock.idle()
                     self._stopping.wait(_IDLE_S)
         except TimeStandsStill as error:  # only raised here when the process is to end
             self._nodes[0].get_logger().warning(str(error))
+
+    def _step(self) -> bool:
+        """Do one period with the active nodes; return whether there were any."""
+        entered = [node for node in self._nodes if node.enters()]
+        try:
+            if entered:
+                parts = [node.part if node in entered else None for node in self._nodes]
+                self._loop.step(Parts(*parts))
         finally:
-            for node in self._nodes:
+            for node in entered:
                 node.leaves()
+        return bool(entered)
 
 
 def wires_of(
@@ -79,7 +85,7 @@ def wires_of(
     )
 
 
-def make_nodes() -> list[ModuleNode]:
+def make_nodes() -> list[Node]:
     """Return the four nodes. Raises ParameterError when their rates are not one rate."""
     controller = ImpedanceControllerNode()
     controller.direct = _BY_CALLS

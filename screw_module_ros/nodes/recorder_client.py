@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import Clock
 
-from .support.served import is_served
+from .support.topics import is_served
 
 RECORDER = "session_recorder"
 _FOUND_NS = 5_000_000_000  # for which a recorder that was just started may stay undiscovered

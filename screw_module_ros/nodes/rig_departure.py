@@ -42,5 +42,4 @@ class Departure:
 
     def _others(self) -> bool:
         """Return whether another living process has a bus open in this time."""
-        page = self._clock.page
-        return any(pid and pid != os.getpid() and alive(pid) for pid in page.line_pid)
+        return any(pid != os.getpid() and alive(pid) for pid, _ in self._clock.page.buses())

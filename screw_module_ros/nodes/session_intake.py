@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from screw_module_ros.clock import Clock
-from screw_module_ros.lockstep.wires import Hop
+from screw_module_ros.lockstep.end import End
 from screw_module_ros.recording import (
     BagError,
     Definition,
@@ -32,7 +32,7 @@ from screw_module_ros.recording import (
 
 from .session_qos import is_stricter, offered_by, recorded_class, satisfying
 from .session_robots import OtherRobots
-from .support.hot_topics import HotGroup, awaited, never
+from .support.inbox import HotGroup, awaited, never
 
 _AT_ONCE = 4000  # messages of one topic at most, before the other topics follow
 _STAMPS = ("builtin_interfaces/Time", "std_msgs/Header")
@@ -74,7 +74,7 @@ class _Tap:
         fields = kind.get_fields_and_field_types()
         self.has_calibration = fields.get("calibration") == "string"  # others may mean another
         self.is_stamped = next(iter(fields.values()), "") in _STAMPS
-        self.hop: Hop | None = None
+        self.end: End | None = None
         self.subscription: Any = None
         self.request: QoSProfile | None = None
 
@@ -164,8 +164,8 @@ class Intake:
         tap.subscription = self._node.create_subscription(
             tap.kind, tap.name, never, request, callback_group=self._group, raw=True
         )
-        if self._clock.simulated and tap.hop is None:
-            tap.hop = self._clock.hop(tap.name)
+        if self._clock.simulated and tap.end is None:
+            tap.end = self._clock.subscription(tap.name)
 
     def drain(self) -> list[Message]:
         """Take all waiting messages."""
@@ -179,19 +179,19 @@ class Intake:
     def _take(self, tap: _Tap) -> list[Any]:
         """Take the waiting messages of one topic, as plain tuples in the order of `Message`."""
         take, kind, channel = tap.subscription.handle.take_message, tap.kind, tap.channel
-        numbered, hop = tap.numbered, tap.hop
+        numbered, end = tap.numbered, tap.end
         taken: list[Any] = []
         while len(taken) < _AT_ONCE:
             got = take(kind, True)
-            if got is None and hop is not None:
+            if got is None and end is not None:
                 got = self._awaited(tap)
             if got is None:
                 break
             data, info = got
             number = info["publication_sequence_number"] or 0
             received, sent = info["received_timestamp"], info["source_timestamp"]
-            if hop is not None:
-                hop.taken(number)
+            if end is not None:
+                end.take(number)
                 received = sent = self._stamp(tap, data)
             taken.append((channel, received, sent, number if numbered else 0, data))
         if taken and tap.has_calibration:
@@ -200,11 +200,11 @@ class Intake:
 
     def _awaited(self, tap: _Tap) -> Any:
         """Take a published message that is still in transit, None when it was lost."""
-        if not tap.hop.pending():
+        if not tap.end.pending:
             return None
         handle = tap.subscription.handle
         return awaited(
-            self._node, lambda: handle.take_message(tap.kind, True), handle, tap.hop
+            self._node, lambda: handle.take_message(tap.kind, True), handle, tap.end
         )
 
     def _stamp(self, tap: _Tap, data: bytes) -> int:
@@ -232,6 +232,6 @@ class Intake:
         for tap in self._taps.values():
             if tap.subscription is not None:
                 self._node.destroy_subscription(tap.subscription)
-            if tap.hop is not None:
-                tap.hop.close()
+            if tap.end is not None:
+                tap.end.close()
         self._taps, self._taking = {}, []

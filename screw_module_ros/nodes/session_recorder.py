@@ -35,11 +35,11 @@ from screw_module_ros.settings import Setting
 from .session_intake import Intake, Selection
 from .session_parameters import NodeParameters
 from .session_robots import OtherRobots
-from .support.below import one_name, root_folder
-from .support.health import ERROR, OK, WARN, Health, status_message
-from .support.module_node import ModuleNode
+from .support.answering import Done
+from .support.node import Node
+from .support.place import one_name, root_folder
 from .support.runtime import main as run_node
-from .support.serving_node import Done
+from .support.states import ERROR, OK, WARN, Health
 from .support.topics import offered
 
 _IDLE_S = 0.05
@@ -78,7 +78,7 @@ class RecorderSettings(NamedTuple):
     ] = 0.02
 
 
-class SessionRecorder(ModuleNode):
+class SessionRecorder(Node):
     """Takes messages in the hot loop; the session's own thread writes them."""
 
     def __init__(self):
@@ -243,7 +243,7 @@ class SessionRecorder(ModuleNode):
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
         name = self.get_fully_qualified_name()
-        self._status.publish(status_message(self.health(), name, self.hardware_id))
+        self._status.publish(self.health().status(name, self.hardware_id))
 
     def _hindrance(self) -> str:
         """Return why `~/start` would fail to create a bag, empty if no reason is known."""

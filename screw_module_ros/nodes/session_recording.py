@@ -16,7 +16,7 @@ from screw_module_ros.therapy.pseudonym import PATTERN
 from screw_module_ros.therapy.recorder_watch import RecorderWatch, RecorderWatchSettings
 
 from .recorder_client import RECORDER, RecorderClient
-from .support.hot_topics import Inbox
+from .support.inbox import Inbox
 from .support.topics import requested
 
 BEGUN, REFUSED, LOST = "begun", "refused", "lost"

@@ -23,12 +23,11 @@ from screw_module_ros.rig.rig import ALL, Rig, RigSettings
 from screw_module_ros.settings import Setting
 
 from .rig_departure import Departure
-from .support.health import OK, WARN, Health
-from .support.module_node import ModuleNode
-from .support.rates import Due
+from .support.answering import Done
+from .support.node import Node
+from .support.place import Lock, lock_simulation
 from .support.runtime import main as run_node
-from .support.serving_node import Done
-from .support.single import Lock, lock_simulation
+from .support.states import OK, WARN, Due, Health
 from .support.topics import offered
 
 _ANSWER_S = 1.0
@@ -81,7 +80,7 @@ class Slowness:
         )
 
 
-class SimRigNode(ModuleNode):
+class SimRigNode(Node):
     """Owns the plant and the simulated devices of all buses."""
 
     hardware_id = "simulated"
@@ -171,7 +170,7 @@ class SimRigNode(ModuleNode):
         return self._is_over()
 
     def _publish_due(self, now_ns: int) -> None:
-        self.wake_if_due()
+        self.service.wake_if_due()
         if self._truth_due(now_ns):
             self._publish_truth()
         if self._time is not None and self._clock_due(now_ns):

@@ -30,14 +30,12 @@ from screw_module_ros.safety.supervision import (
 )
 from screw_module_ros.settings import Setting
 
-from .support.freshness import Newest
-from .support.health import ERROR, OK, WARN, Health
-from .support.kept import Kept
-from .support.module_node import ModuleNode
-from .support.rates import RateMeter
+from .support.answering import Done
+from .support.node import Node
+from .support.place import Kept
 from .support.runtime import main as run_node
-from .support.serving_node import Done
-from .support.topics import offered, requested
+from .support.states import ERROR, OK, WARN, Health, RateMeter
+from .support.topics import Newest, offered, requested
 
 _STOPPED = "stopped; call ~/reset, then enable the drives"
 _STATE_TOPICS = {t.publisher: t.name for t in graph.subscribed_by("supervisor") if t.publisher}
@@ -52,7 +50,7 @@ class SupervisorSettings(NamedTuple):
     ] = graph.TOPICS[graph.SAFETY_STATE].rate
 
 
-class SupervisorNode(ModuleNode):
+class SupervisorNode(Node):
     """Publishes whether the robot may move, from the newest state of every node."""
 
     def __init__(self):

@@ -14,8 +14,8 @@ from rclpy.node import Node
 from screw_module_ros.clock import Clock
 from screw_module_ros.samples import ForceReading
 
-from .support.hot_topics import Inbox
-from .support.torque_off import TorqueOff
+from .support.driver import TorqueOff
+from .support.inbox import Inbox
 
 _GATHER_S = 3.0
 

@@ -41,11 +41,11 @@ from screw_module_ros.therapy.session import PAUSED, RUNNING, Outcome, Session
 from screw_module_ros.therapy.wishes import WishLimits
 
 from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
-from .support import qos
-from .support.below import below, root_folder
-from .support.module_node import OK, WARN, Health, ModuleNode
-from .support.rates import Due
+from .support import topics
+from .support.node import Node
+from .support.place import below, root_folder
 from .support.runtime import main as run_node
+from .support.states import OK, WARN, Due, Health
 from .support.topics import offered, requested
 from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
 from .wish_relay import WishRelay
@@ -68,7 +68,7 @@ class TherapySettings(NamedTuple):
     ] = True
 
 
-class TherapySessionNode(ModuleNode):
+class TherapySessionNode(Node):
     """The loop's thread takes samples; services change the session, under one lock."""
 
     def __init__(self):
@@ -97,7 +97,9 @@ class TherapySessionNode(ModuleNode):
     def connect(self) -> None:
         """Make the topics."""
         inbox = self.new_inbox()
-        self._take = inbox.subscribe(*requested(graph.ENDPOINT_STATE, qos.EACH_STATE), wakes=True)
+        self._take = inbox.subscribe(
+            *requested(graph.ENDPOINT_STATE, topics.EACH_STATE), wakes=True
+        )
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._recording.connect(inbox)
@@ -141,7 +143,7 @@ class TherapySessionNode(ModuleNode):
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
         with self._lock:
             now_ns = self.clock.now_ns()
-            for message in islice(iter(self._take, None), qos.EACH_STATE.depth):
+            for message in islice(iter(self._take, None), topics.EACH_STATE.depth):
                 self._take_sample(message, now_ns)
             self._watch(now_ns)
             self._follow_recorder(now_ns)

@@ -25,11 +25,10 @@ from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.screens import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
-from .support.below import root_folder
-from .support.health import OK, Health
-from .support.kept import state_folder
-from .support.module_node import ModuleNode
+from .support.node import Node
+from .support.place import root_folder, state_folder
 from .support.runtime import main as run_node
+from .support.states import OK, Health
 
 _IDLE_S = 0.05
 
@@ -49,7 +48,7 @@ class BridgeSettings(NamedTuple):
     ] = False
 
 
-class WebBridgeNode(ModuleNode):
+class WebBridgeNode(Node):
     """The loop's thread polls the topics; the server has a thread of its own."""
 
     def __init__(self):

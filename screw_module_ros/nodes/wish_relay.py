@@ -11,8 +11,8 @@ from screw_module_ros import graph
 from screw_module_ros.therapy.samples import Point
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
-from .support.hot_topics import Inbox
-from .support.module_node import ModuleNode
+from .support.inbox import Inbox
+from .support.node import Node
 from .support.topics import offered, requested
 
 _NOWHERE: Point = (math.nan,) * 3
@@ -21,7 +21,7 @@ _NOWHERE: Point = (math.nan,) * 3
 class WishRelay:
     """Subscribes to wishes and publishes set points for the hot loop of a node."""
 
-    def __init__(self, node: ModuleNode, inbox: Inbox, limits: WishLimits):
+    def __init__(self, node: Node, inbox: Inbox, limits: WishLimits):
         self._node = node
         self._take = inbox.subscribe(*requested(graph.THERAPY_WISH))
         self._publish = node.outlet(*offered(graph.SETPOINT))

@@ -25,15 +25,14 @@ from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.clock import WallClock
+from screw_module_ros.lockstep.clock import Calls, simulated_clock
+from screw_module_ros.lockstep.end import End
 from screw_module_ros.loop.ticker import BACK_OFF_S
-from screw_module_ros.simulated_clock import simulated_clock
 
-from ..nodes.support import qos
-from ..nodes.support.freshness import Newest
-from ..nodes.support.hot_topics import Inbox
-from ..nodes.support.served import is_served
-from ..nodes.support.serving_node import answer_topic, request_topic
-from ..nodes.support.transport import choose_transport
+from ..nodes.support import topics
+from ..nodes.support.inbox import Inbox
+from ..nodes.support.place import choose_transport
+from ..nodes.support.topics import Newest, is_served
 from .waiting import POLL_NS, RobotError, Waiting
 
 _SERVE_S = 0.5
@@ -75,11 +74,11 @@ class Client(Waiting):
             self.node.get_logger().warning(reach)
         self._clients: dict[str, Any] = {}
         self._statuses: dict[str, DiagnosticStatus] = {}
-        self._wires: dict[str, tuple[Any, Any]] = {}
+        self._calls: dict[str, Calls] = {}
         self._closing = threading.Event()
         self._inbox = Inbox(self.node, self.clock)
         self._states = {
-            kind: Newest(self._inbox.subscribe(kind, topic, qos.SAMPLE), _FRESH_NS)
+            kind: Newest(self._inbox.subscribe(kind, topic, topics.SAMPLE), _FRESH_NS)
             for kind, topic in _STATES.items()
         }
         self.node.create_subscription(DiagnosticArray, graph.DIAGNOSTICS, self._diagnose, 50)
@@ -103,9 +102,8 @@ class Client(Waiting):
         self._thread.join(timeout=2.0)
         self._executor.shutdown(timeout_sec=2.0)
         self._inbox.close()
-        for request, answer in self._wires.values():
-            request.close()
-            answer.close()
+        for calls in self._calls.values():
+            calls.close()
         self.node.destroy_node()
         self._context.try_shutdown()
         self.clock.leave()
@@ -224,7 +222,7 @@ class Client(Waiting):
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
         self.wait_until(lambda: self.is_offered(client), deadline_s, f"nobody offers {service}")
-        with self._under_way(kind, service) as hops:
+        with self._under_way(kind, service) as ends:
             future = client.call_async(request or kind.Request())
             end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
             while not future.done():
@@ -232,43 +230,41 @@ class Client(Waiting):
                 now_ns = self.clock.now_ns()
                 if now_ns > end_ns:
                     self.wait_until(future.done, 0.0, f"{service} did not answer")
-                self._await(future, now_ns + POLL_NS, hops)
+                self._await(future, now_ns + POLL_NS, ends)
         return future.result()
 
-    def _await(self, future: Any, until_ns: int, hops: list) -> None:
+    def _await(self, future: Any, until_ns: int, ends: list[End]) -> None:
         """Wait until `until_ns` for an answer; simulated time waits for one that was sent."""
-        if not hops:
+        if not ends:
             answered = threading.Event()
             future.add_done_callback(lambda _: answered.set())
             if not answered.wait(POLL_NS * 1e-9) and self.clock.simulated:
                 self.clock.sleep_until(until_ns)  # its node may need time for the answer
             return
-        self.sleep_until(until_ns, hops)
+        self.sleep_until(until_ns, ends)
         answered = threading.Event()
-        if hops[0].pending():
+        if ends[0].pending:
             future.add_done_callback(lambda _: answered.set())
             if answered.wait(_LOST_S):
-                hops[0].catch_up()
+                ends[0].catch_up()
             else:
-                hops[0].let_go()
+                ends[0].let_go()
 
     @contextmanager
     def _under_way(self, kind: type, service: str):
-        """Make a request hold simulated time until its node has it; yield the answer's hop.
+        """Make a request hold simulated time until its node has it; yield the answer's end.
 
-        Only services that the node offers with `ModuleNode.serve` count; rclpy's own do not.
+        Only services that the node offers with `Node.serve` count; rclpy's own do not.
         """
         if not (self.clock.simulated and hasattr(kind.Response, "message")):
             yield []
             return
         node = self.node.resolve_service_name(service).rpartition("/")[0]
-        if node not in self._wires:
-            request = self.clock.source(request_topic(node))
-            self._wires[node] = (request, self.clock.hop(answer_topic(node)))
-        request, answer = self._wires[node]
-        answer.catch_up()
-        request.publishing()
-        yield [answer]
+        if node not in self._calls:
+            self._calls[node] = self.clock.calls(node)
+        calls = self._calls[node]
+        calls.begin()
+        yield [calls.answer]
 
     def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
         """Like `call`; return the response's message, raise RobotError with it when refused."""

@@ -29,7 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros import graph
 
-from ..nodes.support.hot_topics import Outlet, fill_stamp
+from ..nodes.support.inbox import Outlet, fill_stamp
 from ..nodes.support.topics import offered
 from .client import ANSWER_S, Client, RobotError
 

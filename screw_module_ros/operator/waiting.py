@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
-from screw_module_ros.lockstep.wires import Hop
+from screw_module_ros.lockstep.end import End
 
 POLL_NS = 20_000_000
 _STANDS_NS = 60_000_000_000  # wall clock: a stopped rig, as in a debugger, may continue
@@ -41,16 +41,16 @@ class Waiting:
             self.watch()
             self.sleep_until(min(due_ns, now_ns + POLL_NS))
 
-    def sleep_until(self, until_ns: int, hops: Sequence[Hop] = ()) -> None:
-        """Wait until `until_ns`, or for a message on `hops`.
+    def sleep_until(self, until_ns: int, ends: Sequence[End] = ()) -> None:
+        """Wait until `until_ns`, or for an answer at `ends`.
 
         Raises RobotError when simulated time stands because its rig has ended, or for long.
         """
         end_ns = _WALL.now_ns() + _STANDS_NS
         while True:
             try:
-                if hops:
-                    self.clock.member.wait(until_ns, hops=hops)
+                if ends:
+                    self.clock.member.wait(until_ns, ends)
                 else:
                     self.clock.sleep_until(until_ns)
                 return

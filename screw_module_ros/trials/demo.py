@@ -24,7 +24,7 @@ from screw_module_ros.identification.force_position import Spring
 from screw_module_ros.identification.recorded_session import Part
 from screw_module_ros.recording.errors import BagError
 
-from ..nodes.support.single import AlreadyRunning
+from ..nodes.support.place import AlreadyRunning
 from ..operator.robot import Robot, RobotError, arm
 from .console import Console
 from .demo_report import FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, evaluated

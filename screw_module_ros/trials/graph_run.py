@@ -17,11 +17,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from screw_module_ros.lockstep.page import sweep
+from screw_module_ros.trials.isolation import Place, own_place
 
 from ..graph import nodes_of
 from ..nodes import bringup
-from ..nodes.support.isolation import Place, own_place
-from ..nodes.support.stopping import StopFlag
+from ..nodes.support.runtime import StopFlag
 from ..operator.robot import Robot, RobotError
 
 

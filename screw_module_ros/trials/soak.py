@@ -28,8 +28,8 @@ from screw_module_ros.domain import end_without_domain
 from screw_module_ros.recording.errors import BagError
 from screw_module_ros.recording.verify import verify
 
-from ..nodes.support import qos
-from ..nodes.support.single import AlreadyRunning
+from ..nodes.support import topics
+from ..nodes.support.place import AlreadyRunning
 from ..operator.robot import Robot, RobotError, arm
 from . import soak_report as report
 from .console import Console
@@ -157,7 +157,7 @@ class Soak:
                 with Robot("soak", watch=graph.watch, simulated=not options.wall_clock) as robot:
                     make_ready(robot, graph, console)
                     robot.node.create_subscription(
-                        DiagnosticStatus, "session_recorder/status", self._on_status, qos.STATE
+                        DiagnosticStatus, "session_recorder/status", self._on_status, topics.STATE
                     )
                     bag = Path(robot.trigger("session_recorder/start", deadline_s=30.0))
                     seconds = options.seconds

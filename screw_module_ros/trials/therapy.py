@@ -17,7 +17,7 @@ from screw_module_msgs.msg import ForceCommand, SafetyState
 from screw_module_ros.bridge.tokens import Tokens, tokens_in
 
 from ..nodes import bringup
-from ..nodes.support.single import AlreadyRunning
+from ..nodes.support.place import AlreadyRunning
 from ..operator.robot import Robot, RobotError
 from .console import Console
 from .graph_run import GraphRun, Interrupted, recordings_in

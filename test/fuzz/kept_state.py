@@ -12,7 +12,7 @@ from pathlib import Path
 from bag_damage import blanked, flipped, inserted, removed, scattered, truncated
 from runner import sentence
 
-from screw_module_ros.nodes.support.kept import STATE_VARIABLE, Kept
+from screw_module_ros.nodes.support.place import STATE_VARIABLE, Kept
 from screw_module_ros.safety import supervision
 from screw_module_ros.safety.supervision import SupervisorState
 

@@ -24,8 +24,8 @@ from rclpy.logging import LoggingSeverity
 from rclpy.signals import SignalHandlerOptions
 from runner import sentence
 
-from screw_module_ros.nodes.support.isolation import own_place
-from screw_module_ros.nodes.support.module_node import ModuleNode
+from screw_module_ros.nodes.support.node import Node
+from screw_module_ros.trials.isolation import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
                   "therapy_session", "sim_rig")  # fmt: skip
@@ -41,7 +41,7 @@ class NodeRequests:
         os.environ.setdefault("ROS_LOG_DIR", str(folder))
         self._place = own_place()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        self._nodes: list[ModuleNode] = []
+        self._nodes: list[Node] = []
         try:
             self._make_nodes(folder)
         except BaseException:
@@ -83,10 +83,10 @@ class NodeRequests:
             raise AssertionError(f"{node.get_name()} {name}: {request}") from error
         self._note(name, answer)
 
-    def _kind(self, node: ModuleNode) -> str:
+    def _kind(self, node: Node) -> str:
         return "driver" if node.get_name() in DRIVERS else "node"
 
-    def _request(self, rng: random.Random, node: ModuleNode, kind: Any) -> Any:
+    def _request(self, rng: random.Random, node: Node, kind: Any) -> Any:
         request = filled(rng, kind.Request())
         if kind in (SetParameters, SetParametersAtomically):
             known = list(node._parameters)
@@ -115,7 +115,7 @@ class NodeRequests:
                 self.counts[f"{name}: answered"] += 1
 
 
-def _made(name: str, folder: Path, ports: list[str]) -> ModuleNode:
+def _made(name: str, folder: Path, ports: list[str]) -> Node:
     words = [name, "--ros-args", "-p", "autostart:=false", *ports]
     if name in ("session_recorder", "characterize", "therapy_session"):
         words += ["-p", f"folder:={folder}"]

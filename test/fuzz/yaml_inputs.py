@@ -20,9 +20,9 @@ from screw_module_ros.calibration.module_fields import ModuleCalibration
 from screw_module_ros.calibration.module_file import load_module_calibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification.catalogue import EXPERIMENTS, settings_from_yaml
+from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.support.command_line import arguments, overrides
 from screw_module_ros.nodes.support.parameter_files import read_file
-from screw_module_ros.nodes.support.plan import plan
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol

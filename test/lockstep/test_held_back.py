@@ -8,10 +8,10 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.freshness import Newest
-from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
-from screw_module_ros.simulated_clock import SimulatedClock
+from screw_module_ros.lockstep.clock import SimulatedClock
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.inbox import Inbox, Outlet
+from screw_module_ros.nodes.support.topics import Newest
 
 S, MS = 1_000_000_000, 1_000_000
 
@@ -33,7 +33,7 @@ def clock(conductor, page):
 
 @pytest.fixture
 def publish(node, clock):
-    outlet = Outlet(node, clock, String, "held_back", qos.SAMPLE)
+    outlet = Outlet(node, clock, String, "held_back", topics.SAMPLE)
     yield lambda text: outlet.publish(String(data=text))
     outlet.close()
 
@@ -42,7 +42,7 @@ def publish(node, clock):
 def newest(conductor, node, clock, publish, wait_until):
     """Return the newest message of the topic, once the middleware delivers."""
     inbox = Inbox(node, clock)
-    made = Newest(inbox.subscribe(String, "held_back", qos.SAMPLE), 300 * MS)
+    made = Newest(inbox.subscribe(String, "held_back", topics.SAMPLE), 300 * MS)
 
     def delivered() -> bool:
         publish("so far")
@@ -72,3 +72,32 @@ def test_a_message_held_back_is_as_old_as_it_is(conductor, clock, newest, publis
     assert newest.arrival_ns == long_after
     move(conductor, long_after + S)
     assert newest.fresh(clock.now_ns()) is None
+
+
+def test_a_message_of_this_tick_does_not_push_out_the_last_one(conductor, clock, newest, publish):
+    """The queue has one place; whoever looked late found only the message that is not due yet."""
+    publish("first")
+    move(conductor, clock.now_ns() + MS)
+    publish("second")
+    assert newest.fresh(clock.now_ns()).data == "first"
+    move(conductor, clock.now_ns() + MS)
+    assert newest.fresh(clock.now_ns()).data == "second"
+
+
+def test_a_waking_loop_leaves_a_message_of_the_next_tick(
+    conductor, node, clock, publish, wait_until
+):
+    """Woken late, a loop took a command of the tick before it had sent that tick's SYNC."""
+    inbox = Inbox(node, clock)
+    take = inbox.subscribe(String, "held_back", topics.SAMPLE, wakes=True)
+
+    def delivered() -> bool:
+        publish("so far")
+        return take() is not None
+
+    wait_until(delivered)
+    publish("of this tick")
+    assert take(early=False) is None
+    inbox.wait(clock.now_ns() + S)  # returns at once: it has been kept
+    assert take().data == "of this tick"
+    inbox.close()

@@ -14,12 +14,12 @@ def test_to_be_idle_again_is_no_progress():
     try:
         member = Member(page, "loop", lambda: False)
         member.idle()
-        declared = page.slot_declared[member.slot]
+        declared = page.waits[member.row]
         member.idle()
-        assert page.slot_declared[member.slot] == declared
+        assert page.waits[member.row] == declared
         member.busy()
         member.idle()
-        assert page.slot_declared[member.slot] == declared + 1
+        assert page.waits[member.row] == declared + 1
     finally:
         page.close()
 

@@ -12,18 +12,19 @@ import time
 
 import pytest
 
+from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.lockstep.conductor import Conductor, TimeTaken
-from screw_module_ros.lockstep.member import Member, TimeStandsStill
+from screw_module_ros.lockstep.end import End
+from screw_module_ros.lockstep.member import Member
 from screw_module_ros.lockstep.page import (
     FOREVER,
-    SLOTS,
     START_NS,
+    THREADS,
     Page,
     TableFull,
     page_name,
     sweep,
 )
-from screw_module_ros.lockstep.wires import Hop, Line, Source
 
 MS = 1_000_000
 
@@ -40,11 +41,11 @@ def member(page):
 class Waiting:
     """A member of its own thread that waits once."""
 
-    def __init__(self, page, until_ns, line=None, hops=()):
+    def __init__(self, page, until_ns, *ends):
         self.reached_ns = 0
         self.member = Member(page, "waiting", never)
         self._page = page
-        self._given = (until_ns, line, hops)
+        self._given = (until_ns, ends)
         self._thread = threading.Thread(target=self._wait)
         self._thread.start()
 
@@ -101,116 +102,239 @@ def test_a_time_that_has_come_is_not_waited_for(page, member):
 # Frames and messages --------------------------------------------------------------------------
 
 
+def bus(page, name="bus") -> End:
+    return End(page, name, sends=True, follows=True)
+
+
+def topic(page, name="topic") -> tuple[End, End]:
+    """Return a publisher and a subscription."""
+    return End(page, name, sends=True, numbered=True), End(page, name)
+
+
+def send(end: End) -> None:
+    end.count()
+    end.announce()
+
+
+def of_another_process(page, *ends: End) -> None:
+    for end in ends:
+        page.end_pid[end.row] = os.getppid()
+
+
 def test_a_frame_holds_time_for_who_waits_for_it(conductor, page, member, wait_until):
-    near, far = Line(page, "bus"), Line(page, "bus")
-    Line(page, "another bus").sent()
+    near, far = bus(page), bus(page)
+    send(bus(page, "another bus"))
     member.idle()
-    far.sent()
-    page.line_pid[near.row] = page.line_pid[far.row] = 1  # ours are the conductor's own here
+    send(far)
+    of_another_process(page, near, far)
     assert conductor.quiet() == FOREVER, "nobody waits for it now"
     waiting = Waiting(page, START_NS + 10 * MS, near)
     waiting.join()
-    assert waiting.reached_ns == START_NS and near.pending() == 1
-    near.handled(1)
+    assert waiting.reached_ns == START_NS and near.pending
+    near.take_next()
+    assert not near.pending
     again = Waiting(page, START_NS + 10 * MS, near)
     waiting.member.idle()
     assert quiet(conductor, wait_until) == START_NS + 10 * MS
-    far.sent()
+    send(far)
     assert conductor.quiet() is None, "held from the moment it is sent"
     again.join()
 
 
 def test_frames_to_the_conductor_hold_time(conductor, page, member):
-    own, other = Line(page, "bus"), Line(page, "bus")
-    page.line_pid[other.row] = 1
+    own, other = bus(page), bus(page)
+    of_another_process(page, other)
     member.idle()
-    other.sent()
+    send(other)
     assert conductor.quiet() is None
-    own.handled(1)
+    own.take_next()
     assert conductor.quiet() == FOREVER
 
 
-def test_an_end_that_goes_takes_its_count_with_it(conductor, page, member):
-    one, other = Line(page, "bus"), Line(page, "bus")
+def test_a_frame_may_be_read_before_its_sender_counts_it(conductor, page, member):
+    own, other = bus(page), bus(page)
+    of_another_process(page, other)
     member.idle()
-    other.sent()
-    one.handled(1)
-    other.close()
+    own.take_next()
+    send(other)
+    assert not own.pending and conductor.quiet() == FOREVER
+    send(other)
+    assert conductor.quiet() is None
+
+
+def test_frames_that_were_no_longer_waited_for_hide_no_later_ones(conductor, page, member):
+    own, other = bus(page), bus(page)
+    of_another_process(page, other)
+    member.idle()
+    send(other)
+    own.catch_up()  # it seemed lost
+    own.take_next()  # and came after all
     conductor.quiet()
     conductor.move(START_NS + MS)
-    third = Line(page, "bus")
-    third.sent()
-    assert one.pending() == 1
+    conductor.quiet()
+    own.take_next()
+    conductor.move(START_NS + 2 * MS)
+    send(other)
+    assert conductor.quiet() is None
+
+
+def test_two_threads_of_a_process_count_each_frame(page):
+    """The loop sends while another thread transfers by SDO: a lost count lets time pass a frame."""
+    near, far = bus(page), bus(page)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        threads = [
+            threading.Thread(target=lambda: [far.count() for _ in range(5000)]) for _ in range(2)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert page.sent[far.row] == 10_000
+    assert near.pending
+
+
+def test_an_end_that_goes_takes_its_count_with_it(conductor, page, member):
+    one, other = bus(page), bus(page)
+    member.idle()
+    send(other)
+    one.take_next()
+    other.close()
+    third = bus(page)
+    assert not one.pending
+    send(third)
+    assert one.pending
+
+
+def test_what_an_end_that_goes_left_holds_nothing(conductor, page, member):
+    one, other, third = bus(page), bus(page), bus(page)
+    of_another_process(page, other, third)
+    member.idle()
+    for end in (other, other, third):
+        send(end)
+    one.take_next()
+    assert conductor.quiet() is None
+    other.close()
+    assert not one.pending and conductor.quiet() == FOREVER
+    send(third)
+    assert one.pending
+
+
+def test_one_taken_while_its_sender_left_hides_no_later_one(conductor, page, member):
+    one, other, third = bus(page), bus(page), bus(page)
+    member.idle()
+    send(other)
+    other.close()
+    page.taken[one.row] += 1  # its owner counted at the same moment
+    conductor.quiet()
+    conductor.move(START_NS + MS)
+    send(third)
+    assert one.pending
 
 
 def test_a_message_holds_time_for_who_waits_and_keeps_up(conductor, page, member, wait_until):
-    source, hop = Source(page, "topic"), Hop(page, "topic")
+    publisher, end = topic(page)
+    of_another_process(page, publisher, end)
     member.idle()
-    source.publishing()
-    assert not hop.pending(), "it has not kept up yet"
-    hop.taken(1)
-    source.publishing()
-    assert hop.pending()
+    publisher.count()
+    assert not end.pending, "it has not kept up yet"
+    end.take(1)
+    publisher.count()
+    assert end.pending
     assert conductor.quiet() == FOREVER, "nobody waits for it now"
-    waiting = Waiting(page, START_NS + MS, None, [hop])
+    waiting = Waiting(page, START_NS + MS, end)
     waiting.join()
     assert waiting.reached_ns == START_NS
-    hop.taken(2)
-    again = Waiting(page, START_NS + MS, None, [hop])
+    end.take(2)
+    again = Waiting(page, START_NS + MS, end)
     waiting.member.idle()
     assert quiet(conductor, wait_until) == START_NS + MS
-    source.publishing()
-    source.published()
+    send(publisher)
     again.join()
     assert again.reached_ns == START_NS
 
 
+def test_a_message_is_settled_when_time_has_moved(conductor, page, member):
+    publisher, end = topic(page)
+    member.idle()
+    publisher.count()
+    end.take(1)
+    assert end.is_early and not end.unsettled
+    conductor.move(START_NS + MS)
+    assert not end.is_early
+    publisher.count()
+    assert end.pending and not end.unsettled
+    conductor.move(START_NS + 2 * MS)
+    assert end.unsettled
+    end.take(2)
+    assert not end.unsettled and not end.is_early
+
+
+def test_requests_of_all_clients_hold_time(conductor, page, member):
+    served = End(page, "request /node")
+    clients = [End(page, "request /node", sends=True) for _ in range(2)]
+    served.hold(member.row)
+    member.idle()
+    for client in clients:
+        client.count()
+        assert conductor.quiet() is None
+        served.catch_up()
+        assert conductor.quiet() == FOREVER
+
+
 @pytest.mark.parametrize("taken_meanwhile", [False, True])
 def test_a_pause_holds_no_time_and_forgets_no_message(conductor, page, member, taken_meanwhile):
-    source, hop = Source(page, "requests"), Hop(page, "requests")
-    hop.hold(member.slot)
+    publisher, end = topic(page, "requests")
+    end.hold(member.row)
     member.idle()
-    source.publishing()
-    with hop.paused():
+    publisher.count()
+    with end.paused():
         assert conductor.quiet() == FOREVER
         if taken_meanwhile:
-            hop.catch_up()
-    assert hop.pending() is not taken_meanwhile
+            end.catch_up()
+    assert end.pending is not taken_meanwhile
     assert (conductor.quiet() is None) is not taken_meanwhile
 
 
 def test_who_is_given_up_stays_so_after_a_pause(page, member):
-    source, hop = Source(page, "requests"), Hop(page, "requests")
-    hop.hold(member.slot)
-    source.publishing()
-    hop.let_go()
-    with hop.paused():
+    publisher, end = topic(page, "requests")
+    end.hold(member.row)
+    publisher.count()
+    end.let_go()
+    with end.paused():
         pass
-    assert not hop.pending()
+    assert not end.pending
 
 
 def test_a_publisher_that_starts_anew_is_counted_on(page):
-    source, hop = Source(page, "topic"), Hop(page, "topic")
+    publisher, end = topic(page)
     for number in (1, 2, 3):
-        source.publishing()
-        hop.taken(number)
-    source.close()
-    again = Source(page, "topic")
-    again.publishing()
-    assert hop.pending()
-    hop.taken(1)
-    assert not hop.pending()
+        publisher.count()
+        end.take(number)
+    publisher.close()
+    assert end.is_orphaned
+    again = End(page, "topic", sends=True, numbered=True)
+    again.count()
+    assert end.pending
+    end.take(1)
+    assert not end.pending
 
 
-def test_a_stranger_on_the_topic_does_not_hold_time(page):
-    source, hop = Source(page, "topic"), Hop(page, "topic")
-    source.publishing()
-    hop.taken(1)
+def test_a_second_publisher_does_not_hold_time(page):
+    publisher, end = topic(page)
+    second = End(page, "topic", sends=True, numbered=True)
+    publisher.count()
+    end.take(1)
+    second.count()
+    assert not end.pending
     for number in (7, 2**40, 0):
-        hop.taken(number)
-        assert not hop.pending()
-    source.publishing()
-    assert hop.pending()
+        end.take(number)
+        assert not end.pending
+    publisher.count()
+    assert end.pending
 
 
 # Who dies, hangs or joins ---------------------------------------------------------------------
@@ -250,7 +374,7 @@ def test_who_could_run_has_more_time_than_who_hangs(
     process = multiprocessing.get_context("fork").Process(target=_hold, args=(name, work))
     process.start()
     try:
-        wait_until(lambda: "busy one" in [page.name(slot) for slot in range(4)], 30.0)
+        wait_until(lambda: "busy one" in [page.name(row) for row in range(4)], 30.0)
         begun = time.monotonic()
 
         def given_up() -> bool:
@@ -286,15 +410,15 @@ def test_who_declares_himself_content_does_not_keep_who_hangs(
 def _join_and_die(name: str) -> None:
     page = Page(name)
     Member(page, "short-lived", never)
-    Line(page, "bus")
-    Hop(page, "topic")
+    bus(page)
+    End(page, "topic")
     os._exit(1)
 
 
 def test_who_dies_is_not_waited_for(conductor, page, name, wait_until):
     process = multiprocessing.get_context("fork").Process(target=_join_and_die, args=(name,))
     process.start()
-    wait_until(lambda: "short-lived" in [page.name(slot) for slot in range(4)], 30.0)
+    wait_until(lambda: "short-lived" in [page.name(row) for row in range(4)], 30.0)
     process.join()
     roster = page.roster
 
@@ -305,7 +429,7 @@ def test_who_dies_is_not_waited_for(conductor, page, name, wait_until):
 
     wait_until(dismissed)
     assert page.roster > roster
-    assert not any(page.slot_pid) and not any(page.hop_pid) and not any(page.line_pid)
+    assert not any(page.thread_pid) and not any(page.end_pid)
 
 
 def test_without_a_conductor_time_stands_still_and_that_is_said(page):
@@ -323,13 +447,13 @@ def test_two_conductors_are_refused(conductor, page, monkeypatch):
 
 
 def test_a_full_table_is_told(page):
-    for _ in range(SLOTS):
+    for _ in range(THREADS):
         Member(page, "one more", never)
     with pytest.raises(TableFull, match="thread"):
         Member(page, "one too many", never)
 
 
-def _take_slots(page: Page, count: int) -> None:
+def _take_rows(page: Page, count: int) -> None:
     sys.setswitchinterval(1e-6)
     threads = [
         threading.Thread(target=lambda: [Member(page, "one more", never) for _ in range(count)])
@@ -344,15 +468,15 @@ def _take_slots(page: Page, count: int) -> None:
 def test_threads_of_several_processes_take_rows_of_their_own(page, name):
     fork = multiprocessing.get_context("fork")
     for _ in range(20):
-        child = fork.Process(target=lambda: _take_slots(Page(name), SLOTS // 8))
+        child = fork.Process(target=lambda: _take_rows(Page(name), THREADS // 8))
         child.start()
         interval = sys.getswitchinterval()
         try:
-            _take_slots(page, SLOTS // 8)
+            _take_rows(page, THREADS // 8)
         finally:
             sys.setswitchinterval(interval)
             child.join()
-        assert all(page.slot_pid)
+        assert all(page.thread_pid)
         page.dismiss(child.pid)
         page.dismiss(os.getpid())
 
@@ -406,15 +530,15 @@ def test_processes_with_different_periods_all_see_each_of_their_ticks(conductor,
     periods = (MS, MS, 2 * MS, 700_000)
     processes = [fork.Process(target=_tick, args=(name, p, 700 * MS // p)) for p in periods]
     with page.locked():  # time must not begin before all are there
-        hold = page.take(page.slot_pid, os.getpid(), "hold")
-    page.slot_until[hold] = 0
+        hold = page.take(page.thread_pid, "hold")
+    page.until[hold] = 0
     for process in processes:
         process.start()
-    while sum(pid != 0 for pid in page.slot_pid) < len(periods) + 1:
+    while sum(pid != 0 for pid in page.thread_pid) < len(periods) + 1:
         conductor.look()
         conductor.sleep(0.01)
         assert all(process.is_alive() for process in processes)
-    page.slot_until[hold] = FOREVER
+    page.until[hold] = FOREVER
     while any(process.is_alive() for process in processes):
         conductor.look()
         due_ns = conductor.quiet()

@@ -11,7 +11,7 @@ import rclpy
 from node_classes import node_class
 from rclpy.signals import SignalHandlerOptions
 
-from screw_module_ros.nodes.support.module_node import ModuleNode
+from screw_module_ros.nodes.support.node import Node
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def make_node(monkeypatch, request):
     """Return `make_node(name, *ros_args)`: the node, declared but not configured."""
     made = []
 
-    def make(name: str, *ros_args: str) -> ModuleNode:
+    def make(name: str, *ros_args: str) -> Node:
         monkeypatch.setattr(sys, "argv", [name, "--ros-args", *ros_args])
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:

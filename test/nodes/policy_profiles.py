@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from rclpy.node import Node
 
 from screw_module_ros.graph import BESIDE, GRAPH
-from screw_module_ros.nodes.support.plan import ENCLAVES
+from screw_module_ros.nodes.bringup import ENCLAVES
 from screw_module_ros.resources import resource_path
 
 POLICY = "security/policy.xml"

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 
 from screw_module_msgs.msg import SafetyState
 
+from screw_module_ros import graph
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.requests import Requests
-from screw_module_ros.nodes.support.freshness import Newest
-from screw_module_ros.nodes.support.hot_topics import _Received
-from screw_module_ros.nodes.support.permission import VERTICAL, Permission
+from screw_module_ros.nodes.support.drives import VERTICAL, Permission
+from screw_module_ros.nodes.support.inbox import Subscription
+from screw_module_ros.nodes.support.topics import COMMAND, Newest
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
 MS = 1_000_000
@@ -20,6 +21,8 @@ OFF_NS = 1_700_000_000 * S  # of the system clock, against the monotonic one
 
 
 class Clock(ManualClock):
+    simulated = False
+
     def stamp_ns(self) -> int:
         return self.time_ns + OFF_NS
 
@@ -31,7 +34,9 @@ def received(clock: Clock, *arrivals_ns: int):
          {"received_timestamp": at_ns + OFF_NS})
         for at_ns in arrivals_ns
     ]  # fmt: skip
-    return _Received(lambda: waiting.pop(0) if waiting else None, clock)
+    handle = SimpleNamespace(take_message=lambda *_: waiting.pop(0) if waiting else None)
+    node = SimpleNamespace(create_subscription=lambda *_, **__: SimpleNamespace(handle=handle))
+    return Subscription(node, clock, None, SafetyState, graph.SAFETY_STATE, COMMAND, False)
 
 
 def test_the_last_message_of_a_dead_node_is_not_fresh():

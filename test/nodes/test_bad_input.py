@@ -9,15 +9,15 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros.graph import BUSES
-from screw_module_ros.nodes.support.serving_node import Done
-from screw_module_ros.nodes.support.single import AlreadyRunning, lock_device, lock_simulation
+from screw_module_ros.nodes.support.answering import Done
+from screw_module_ros.nodes.support.place import AlreadyRunning, lock_device, lock_simulation
 
 
 def refused(node) -> str:
     """Try to configure `node`; return the sentence it refused with."""
     assert node.trigger_configure() != TransitionCallbackReturn.SUCCESS
-    assert node._failure
-    return node._failure
+    assert node.failure
+    return node.failure
 
 
 @pytest.mark.parametrize("name", ["encoder", "force_sensor", "amplifier", "manus"])

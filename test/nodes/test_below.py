@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.nodes.support.below import below, one_name, root_folder
+from screw_module_ros.nodes.support.place import below, one_name, root_folder
 
 
 def test_names_below_are_taken(tmp_path):

@@ -17,7 +17,7 @@ from screw_module_ros.calibration.friction_file import thesis_friction
 from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE
-from screw_module_ros.nodes.support.serving_node import Done
+from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.reader import columns, metadata
 from screw_module_ros.trials.graph_run import GraphRun

@@ -46,12 +46,13 @@ def test_it_does_not_wait_for_ever(wall):
 
 
 def test_in_simulated_time_it_goes_when_the_other_buses_are_closed(wall):
-    lines = [0, os.getpid(), os.getppid()]
-    one = Departure(SimpleNamespace(simulated=True, page=SimpleNamespace(line_pid=lines)))
+    users = [(os.getpid(), 5), (os.getppid(), 5)]
+    page = SimpleNamespace(buses=lambda: users)
+    one = Departure(SimpleNamespace(simulated=True, page=page))
 
     def due(seconds: float) -> bool:
         if seconds > 1.0:
-            lines[2] = 0
+            del users[1:]
         return one.is_due(5)
 
     assert left_after(wall, due) == pytest.approx(1.35, abs=0.06)

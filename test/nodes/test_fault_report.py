@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes.support.health import OK, WARN, Health
+from screw_module_ros.nodes.support.states import OK, WARN, Health
 from screw_module_ros.nodes.support.timers import Timers
 
 S = 1_000_000_000

@@ -32,7 +32,7 @@ from screw_module_ros.graph import (
 )
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.bringup import executable_path
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.trials.graph_run import GraphRun
 
@@ -133,7 +133,7 @@ class Collector:
         self.alarmed: set[str] = set()
         self._lock = threading.Lock()
         for topic, (kind, _, reliability) in TOPICS.items():
-            quality = 10 if reliability is RELIABLE else qos.SAMPLE
+            quality = 10 if reliability is RELIABLE else topics.SAMPLE
             robot.node.create_subscription(
                 message_class(kind), topic, lambda _, t=topic: self._note(t), quality
             )

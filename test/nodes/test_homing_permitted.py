@@ -9,8 +9,9 @@ from rclpy.node import Node
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotNow
-from screw_module_ros.nodes.support.single import lock_node
-from screw_module_ros.nodes.support.torque_off import NotPermitted, TorqueOff
+from screw_module_ros.nodes.support.answering import carried_out
+from screw_module_ros.nodes.support.driver import NotPermitted, TorqueOff
+from screw_module_ros.nodes.support.place import lock_node
 
 NAMESPACE = "/homing_permitted"  # no amplifier of another test has been discovered there
 
@@ -42,7 +43,7 @@ def home(make_node):
 
     def ask(*states: AmplifierState) -> str:
         node._torque_off = TorqueOff(node, inbox_with(None, *states), PatientClock(1))
-        return node._carried_out(node._home, None, "~/home", always=True)
+        return carried_out(node, node._home, None, "~/home", always=True)
 
     ask.device = device
     return ask

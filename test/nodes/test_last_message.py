@@ -14,9 +14,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import UInt32
 
-from screw_module_ros.nodes.support import hot_topics, qos
-from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
-from screw_module_ros.simulated_clock import simulated_clock
+from screw_module_ros.lockstep.clock import simulated_clock
+from screw_module_ros.nodes.support import inbox, topics
+from screw_module_ros.nodes.support.inbox import Inbox, Outlet
 
 FOREVER_NS = 3_600_000_000_000
 
@@ -28,8 +28,8 @@ def ends(wait_until):
     context = Context()
     context.init()
     node = Node("tester", context=context)
-    outlet, inbox = Outlet(node, clock, UInt32, "number", qos.SAMPLE), Inbox(node, clock)
-    take = inbox.subscribe(UInt32, "number", qos.SAMPLE, wakes=True)
+    outlet, inbox = Outlet(node, clock, UInt32, "number", topics.SAMPLE), Inbox(node, clock)
+    take = inbox.subscribe(UInt32, "number", topics.SAMPLE, wakes=True)
     wait_until(lambda: node.count_subscribers("number") and node.count_publishers("number"))
     outlet.publish(UInt32(data=1))
     wait_until(lambda: (found := take()) and found.data == 1)
@@ -45,8 +45,8 @@ def ends(wait_until):
 def test_what_never_comes_is_waited_for_no_longer_than_its_publisher_is_there(
     ends, monkeypatch, goes_first
 ):
-    monkeypatch.setattr(hot_topics, "_LOST_NS", FOREVER_NS)
-    ends.outlet._source.publishing()  # counted, and dropped by the middleware
+    monkeypatch.setattr(inbox, "_LOST_NS", FOREVER_NS)
+    ends.outlet._end.count()  # counted, and dropped by the middleware
     found = []
     taking = threading.Thread(target=lambda: found.append(ends.take()), daemon=True)
     if goes_first:

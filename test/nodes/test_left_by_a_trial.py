@@ -12,7 +12,7 @@ from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import graph
 from screw_module_ros.control.limits import TRIAL_RATE
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def sender():
 
     def make(name: str) -> Node:
         made.append(Node(name))
-        made[-1].create_publisher(ForceCommand, graph.FORCE_COMMAND, qos.COMMAND)
+        made[-1].create_publisher(ForceCommand, graph.FORCE_COMMAND, topics.COMMAND)
         return made[-1]
 
     yield make

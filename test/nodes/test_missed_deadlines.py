@@ -9,7 +9,7 @@ import pytest
 from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 
 from screw_module_ros.loop.ticker import Ticker
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
@@ -31,8 +31,8 @@ class Sender(threading.Thread):
         self.late = 0
         self._ended = threading.Event()
         node = robot.node
-        self._commands = node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
-        self._safety = node.create_publisher(SafetyState, "safety_state", qos.COMMAND)
+        self._commands = node.create_publisher(ForceCommand, "screw/force_command", topics.COMMAND)
+        self._safety = node.create_publisher(SafetyState, "safety_state", topics.COMMAND)
 
     def run(self) -> None:
         """Send until `end`."""

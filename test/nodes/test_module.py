@@ -24,7 +24,7 @@ from screw_module_msgs.msg import (
 
 from screw_module_ros.graph import COMPOSED
 from screw_module_ros.nodes.bringup import executable_path
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.trials.graph_run import GraphRun
 
@@ -128,10 +128,10 @@ def test_a_rate_of_its_own_is_refused(robot):
 def test_somebody_else_may_command_while_the_controller_is_off(robot):
     """As `characterize` does: without a controller here the amplifier listens to the topic."""
     samples: list[EncoderSample] = []
-    robot.node.create_subscription(EncoderSample, "screw/encoder", samples.append, qos.SAMPLE)
+    robot.node.create_subscription(EncoderSample, "screw/encoder", samples.append, topics.SAMPLE)
     change(robot, Transition.TRANSITION_DEACTIVATE)
     change(robot, Transition.TRANSITION_CLEANUP)
-    publisher = robot.node.create_publisher(ForceCommand, "screw/force_command", qos.COMMAND)
+    publisher = robot.node.create_publisher(ForceCommand, "screw/force_command", topics.COMMAND)
     try:
         robot.wait_until(lambda: publisher.get_subscription_count() == 1, 10.0, "nobody hears it")
         before = robot.newest(AmplifierState).commands

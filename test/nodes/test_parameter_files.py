@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from screw_module_ros.graph import BUSES, GRAPH
+from screw_module_ros.nodes.bringup import BENCH_PARAMETERS, SIMULATION_PARAMETERS
 from screw_module_ros.nodes.support.parameters import ParameterError
-from screw_module_ros.nodes.support.plan import BENCH_PARAMETERS, SIMULATION_PARAMETERS
 from screw_module_ros.plant.world import load_world
 from screw_module_ros.resources import resource_path
 

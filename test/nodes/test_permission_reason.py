@@ -9,7 +9,7 @@ import pytest
 from screw_module_msgs.msg import SafetyState
 
 from screw_module_ros.loop.requests import Requests
-from screw_module_ros.nodes.support.permission import PLANAR, VERTICAL, Permission
+from screw_module_ros.nodes.support.drives import PLANAR, VERTICAL, Permission
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
 MS = 1_000_000

@@ -10,9 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 from screw_module_ros.nodes import bringup
+from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.support.command_line import arguments, overrides
 from screw_module_ros.nodes.support.parameters import ParameterError
-from screw_module_ros.nodes.support.plan import plan
 
 
 def given(planned, node: str) -> dict:

@@ -10,7 +10,7 @@ from screw_module_msgs.msg import TherapyState
 
 from screw_module_ros.nodes import bridge_gateway
 from screw_module_ros.nodes.bridge_gateway import PolledTopic
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 
 S = 1_000_000_000
 
@@ -27,7 +27,7 @@ def polled(waiting, kept=False):
     subscription = SimpleNamespace(handle=SimpleNamespace(take_message=take_message))
     node = SimpleNamespace(create_subscription=lambda *given, **more: subscription)
     kind = "screw_module_msgs/msg/TherapyState"
-    return PolledTopic(node, "/therapy/state", kind, qos.SAMPLE, None, kept)
+    return PolledTopic(node, "/therapy/state", kind, topics.SAMPLE, None, kept)
 
 
 def test_a_message_of_a_node_that_has_died_is_no_news():

@@ -9,15 +9,15 @@ import pytest
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 
 from screw_module_ros.loop.requests import Requests
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.senders import too_many_senders
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.topics import too_many_senders
 from screw_module_ros.safety.permit import OPEN, Permit, PermitSettings
 
 MS = 1_000_000
 
 
 def publish(node, kind, topic, count):
-    return [node.create_publisher(kind, topic, qos.SAMPLE) for _ in range(count)]
+    return [node.create_publisher(kind, topic, topics.SAMPLE) for _ in range(count)]
 
 
 @pytest.mark.parametrize(

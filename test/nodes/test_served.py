@@ -10,7 +10,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from screw_module_ros.nodes.support.served import is_served
+from screw_module_ros.nodes.support.topics import is_served
 
 SERVICE = "/robot/enable"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from screw_module_msgs.msg import EndpointState
 
-from screw_module_ros.nodes.support import qos
+from screw_module_ros.nodes.support import topics
 
 MESSAGES = 150  # three quarters of a second
 
@@ -17,7 +17,7 @@ def test_samples_of_a_pause_are_all_taken(make_node, wait_until):
     node.begin()
     taken = []
     node._take_sample = lambda message, now_ns: taken.append(message.sequence)
-    publisher = node.create_publisher(EndpointState, "endpoint_state", qos.EACH_STATE)
+    publisher = node.create_publisher(EndpointState, "endpoint_state", topics.EACH_STATE)
     wait_until(lambda: publisher.get_subscription_count() == 1, what="discovery")
     for number in range(MESSAGES):
         publisher.publish(EndpointState(sequence=number))

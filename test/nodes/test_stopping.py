@@ -11,12 +11,12 @@ from contextlib import suppress
 import pytest
 
 from screw_module_ros.nodes.bringup import executable_path
-from screw_module_ros.nodes.support.stopping import StopFlag
+from screw_module_ros.nodes.support.runtime import StopFlag
 
 # It is always about to wait: a handler that set the event itself would lock up every second time.
 WAITS = """
 import threading
-from screw_module_ros.nodes.support.stopping import stop_on_signals
+from screw_module_ros.nodes.support.runtime import stop_on_signals
 stopping = threading.Event()
 stop_on_signals(stopping)
 print("waits", flush=True)

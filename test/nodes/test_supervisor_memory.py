@@ -10,7 +10,7 @@ import pytest
 from std_srvs.srv import SetBool, Trigger
 
 from screw_module_ros.nodes.supervisor import SupervisorNode
-from screw_module_ros.nodes.support.kept import Kept
+from screw_module_ros.nodes.support.place import Kept
 from screw_module_ros.safety.supervision import ALL_NODES, EARLIER
 
 

@@ -85,10 +85,10 @@ def test_simulated_time_waits_for_a_call_that_is_due(make_node, wait_until):
     for tick in range(1, 101):
         wait_until(lambda: conductor.quiet() is not None)
         conductor.move(begin_ns + tick * MS)
-        node.wake_if_due()
+        node.service.wake_if_due()
     wait_until(lambda: conductor.quiet() is not None)
     ended.set()
     served.join()
-    node.stop_serving()
+    node.service.close()
     conductor.close()
     assert calls == [20 * MS, 40 * MS, 60 * MS, 80 * MS, 100 * MS]

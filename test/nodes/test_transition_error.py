@@ -41,13 +41,13 @@ def test_after_an_error_all_is_closed_and_the_node_begins_anew(node, method, ste
     for step in steps:
         getattr(node, f"trigger_{step}")()
     assert state(node) == State.PRIMARY_STATE_UNCONFIGURED
-    assert "device gone" in node._failure
+    assert "device gone" in node.failure
     assert not node._outlets and not node._inboxes
     assert node.parameters.write(max_age=0.2) == ""
     node.trigger_configure()
     node.trigger_activate()
     assert node.active and state(node) == State.PRIMARY_STATE_ACTIVE
-    assert node._failure == ""
+    assert node.failure == ""
 
 
 def test_while_simulated_time_stands_the_node_stays_active(node):

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.nodes.support import transport
-from screw_module_ros.nodes.support.isolation import RANGE_VARIABLE
-from screw_module_ros.nodes.support.transport import (
+from screw_module_ros.nodes.support import place
+from screw_module_ros.nodes.support.place import (
     BUILTIN_VARIABLE,
     NETWORK_VARIABLE,
     PROFILES_VARIABLE,
+    RANGE_VARIABLE,
     choose_transport,
 )
 
@@ -24,7 +24,7 @@ VARIABLES = (BUILTIN_VARIABLE, PROFILES_VARIABLE, RANGE_VARIABLE, NETWORK_VARIAB
 THREADS = """
 from pathlib import Path
 import rclpy
-from screw_module_ros.nodes.support.transport import choose_transport
+from screw_module_ros.nodes.support.place import choose_transport
 choose_transport()
 rclpy.init()
 node = rclpy.create_node("listens")
@@ -40,7 +40,7 @@ BOUND = """
 import os, socket
 from pathlib import Path
 import rclpy
-from screw_module_ros.nodes.support.transport import choose_transport
+from screw_module_ros.nodes.support.place import choose_transport
 choose_transport()
 rclpy.init()
 node = rclpy.create_node("listens")
@@ -114,7 +114,7 @@ def test_our_own_word_opens_over_udp_with_a_warning(environment):
                                                ("SYSTEM_DEFAULT", "SYSTEM_DEFAULT")])  # fmt: skip
 def test_opening_tells_what_becomes_possible(environment, before, after):
     environment(**{RANGE_VARIABLE: before})
-    assert "enable the drives" in transport.open_to_network()
+    assert "enable the drives" in place.open_to_network()
     assert environment()[RANGE_VARIABLE] == after
 
 
@@ -137,7 +137,7 @@ def test_a_users_wish_is_respected(environment, name):
 
 def test_other_rmw_implementations_are_left_alone(environment, monkeypatch):
     monkeypatch.setattr(
-        transport, "get_rmw_implementation_identifier", lambda: "rmw_cyclonedds_cpp"
+        place, "get_rmw_implementation_identifier", lambda: "rmw_cyclonedds_cpp"
     )
     before = environment(**{RANGE_VARIABLE: "LOCALHOST"})
     choose_transport()

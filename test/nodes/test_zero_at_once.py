@@ -10,7 +10,7 @@ import pytest
 
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
-from screw_module_ros.nodes.support.flat import COMMAND
+from screw_module_ros.nodes.support.wire import COMMAND
 from screw_module_ros.samples import EncoderReading, ForceReading
 
 MS = 1_000_000

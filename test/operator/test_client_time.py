@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import pytest
 
+from screw_module_ros.lockstep.clock import simulated_clock
 from screw_module_ros.lockstep.page import FOREVER
 from screw_module_ros.operator.robot import Robot, RobotError
-from screw_module_ros.simulated_clock import simulated_clock
 
 
 def test_the_page_is_left_with_the_last_of_two_users():
@@ -45,10 +45,10 @@ def test_a_wait_by_wall_clock_holds_no_time_after_a_service_call():
     """Time stood still for the whole minute in which a test repeated a call until it was obeyed."""
     held = []
     with Robot("tester", namespace="/no_rig", simulated=True) as robot:
-        member, until = robot.clock.member, robot.clock.page.slot_until
+        member, until = robot.clock.member, robot.clock.page.until
 
         def condition() -> bool:
-            held.append(until[member.slot] != FOREVER)
+            held.append(until[member.row] != FOREVER)
             member.busy()  # as a call leaves it
             return len(held) == 3
 

@@ -79,7 +79,7 @@ def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
         ("nodes/sim_rig.py", "from screw_module_ros.rig.rig import Rig"),
         ("operator/robot.py", "import rclpy"),
         ("trials/demo.py", "import rclpy\nfrom ..operator.robot import Robot"),
-        ("identification/live/bench.py", "import rclpy\nfrom ...nodes.support import qos"),
+        ("identification/live/bench.py", "import rclpy\nfrom ...nodes.support import topics"),
         ("plant/settings.py", "import yaml\nfrom pathlib import Path"),
         ("calibration/module_file.py", "import yaml\nfrom ..control.friction import Branch"),
         ("identification/calibration.py", "from ..calibration.module import write_calibration"),

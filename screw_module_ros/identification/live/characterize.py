@@ -27,10 +27,10 @@ from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, sett
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible
-from screw_module_ros.nodes.support.below import below, root_folder
-from screw_module_ros.nodes.support.health import OK, Health
-from screw_module_ros.nodes.support.module_node import ModuleNode
+from screw_module_ros.nodes.support.node import Node
+from screw_module_ros.nodes.support.place import below, root_folder
 from screw_module_ros.nodes.support.runtime import main as run_node
+from screw_module_ros.nodes.support.states import OK, Health
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.quoting import quoted
@@ -62,7 +62,7 @@ class ResultsSettings(NamedTuple):
     ] = "~/characterization"
 
 
-class CharacterizeNode(ModuleNode):
+class CharacterizeNode(Node):
     """Runs one experiment at a time in a thread; the main thread takes the samples."""
 
     def __init__(self):

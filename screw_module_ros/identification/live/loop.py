@@ -19,9 +19,9 @@ from screw_module_ros import graph
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
-from screw_module_ros.nodes.support.hot_topics import Inbox, Outlet
-from screw_module_ros.nodes.support.module_node import ModuleNode
-from screw_module_ros.nodes.support.rates import Due
+from screw_module_ros.nodes.support.inbox import Inbox, Outlet
+from screw_module_ros.nodes.support.node import Node
+from screw_module_ros.nodes.support.states import Due
 from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.safety.checks import WatchSettings
 
@@ -47,7 +47,7 @@ class LiveLoop:
     sample: the newest EncoderSample, None before the first.
     """
 
-    def __init__(self, node: ModuleNode):
+    def __init__(self, node: Node):
         self.sample: EncoderSample | None = None
         self._node, self._clock = node, node.clock
         self._inbox = inbox = Inbox(node, node.clock)

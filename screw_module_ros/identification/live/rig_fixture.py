@@ -11,7 +11,7 @@ from screw_module_msgs.srv import SetFixture
 
 from screw_module_ros import graph
 from screw_module_ros.identification.trials import WAY_S, Arm, MotionTrial, NotPossible
-from screw_module_ros.nodes.support.hot_topics import Inbox
+from screw_module_ros.nodes.support.inbox import Inbox
 from screw_module_ros.nodes.support.topics import offered
 from screw_module_ros.operator.robot import Robot, arm
 

@@ -39,11 +39,7 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
     """
     if robot.clock.simulated:
         page = robot.clock.page
-        return any(
-            pid == page.conductor and sent > 0
-            for pid, sent in zip(page.line_pid, page.line_sent, strict=True)
-            if pid
-        )
+        return any(pid == page.conductor and sent > 0 for pid, sent in page.buses())
     if bus.interface not in SIMULATED_INTERFACES:
         return False
     wanted = {

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of every node: parameters, lifecycle, diagnostics, the hot loop, QoS, locks.
+"""Base of every node: parameters, lifecycle, diagnostics, the hot loop, topics, locks.
 
 A hot loop is the loop in the main thread of a node's process (see `runtime`); a hot topic is one
-whose subscription that loop serves instead of rclpy's executor (see `hot_topics`).
+whose subscription that loop serves instead of rclpy's executor (see `inbox`).
 """

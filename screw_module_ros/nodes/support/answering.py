@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes rclpy's own services of each node answer with an error instead of ending the node.
+"""Services that answer with an error instead of ending the node: ours, and rclpy's own.
 
 An exception in a callback leaves the executor's `spin_once` and would end the node. But a parameter
 of an unknown type, or a transition that is impossible in the present state, is an error of the
@@ -15,9 +15,45 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 
+from screw_module_ros.clock import TimeStandsStill
+from screw_module_ros.devices.errors import DeviceError
 from screw_module_ros.quoting import named
 
 _LONGEST = 300  # characters
+
+
+class Done(str):
+    """Message of a service that succeeded; a plain string is the message of a failure."""
+
+    __slots__ = ()
+
+
+def offer(
+    node: Any, kind: type, name: str, action: Callable[[Any], str], done: str, always: bool
+) -> None:
+    """Offer a service of a node, see `Node.serve`."""
+
+    def answer(request: Any, response: Any) -> Any:
+        with node.service.answering():
+            answered = carried_out(node, action, request, name, always)
+        response.success = not answered or isinstance(answered, Done)
+        response.message = str(answered) or done
+        return response
+
+    node.create_service(kind, name, answer)
+
+
+def carried_out(node: Any, action: Callable, request: Any, name: str, always: bool) -> str:
+    """Carry out a request; return the answer, `Done` or the reason of a failure."""
+    if not (always or node.active):
+        return f"the node is not active: {node.failure or f'it is {node.phase}'}"
+    try:
+        return action(request) or ""
+    except (DeviceError, TimeStandsStill) as error:
+        return str(error)
+    except Exception as error:
+        node.get_logger().error(f"{name}: {type(error).__name__}: {error}")
+        return str(error) or type(error).__name__
 
 
 def answer_always(node: Node) -> None:

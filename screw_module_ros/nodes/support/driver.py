@@ -1,24 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of the nodes with CAN devices: bus, device locks, slow polls."""
+"""Base of the nodes with CAN devices: bus, device locks, slow polls, sensors, torque off."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings, open_port, where
 from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
+from screw_module_ros.clock import Clock
+from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.ticker import period_of
+from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.settings import Setting
 
-from .module_node import ModuleNode
-from .single import Lock, lock_device
+from .inbox import Inbox
+from .node import Node
+from .place import Lock, lock_device, runs
+from .states import ERROR, OK, Health, RateMeter, latency_values
 from .timers import Timer, Watch
+from .topics import offered, requested
 
 _SLOW_POLL_S = 5.0
+_STATE_S = 0.2
+_LOOKS = 15
+_AMPLIFIER = graph.TOPICS[graph.AMPLIFIER_STATE].publisher
 
 
 class RateSettings(NamedTuple):
@@ -29,7 +41,7 @@ class RateSettings(NamedTuple):
     )
 
 
-class DriverNode(ModuleNode):
+class DriverNode(Node):
     """A node with one CAN bus and its own tick rate."""
 
     def __init__(self, name: str, rate: float = 1000.0):
@@ -116,3 +128,124 @@ class DriverNode(ModuleNode):
 def device_values(counters: Counter[str]) -> dict[str, int]:
     """Return the counters of a device or a bus that are not zero, for diagnostics."""
     return {name: count for name, count in counters.copy().items() if count}
+
+
+class SensorNode(DriverNode):
+    """A node with one sensor. Subclasses define `connect`, `begin`, `end`, `publish`.
+
+    device: the sensor's driver, None while there is none. part: its part in the loop, while active.
+    """
+
+    def __init__(self, name: str):
+        super().__init__(name)
+        self._rate = RateMeter()
+        self.device: Any = None
+        self.part: PolledSensor | None = None
+
+    def add_device(self, device: Any, topic: str, decimated: str) -> None:
+        """Configure the device and offer the topics of its readings; raises DeviceError."""
+        self.device = device
+        device.configure()
+        self.hardware_id = device.identity
+        self.check_bus_load(device.traffic)
+        self._publish = self.outlet(*offered(topic), raw=True)
+        self._publish_slow = self.outlet(*offered(decimated), raw=True)
+        self._slow_every = max(1, round(1e9 / self.period_ns / graph.DECIMATED_RATE))
+
+    def start_samples(self, parts: str, wires: Wires) -> None:
+        """Start device and loop. parts: name of this sensor in `Parts`."""
+        self.device.start()
+        self.part = PolledSensor(self.device, self.port, self.clock)
+        self._parts = Parts(**{parts: self.part})
+        self._loop = VerticalLoop(self.clock, self.period_ns, wires)
+        device = self.device  # the loop may still ask while `disconnect` takes it away
+        self.start_polls(lambda: device.fault)
+
+    def disconnect(self) -> None:
+        """Close the bus."""
+        self.device = None
+        self.close_port()
+
+    def step(self) -> None:
+        """One tick: request out, reading in, sample out."""
+        self._loop.step(self._parts)
+
+    def publish_packed(self, data: bytes, sequence: int) -> None:
+        """Publish a reading's message, each n-th also on the decimated topic."""
+        self._publish(data)
+        if sequence % self._slow_every == 0:
+            self._publish_slow(data)
+
+    def poll_slow(self) -> None:
+        """Read the device's slow values, such as alarms or voltages."""
+        self.device.poll_slow()
+
+    def sensor_health(self, shown: dict) -> Health:
+        """Return rate, faults and counters; shown: further values."""
+        device = self.device
+        counters = device.counters
+        rate = self._rate.rate(counters["received"], self.clock.now_ns())
+        values = {
+            "rate [1/s]": f"{rate:.1f}",
+            **latency_values("answer", self.part.answers),
+            **shown,
+            **device_values(counters),
+            **self.port_values(self.part.skipped),
+        }
+        if device.fault:
+            return Health(ERROR, device.fault, values)
+        if rate < 0.5e9 / self.period_ns:
+            return Health(ERROR, f"only {rate:.0f} samples/s", values)
+        return Health(OK, "sampling", values)
+
+
+class NotPermitted(DeviceError):
+    """The vertical drive gives torque."""
+
+
+class TorqueOff:
+    """Subscribes to the amplifier's state for the service thread. inbox: of the node."""
+
+    def __init__(self, node: Node, inbox: Inbox, clock: Clock):
+        self._node, self._clock = node, clock
+        self._take_state = inbox.subscribe(*requested(graph.AMPLIFIER_STATE))
+
+    def check(self, why: str) -> None:
+        """Raise NotPermitted when the amplifier's next state shows that torque passes or may pass.
+
+        why: the consequence, for the message. A silent amplifier passes no torque, but one that
+        the middleware has not discovered yet may: it has 3 s for that.
+        """
+        for _ in range(_LOOKS):
+            state = self._next_state()
+            if state is not None or not self._is_undiscovered():
+                break
+        else:
+            raise NotPermitted(
+                f"{_AMPLIFIER} runs, but this node has not discovered it yet: try again in a moment"
+            )
+        if state is not None and (
+            state.enabled or state.state == AmplifierState.OPERATION_ENABLED
+        ):
+            raise NotPermitted(
+                f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
+            )
+
+    def _next_state(self) -> AmplifierState | None:
+        """Return the amplifier's next state, None while it is silent."""
+        self._take_state()  # a waiting message may be old
+        states: list[AmplifierState] = []
+
+        def answered() -> bool:
+            state = self._take_state()
+            states.extend([state] if state is not None else [])
+            return bool(states)
+
+        return states[0] if self._clock.wait_for(answered, _STATE_S) else None
+
+    def _is_undiscovered(self) -> bool:
+        """Return whether the amplifier runs on this machine and the graph does not show it."""
+        namespace = self._node.get_namespace()
+        if (_AMPLIFIER, namespace) in self._node.get_node_names_and_namespaces():
+            return False
+        return runs(f"{namespace.rstrip('/')}/{_AMPLIFIER}")

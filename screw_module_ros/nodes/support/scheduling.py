@@ -18,6 +18,14 @@ _LOWEST = 1  # of SCHED_FIFO
 _SWITCH_INTERVAL = 50e-6  # s; longest delay of the loop by a service callback
 
 
+class StartSettings(NamedTuple):
+    """Start of the node."""
+
+    autostart: Annotated[
+        bool, Setting("configure and activate at start, and try again until it works")
+    ] = True
+
+
 class RealtimeSettings(NamedTuple):
     """Scheduling of the process."""
 

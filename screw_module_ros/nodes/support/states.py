@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fills state messages from the parts of the loops; for the loop's thread, times in [ns]."""
+"""What a node shows of itself: state messages, timing contract, rates; times in [ns].
+
+The loop fills the messages. In the diagnostics, which another thread makes, rates and latencies
+come from the newest state message: the loop owns the meter.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState
 
@@ -14,12 +19,38 @@ from screw_module_ros.loop.controller import VerticalController
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import Plane
 from screw_module_ros.safety.permit import Permit
-from screw_module_ros.safety.timing import DeadlineMeter
+from screw_module_ros.safety.timing import (
+    BIN_NS,
+    LEAST_SUCCESS,
+    DeadlineMeter,
+    histogram_text,
+    quantile,
+)
 from screw_module_ros.samples import ForceReading
 
-from .hot_topics import fill_stamp
+from .inbox import fill_stamp
 
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 _UNKNOWN = [math.nan, math.nan]
+_SHARES = (0.5, 0.99, 0.999)
+
+
+class Health(NamedTuple):
+    """One entry on /diagnostics: level, message and named values."""
+
+    level: bytes
+    message: str
+    values: dict
+
+    def status(self, node: str, hardware_id: str) -> DiagnosticStatus:
+        """Return the entry as a message; node: its full name."""
+        return DiagnosticStatus(
+            level=self.level,
+            name=node.lstrip("/"),
+            message=self.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in self.values.items()],
+        )
 
 
 def fill_controller(message: ImpedanceState, controller: VerticalController, now_ns: int) -> None:
@@ -114,3 +145,82 @@ def _fill_latencies(message: Any, meter: DeadlineMeter, now_ns: int) -> None:
     _fill_counts(message, meter, now_ns)
     message.latency_p50, message.latency_p99 = meter.latency(0.5), meter.latency(0.99)
     message.consecutive_missed = meter.missed_in_a_row(now_ns)
+
+
+def histogram_key(name: str) -> str:
+    """Return the key of a histogram in the diagnostics."""
+    return f"{name} histogram [{BIN_NS // 1000} us]"
+
+
+def latency_values(name: str, histogram: list[int]) -> dict[str, object]:
+    """Return the diagnostics of the latencies since the activation: quantiles and histogram."""
+    histogram = histogram.copy()
+    text = "/".join(f"{quantile(histogram, share) * 1e6:.0f}" for share in _SHARES)
+    return {
+        f"{name} p50/p99/p99.9 since activation [us]": text,
+        histogram_key(name): histogram_text(histogram),
+    }
+
+
+def timing_values(state: Any, meter: DeadlineMeter) -> dict[str, object]:
+    """Return the timing part of the diagnostics: of the last second, and since the activation.
+
+    state: the newest AmplifierState or ImpedanceState.
+    """
+    return {
+        "rate [1/s]": f"{state.rate:.0f}",
+        "latency p50 [us]": f"{state.latency_p50 * 1e6:.0f}",
+        "latency p99 [us]": f"{state.latency_p99 * 1e6:.0f}",
+        "late": state.late,
+        "lost": state.lost,
+        "missed in a row": state.consecutive_missed,
+        "success rate": f"{state.success_rate:.3f}",
+        **latency_values("latency", meter.histogram),
+    }
+
+
+def broken_contract(state: Any) -> str:
+    """Return the warning about missed deadlines, empty while the contract holds.
+
+    state: the newest AmplifierState, ImpedanceState or PlanarState.
+    """
+    if state.success_rate >= LEAST_SUCCESS:
+        return ""
+    return (
+        f"deadlines are being missed: {100 * state.success_rate:.1f} % of the last 1000 commands "
+        "came in time"
+    )
+
+
+class RateMeter:
+    """Turns a counter into a rate, from one diagnostics entry to the next."""
+
+    def __init__(self):
+        self._count = 0
+        self._time_ns = 0
+
+    def rate(self, count: int, now_ns: int) -> float:
+        """Return events per second since the last call, NaN at the first and after a restart."""
+        elapsed = (now_ns - self._time_ns) * 1e-9
+        known = self._time_ns and elapsed > 0 and count >= self._count
+        rate = (count - self._count) / elapsed if known else math.nan
+        self._count, self._time_ns = count, now_ns
+        return rate
+
+
+class Due:
+    """Says when the next message of a slower rate is due, at whole multiples of its period.
+
+    rate: messages per second [Hz]. The first one is due at once.
+    """
+
+    def __init__(self, rate: float):
+        self._period_ns = round(1e9 / rate)
+        self._due_ns = 0
+
+    def __call__(self, now_ns: int) -> bool:
+        """Return whether a message is due at now_ns [ns]; True counts it as sent."""
+        if now_ns < self._due_ns:
+            return False
+        self._due_ns = (now_ns // self._period_ns + 1) * self._period_ns
+        return True

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Periodic and conditional calls of a node's service thread, on our own clocks.
+"""The service thread of a node, and its periodic and conditional calls on our own clocks.
 
 rclpy's timers follow ROS time, which a parameter can stop; guards and diagnostics must not depend
 on it. The service thread sleeps in an executor, which sees neither simulated time nor a condition.
-So the hot loop asks `is_due` before each step, and triggers the node's guard condition. In
-simulated time it also holds the time until the calls are made (`ServingNode.hold_for_calls`).
+So the hot loop asks before each step whether a call is due, and triggers a guard condition.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+
+from rclpy.node import Node
 
 from screw_module_ros.clock import Clock, TimeStandsStill
 
@@ -102,3 +104,61 @@ class Timers:
         for each in self.due():
             with suppress(TimeStandsStill):  # the rig has stopped, so the time is unknown
                 each.run()
+
+
+class ServiceThread:
+    """What one thread does for a node: services, lifecycle, periodic calls.
+
+    In simulated time a request holds time until it is served, and the answer holds time until the
+    client has it. A periodic call that is due holds time until it is made.
+    """
+
+    def __init__(self, node: Node, timers: Timers):
+        self._node, self._timers = node, timers
+        self._called = node.create_guard_condition(self.make_calls)
+        self._works = threading.RLock()
+
+    def begin(self) -> None:
+        """Hold time for requests from now on."""
+        self._serving = self._node.clock.serving(self._node.get_fully_qualified_name())
+
+    @contextmanager
+    def working(self):
+        """Hold time while this thread works, except in its waits, in which requests wait too."""
+        with self._works:
+            with self._serving.working():
+                yield
+            self._hold_if_due()
+
+    @contextmanager
+    def answering(self):
+        """Work for one request, whose client has the answer before time advances."""
+        with self._works:
+            with self._serving.answering():
+                yield
+            self._hold_if_due()
+
+    def make_calls(self) -> None:
+        """Make the calls that are due."""
+        with self.working():  # also without a call: the loop may have held time for one just made
+            self._timers.run()
+
+    def wake_if_due(self) -> None:
+        """Wake this thread when a call is due, and hold time for it; for the loop's thread."""
+        if self._timers.is_due():
+            if self._works.acquire(blocking=False):  # else it works, and may need time
+                self._hold_if_due()
+                self._works.release()
+            self.wake()
+
+    def _hold_if_due(self) -> None:
+        if self._timers.is_due():
+            self._serving.hold()
+
+    def wake(self) -> None:
+        """Wake this thread. `Executor.wake` does not: its `spin_once` sleeps again."""
+        self._called.trigger()
+
+    def close(self) -> None:
+        """Hold time no longer: nothing is served from now on."""
+        self._serving.close()

@@ -23,9 +23,9 @@ import click
 from screw_module_ros.domain import end_without_domain
 from screw_module_ros.identification.pool import worker_pool
 from screw_module_ros.identification.speed import Speed, speeds
-from screw_module_ros.nodes.support.isolation import own_place
-from screw_module_ros.nodes.support.single import AlreadyRunning
+from screw_module_ros.nodes.support.place import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
+from screw_module_ros.trials.isolation import own_place
 
 from ..console import Console
 from ..graph_run import Interrupted

@@ -14,7 +14,7 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand
 
 from screw_module_ros.graph import COMPOSED as MODULE
 from screw_module_ros.graph import DIAGNOSTICS
-from screw_module_ros.nodes.support.timing_report import histogram_key
+from screw_module_ros.nodes.support.states import histogram_key
 from screw_module_ros.operator.robot import Robot, RobotError, arm
 from screw_module_ros.safety.timing import histogram_of
 

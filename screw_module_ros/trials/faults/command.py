@@ -13,9 +13,9 @@ import click
 from rich.markup import escape
 
 from screw_module_ros.domain import end_without_domain
-from screw_module_ros.nodes.support.isolation import DOMAIN_VARIABLE
-from screw_module_ros.nodes.support.single import AlreadyRunning
+from screw_module_ros.nodes.support.place import AlreadyRunning
 from screw_module_ros.operator.robot import RobotError
+from screw_module_ros.trials.isolation import DOMAIN_VARIABLE
 
 from ..console import Console
 from ..graph_run import Interrupted

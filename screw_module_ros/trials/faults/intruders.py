@@ -16,9 +16,10 @@ from rclpy.node import Node
 from screw_module_ros.can_io.bus import BusSettings, Port, open_port
 from screw_module_ros.clock import Clock
 from screw_module_ros.graph import BUSES
+from screw_module_ros.lockstep.end import End
 from screw_module_ros.nodes import bringup
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.hot_topics import Inbox
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.inbox import Inbox
 from screw_module_ros.operator.robot import RobotError
 
 from ..graph_run import GraphRun
@@ -84,7 +85,7 @@ class Intruders:
 
     def listen(self, kind: type, topic: str) -> Callable[[], Any]:
         """Return a function that returns the topic's next message or None, until `dismiss`."""
-        return self._inbox.subscribe(kind, topic, qos.STATE)
+        return self._inbox.subscribe(kind, topic, topics.STATE)
 
     def repeat(self, act: Callable[[], object], period: float) -> None:
         """Call `act` each `period` [s] of simulated time until `dismiss`."""
@@ -136,9 +137,8 @@ class _SecondPublisher:
 
     def __init__(self, node: Node, clock: Any, kind: type, topic: str):
         self._node = node
-        self._publisher = node.create_publisher(kind, topic, qos.COMMAND)
-        self._source = clock.source(self._publisher.topic_name)
-        self._source.counts = True  # although another one publishes the topic
+        self._publisher = node.create_publisher(kind, topic, topics.COMMAND)
+        self._end = End(clock.page, self._publisher.topic_name, sends=True)
 
     def listeners(self) -> int:
         """Return the number of subscriptions."""
@@ -146,12 +146,13 @@ class _SecondPublisher:
 
     def publish(self, message: Any) -> None:
         """Publish one message."""
-        self._source.publishing()
+        self._end.count()
         self._publisher.publish(message)
-        self._source.published()
+        self._end.announce()
 
     def close(self) -> None:
         """Remove the publisher."""
+        self._end.close()
         self._node.destroy_publisher(self._publisher)
 
 

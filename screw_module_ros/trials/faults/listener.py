@@ -24,8 +24,8 @@ from screw_module_msgs.msg import (
 )
 
 from screw_module_ros import graph
-from screw_module_ros.nodes.support import qos
-from screw_module_ros.nodes.support.hot_topics import Inbox
+from screw_module_ros.nodes.support import topics
+from screw_module_ros.nodes.support.inbox import Inbox
 from screw_module_ros.operator.robot import Robot
 
 NO_TORQUE = 5e-4
@@ -87,9 +87,9 @@ class Listener:
         self._listen(SafetyState, graph.SAFETY_STATE, self._safety)
         self._listen(AmplifierState, graph.AMPLIFIER_STATE, self._note_enabled("amplifier"))
         self._listen(PlanarState, graph.MANUS_STATE, self._note_enabled("manus"))
-        self._listen(EndpointState, graph.ENDPOINT_STATE, self._endpoint, qos.NEWEST)
-        self._listen(EncoderSample, graph.ENCODER_DECIMATED, self._sample, qos.SAMPLE)
-        self._listen(WrenchStamped, graph.WRENCH, self._wrench, qos.NEWEST)
+        self._listen(EndpointState, graph.ENDPOINT_STATE, self._endpoint, topics.NEWEST)
+        self._listen(EncoderSample, graph.ENCODER_DECIMATED, self._sample, topics.SAMPLE)
+        self._listen(WrenchStamped, graph.WRENCH, self._wrench, topics.NEWEST)
 
     def _listen(self, kind: type, topic: str, note: Callable, profile: QoSProfile = _ALL) -> None:
         self._wires.append((self._inbox.subscribe(kind, topic, profile), note))

@@ -191,7 +191,7 @@ class Testbed:
 
     def _await_start(self, pid: int, name: str) -> None:
         page = self.robot.clock.page
-        self._creep_until(lambda: pid in page.slot_pid, f"{name} does not start")
+        self._creep_until(lambda: pid in page.thread_pid, f"{name} does not start")
 
     def _creep_until(self, condition: Callable[[], object], what: str) -> None:
         """Wait for processes and the middleware. Raises RobotError(`what`) after 60 s."""

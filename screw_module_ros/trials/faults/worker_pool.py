@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from screw_module_ros.nodes.support.stopping import StopFlag
+from screw_module_ros.nodes.support.runtime import StopFlag
 from screw_module_ros.operator.robot import RobotError
 
 from ..graph_run import Interrupted, recordings_in

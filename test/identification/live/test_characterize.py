@@ -95,7 +95,7 @@ class Bench:
     def goals_in_time(self) -> list[str]:
         """Return the threads of experiments that simulated time may still wait for."""
         page = self.robot.clock.page
-        names = [page.name(slot) for slot in range(len(page.slot_pid)) if page.slot_pid[slot]]
+        names = [page.name(row) for row, pid in enumerate(page.thread_pid) if pid]
         return [name for name in names if name.endswith("/goal")]
 
     def check_put_back(self) -> None:

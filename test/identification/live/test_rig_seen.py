@@ -75,6 +75,6 @@ def test_hardware_is_no_rig(monkeypatch):
                                ((7, 8), (0, 5), False)]
 )  # fmt: skip
 def test_in_simulated_time_who_moves_it_must_have_answered(pids, sent, seen):
-    page = SimpleNamespace(conductor=7, line_pid=pids, line_sent=sent)
+    page = SimpleNamespace(conductor=7, buses=lambda: list(zip(pids, sent, strict=True)))
     robot = SimpleNamespace(clock=SimpleNamespace(simulated=True, page=page))
     assert sees_rig(robot, BusSettings(), RigBusSettings()) is seen

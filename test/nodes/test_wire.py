@@ -12,7 +12,7 @@ from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
 from screw_module_ros.control.vertical import VerticalOutput
 from screw_module_ros.devices.motion import FULL_RANGE, Unwrapper
 from screw_module_ros.loop.controller import NO_FORCE
-from screw_module_ros.nodes.support.flat import (
+from screw_module_ros.nodes.support.wire import (
     COMMAND,
     ENCODER,
     FORCE,

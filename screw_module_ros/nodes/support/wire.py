@@ -36,7 +36,7 @@ class Command(NamedTuple):
     force: float
 
 
-class Flat(NamedTuple):
+class Layout(NamedTuple):
     """A message type and the function that unpacks its serialized form."""
 
     kind: type
@@ -108,8 +108,8 @@ def _stamp(message: Any) -> int:
     return message.stamp.sec * _S + message.stamp.nanosec
 
 
-ENCODER = Flat(EncoderSample, _unpack_encoder)
-FORCE = Flat(ForceSample, _unpack_force)
-COMMAND = Flat(ForceCommand, _unpack_command)
-FLAT = {flat.kind: flat for flat in (ENCODER, FORCE, COMMAND)}
+ENCODER = Layout(EncoderSample, _unpack_encoder)
+FORCE = Layout(ForceSample, _unpack_force)
+COMMAND = Layout(ForceCommand, _unpack_command)
+LAYOUTS = {layout.kind: layout for layout in (ENCODER, FORCE, COMMAND)}
 """By message class."""

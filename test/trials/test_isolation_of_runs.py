@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from screw_module_ros.nodes.support import isolation
-from screw_module_ros.nodes.support.single import AlreadyRunning
+from screw_module_ros.nodes.support.place import AlreadyRunning
+from screw_module_ros.trials import isolation
 
 
 @pytest.fixture

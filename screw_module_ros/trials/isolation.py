@@ -17,11 +17,15 @@ from typing import NamedTuple
 from screw_module_ros.can_io.bus import MULTICAST_ROUTE, BusSettings
 from screw_module_ros.domain import domain_id
 from screw_module_ros.graph import BUSES
+from screw_module_ros.nodes.bringup import port_arguments
+from screw_module_ros.nodes.support.place import (
+    RANGE_VARIABLE,
+    STATE_VARIABLE,
+    AlreadyRunning,
+    Lock,
+)
 
-from .kept import STATE_VARIABLE
-from .single import AlreadyRunning, Lock
-
-DOMAIN_VARIABLE, RANGE_VARIABLE = "ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"
+DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 _DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
 _DDS_PORT_BASE, _PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
 _FIRST_PARTICIPANT = 10
@@ -58,16 +62,6 @@ class Place(NamedTuple):
     def arguments(self) -> list[str]:
         """Return the --ros-args that put every node on this run's CAN ports."""
         return port_arguments(self.first_port)
-
-
-def port_arguments(first_port: int) -> list[str]:
-    """Return the --ros-args that put the simulated rig and every node on four CAN ports."""
-    options = []
-    for number, bus in enumerate(BUSES):
-        port = first_port + number
-        options += ["-p", f"{bus.node}:can.port:={port}"]
-        options += ["-p", f"sim_rig:{bus.name}.can.port:={port}"]
-    return options
 
 
 def own_place() -> Place:

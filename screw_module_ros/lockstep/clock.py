@@ -11,11 +11,11 @@ from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any
 
-from .clock import Arrivals, Clock, PlainArrivals
-from .domain import domain_id
-from .lockstep.member import Member
-from .lockstep.page import Page, alive, page_name
-from .lockstep.wires import Hop, Line, Source
+from ..clock import Arrivals, Clock, PlainArrivals, Serving
+from ..domain import domain_id
+from .end import End
+from .member import Member
+from .page import Page, alive, page_name
 
 _STANDS_STILL_S = 2.0
 _LOST_S = 0.2  # wall clock after which a sent frame counts as lost
@@ -72,13 +72,21 @@ class SimulatedClock(Clock):
         counts = hasattr(bus, "members_frames")
         return _CountedArrivals(self, bus) if counts else PlainArrivals(self, bus)
 
-    def source(self, topic: str) -> Source:
+    def publisher(self, topic: str) -> End:
         """Return the publishing end of a topic (full name)."""
-        return Source(self.page, topic)
+        return End(self.page, topic, sends=True, numbered=True)
 
-    def hop(self, topic: str) -> Hop:
+    def subscription(self, topic: str) -> End:
         """Return a receiving end of a topic (full name)."""
-        return Hop(self.page, topic)
+        return End(self.page, topic)
+
+    def serving(self, node: str) -> Serving:
+        """Return what holds simulated time for the requests to a node (full name)."""
+        return _CountedServing(self, node)
+
+    def calls(self, node: str) -> Calls:
+        """Return what holds simulated time for a client's requests to a node (full name)."""
+        return Calls(self.page, node)
 
     def idle(self) -> None:
         """Tell that this thread has nothing to do with time from here on."""
@@ -116,29 +124,102 @@ class _CountedArrivals:
 
     def __init__(self, clock: SimulatedClock, bus: Any):
         self._clock, self._bus = clock, bus
-        self.line = Line(clock.page, bus.members_bus)
+        self._end = End(clock.page, f"bus {bus.members_bus}", sends=True, follows=True)
+        self._read = bus.members_frames
+        self.close = self._end.close
 
     def receive(self, until_ns: int) -> Any:
         """Return the next frame; wait for it until `until_ns`, None without one."""
-        if until_ns and self.line.pending() <= 0:
-            self._clock.member.wait(until_ns, self.line)
+        if until_ns and not self._end.pending:
+            self._clock.member.wait(until_ns, (self._end,))
         message = self._bus.recv(0.0)
-        if message is None and self.line.pending() > 0:
+        lost = not self._end.follows  # it was given up, and has now read everything
+        if message is None and self._end.pending:
             message = self._bus.recv(_LOST_S)  # the kernel may take a moment
-            if message is None:
-                self.line.forgive(self.line.pending())
-        self.line.handled(self._bus.members_frames)
+            lost = True
+        if message is None and lost:
+            self._end.catch_up()
+        if self._bus.members_frames != self._read:
+            self._read = self._bus.members_frames
+            self._end.take_next()
         return message
 
     def expects(self) -> bool:
         """Return whether a frame of another member is in transit."""
-        return self.line.pending() > 0
+        return self._end.pending
 
     def sent(self) -> None:
-        self.line.sent()
+        """Count a frame that the bus has accepted: one that is counted is there to be read."""
+        self._end.count()
+        self._end.announce()
+
+
+class _CountedServing:
+    """The end of the node: see `clock.Serving`."""
+
+    def __init__(self, clock: SimulatedClock, node: str):
+        self._clock = clock
+        self._requests = End(clock.page, _requests_to(node))
+        self._answers = End(clock.page, _answers_of(node), sends=True, numbered=True)
+        self._server: Member | None = None
+        self._requests.hold(clock.member.row)
+        clock.idle()
+
+    @contextmanager
+    def working(self):
+        """Hold time while this thread works, except in its waits, in which requests wait too."""
+        self._server = self._clock.member
+        with self._clock.working(), self._requests.paused():
+            yield
+
+    @contextmanager
+    def answering(self):
+        """Like `working`, for one request, whose client has the answer before time advances."""
+        with self.working():
+            yield
+            self._answers.count()
+            self._requests.catch_up()
+        self._answers.announce()
+
+    def hold(self) -> None:
+        """Hold time for the thread that serves until it has worked once more."""
+        if self._server is not None:
+            self._server.busy()
 
     def close(self) -> None:
-        self.line.close()
+        """Hold nothing from now on: nothing is served any more."""
+        self._requests.let_go()
+        if self._server is not None:
+            self._server.idle()
+
+
+class Calls:
+    """The end of a client: its requests hold time until they are served, answers until they came.
+
+    answer: pending when the node has answered.
+    """
+
+    def __init__(self, page: Page, node: str):
+        self._request = End(page, _requests_to(node), sends=True)
+        self.answer = End(page, _answers_of(node))
+
+    def begin(self) -> None:
+        """Count a request that is about to be sent."""
+        self.answer.catch_up()
+        self._request.count()
+
+    def close(self) -> None:
+        """Return the rows."""
+        self._request.close()
+        self.answer.close()
+
+
+def _requests_to(node: str) -> str:
+    return f"request {node}"
+
+
+def _answers_of(node: str) -> str:
+    return f"answer {node}"
 
 
 _opened: dict[str, SimulatedClock] = {}

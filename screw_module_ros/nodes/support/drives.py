@@ -3,24 +3,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import islice
 from typing import Any
 
+from screw_module_msgs.msg import SafetyState
 from std_srvs.srv import SetBool, Trigger
 
+from screw_module_ros import graph
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.safety.permit import Permit, PermitSettings
 
+from . import topics
+from .answering import Done
 from .driver import DriverNode
-from .health import ERROR, OK, WARN, Health
-from .hot_topics import Inbox
-from .permission import Permission
-from .senders import Senders, too_many_senders
-from .serving_node import Done
-from .timing_report import broken_contract
+from .inbox import Inbox
+from .node import Node
+from .states import ERROR, OK, WARN, Health, broken_contract
+from .topics import requested, too_many_senders
 
+_LOOK_S = 0.1
 _CLEARED = "cleared; call ~/enable to enable"
-
+VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
+"""Fields of SafetyState."""
 
 class DriveNode(DriverNode):
     """A node with drives. Subclasses define `permit` and override further methods."""
@@ -124,3 +130,75 @@ class DriveNode(DriverNode):
         if warning := next(filter(None, warnings), ""):
             return Health(WARN, warning, values)
         return Health(OK, "enabled" if permit.enabled else permit.reason, values)
+
+
+class Permission:
+    """Subscribes `safety_state` for the hot loop and counts its senders.
+
+    field: of the message, with the axis group's permission.
+    """
+
+    def __init__(self, node: Node, inbox: Inbox, field: str):
+        self._field = field
+        self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, topics.PERMISSION))
+        self._senders = Senders(node, [graph.SAFETY_STATE])
+
+    @property
+    def warning(self) -> str:
+        """Message when more than one node publishes safety_state, else empty."""
+        return self._senders.warning
+
+    def pass_on(self, permit: Permit, now_ns: int) -> None:
+        """Pass new messages to the gate, each with the time at which it came.
+
+        Two senders count as a refusal. now_ns [ns].
+        """
+        for safety in islice(iter(self._take, None), topics.PERMISSION.depth):
+            came_ns = getattr(self._take, "arrived_ns", now_ns)
+            permit.supervise(getattr(safety, self._field), why_not(safety, self._field), came_ns)
+        if self.warning:
+            permit.supervise(False, self.warning, now_ns)
+
+    def close(self) -> None:
+        """Stop counting; the inbox closes the subscription."""
+        self._senders.close()
+
+
+def why_not(safety: SafetyState, field: str) -> str:
+    """Return why this field withholds the permission of its axes, empty if it does not.
+
+    The message's reasons are those against all motion: the lock and a node that is not required
+    leave the other axes alone.
+    """
+    if getattr(safety, field):
+        return ""
+    if safety.reasons:
+        return safety.reasons[0]
+    if safety.vertical_locked and field == VERTICAL:
+        return "the vertical axis is locked; pin out, then supervisor/lock_vertical with false"
+    return "the supervisor's parameter `required` does not name this node"
+
+
+class Senders:
+    """Counts the publishers of topics that only one node may publish, each 0.1 s.
+
+    Rate and numbers of a second sender's messages may look right, but the middleware knows its
+    publishers. It does not report the sender of a message (rclpy's message info has no publisher
+    gid), so with two senders neither can be trusted. The executor's thread counts.
+
+    warning: message when more than one node publishes a topic, else empty. A killed node counts
+    until the middleware drops it, 20 s later.
+    """
+
+    def __init__(self, node: Node, topics: Iterable[str]):
+        self.warning = ""
+        self._node, self._topics = node, tuple(topics)
+        self._timer = node.periodic.every(node.clock, _LOOK_S, self._count)
+
+    def _count(self) -> None:
+        warnings = (too_many_senders(self._node, topic) for topic in self._topics)
+        self.warning = next(filter(None, warnings), "")
+
+    def close(self) -> None:
+        """Stop counting."""
+        self._node.periodic.cancel(self._timer)

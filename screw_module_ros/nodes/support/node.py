@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Base class of every node: a lifecycle node with parameters, services, diagnostics, a hot loop.
+
+`runtime` runs it in a process.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.lifecycle import LifecycleNode, LifecycleState
+from rclpy.lifecycle import TransitionCallbackReturn as Outcome
+from rclpy.qos import QoSProfile
+
+from screw_module_ros import graph
+from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
+from screw_module_ros.lockstep.clock import simulated_clock
+
+from .answering import answer_always, offer
+from .command_line import arguments, overrides
+from .inbox import Inbox, Outlet
+from .parameters import Parameters
+from .scheduling import RealtimeSettings, StartSettings
+from .states import ERROR, OK, WARN, Health
+from .timers import ServiceThread, Timers
+from .topics import offered
+
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
+_LEAVE_STEP_S = 2.0
+_IDLE_S = 0.05
+
+
+class Node(LifecycleNode):
+    """A lifecycle node with parameters, services, diagnostics and a hot loop.
+
+    Two threads share a node. The loop's thread runs `step` and owns the data of the loop. The
+    service thread runs services, timers and the lifecycle. It affects the loop only by replacing
+    whole values or by requests that the loop carries out (see `loop/requests`).
+
+    Subclasses override, as needed, `connect`, `begin`, `step`, `end`, `disconnect` (in the order of
+    the lifecycle), `health`, `refusal` and `changed`.
+
+    clock: the one clock of this process. stopping: set when the process is to end. periodic: calls
+    of the service thread. phase: lifecycle state. failure: of the last transition, empty without.
+    """
+
+    hardware_id = ""
+
+    moves_time = False
+    """Whether simulated time begins with this node."""
+
+    direct: Collection[str] = ()
+    """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
+
+    def __init__(self, name: str):
+        super().__init__(name, parameter_overrides=overrides(name, arguments()))
+        self.stopping = threading.Event()
+        self.clock = self._chosen_clock()
+        answer_always(self)
+        self._active = threading.Event()
+        self._stepping = threading.Lock()
+        self.phase, self.failure = UNCONFIGURED, ""
+        self.periodic = Timers()
+        self.service = ServiceThread(self, self.periodic)
+        self._outlets: list[Outlet] = []
+        self._inboxes: list[Inbox] = []
+        self._inbox: Inbox | None = None  # the newest
+        self.parameters = Parameters(
+            self, self.changed, lambda: self.phase in (INACTIVE, ACTIVE), self.refusal
+        )
+        self.parameters.declare(StartSettings)
+        self.parameters.declare(RealtimeSettings, "realtime")
+        self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
+        self.periodic.every(self.clock, 1.0, self.publish_health)
+        self.service.begin()
+
+    def _chosen_clock(self) -> Clock:
+        if not self.get_parameter("use_sim_time").value:
+            return WallClock()
+        # Our time comes from the page: the topic /clock would only cost 100 callbacks a second.
+        for subscription in list(self.subscriptions):
+            if subscription.topic_name == "/clock":
+                self.destroy_subscription(subscription)
+        names = self.get_name(), self.get_namespace()
+        return simulated_clock(*names, lambda: self.stopping.is_set())
+
+    # For subclasses to override ------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Open devices and topics (lifecycle configure). Raise with a clear message on failure."""
+
+    def begin(self) -> None:
+        """Start streaming (lifecycle activate). Raise with a clear message on failure."""
+
+    def step(self) -> None:
+        """Do one pass of the hot loop, with its waits; must return within a few periods."""
+        self.clock.sleep(_IDLE_S)
+
+    def end(self) -> None:
+        """Stop streaming with the torque off (lifecycle deactivate)."""
+
+    def disconnect(self) -> None:
+        """Close what `connect` opened (lifecycle cleanup), also after a failed `connect`."""
+
+    def health(self) -> Health:
+        """Return the diagnostics entry while active."""
+        return Health(OK, "running", {})
+
+    def refusal(self, changes: Mapping[str, Any]) -> str:
+        """Return why parameters, by name, do not go together with the others; empty if they do."""
+        return ""
+
+    def changed(self, kind: type) -> None:
+        """Apply parameters of the settings tuple `kind` that changed at run time."""
+
+    # Topics and services, for subclasses to use --------------------------------------------
+
+    @property
+    def active(self) -> bool:
+        """Whether the node is in the lifecycle state active."""
+        return self._active.is_set()
+
+    def outlet(
+        self, kind: type, topic: str, qos: QoSProfile, raw: bool = False
+    ) -> Callable[[Any], None]:
+        """Return the publish function of a topic, valid until `disconnect`; raw: takes bytes."""
+        outlet = Outlet(self, self.clock, kind, topic, qos, raw)
+        self._outlets.append(outlet)
+        return outlet.publish
+
+    def new_inbox(self) -> Inbox:
+        """Return a new inbox for subscriptions of the hot loop; `disconnect` closes it."""
+        inbox = self._inbox = Inbox(self, self.clock, self.direct)
+        self._inboxes.append(inbox)
+        return inbox
+
+    def close_topics(self) -> None:
+        """Close all outlets and inboxes."""
+        for topics in (*self._inboxes, *self._outlets):
+            topics.close()
+        self._inbox, self._inboxes, self._outlets = None, [], []
+
+    def stamp(self, header: Any) -> None:
+        """Write the present time into a message's header."""
+        header.stamp.sec, header.stamp.nanosec = divmod(self.clock.stamp_ns(), 1_000_000_000)
+
+    def serve(
+        self, kind: type, name: str, action: Callable[[Any], str], done: str = "",
+        always: bool = False,
+    ) -> None:
+        """Offer a service whose response has `success` and `message`.
+
+        action: takes the request and returns the reason of a failure, an empty string for success,
+        or `Done` with a message. An exception becomes the answer, and the node continues. done: the
+        message for an empty string. always: serve also while the node is not active.
+        """
+        offer(self, kind, name, action, done, always)
+
+    # Lifecycle -----------------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> Outcome:
+        """Lifecycle configure."""
+        try:
+            with self.service.working():
+                self.connect()
+        except Exception as error:  # the sentence is what the user acts on, whatever its type
+            self._fail("configure", error)
+            self._closed()
+            return Outcome.FAILURE
+        self.phase, self.failure = INACTIVE, ""
+        return Outcome.SUCCESS
+
+    def on_activate(self, state: LifecycleState) -> Outcome:
+        """Lifecycle activate: what came before it counts no longer."""
+        try:
+            with self.service.working():
+                self.begin()
+                for inbox in self._inboxes:
+                    inbox.discard()
+        except Exception as error:
+            self._fail("activate", error)
+            return self._done("end after it", self.end, Outcome.FAILURE)
+        self.phase, self.failure = ACTIVE, ""
+        self._active.set()
+        self.get_logger().info("active")
+        return Outcome.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> Outcome:
+        """Lifecycle deactivate; the node stays active while its loop waits for simulated time."""
+        try:
+            with self.service.working():
+                self._leave_step()
+        except TimeStandsStill as error:
+            self.get_logger().error(f"cannot deactivate: {error}")
+            self._active.set()
+            return Outcome.FAILURE
+        result = self._done("deactivate", self._end_working)
+        self.phase = INACTIVE if result == Outcome.SUCCESS else self.phase
+        return result
+
+    def _end_working(self) -> None:
+        with self.service.working():
+            self.end()
+
+    def on_cleanup(self, state: LifecycleState) -> Outcome:
+        """Lifecycle cleanup."""
+        result = self._closed()
+        self.phase = UNCONFIGURED if result == Outcome.SUCCESS else self.phase
+        return result
+
+    def on_error(self, state: LifecycleState) -> Outcome:
+        """After an error in a transition: everything closed, as rcl has the node unconfigured.
+
+        A drive that could not be switched off notices the missing heartbeat and switches off.
+        """
+        self._closed()
+        self.phase = UNCONFIGURED
+        return Outcome.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> Outcome:
+        """Lifecycle shutdown: from any state, torque off, everything closed."""
+        return self._done("shut down", self.close)
+
+    def _closed(self) -> Outcome:
+        """Close devices and topics, the topics also when a device fails."""
+        result = self._done("clean up", self.disconnect)
+        topics = self._done("clean up", self.close_topics)
+        return topics if result == Outcome.SUCCESS else result
+
+    def _done(
+        self, doing: str, action: Callable[[], None], result: Outcome = Outcome.SUCCESS
+    ) -> Outcome:
+        """Do a part of a transition; an error is logged, since rclpy drops it without a word."""
+        try:
+            action()
+        except Exception as error:
+            self._fail(doing, error)
+            return Outcome.ERROR
+        return result
+
+    def close(self, ended: Callable[[], None] = lambda: None) -> None:
+        """Stop and disconnect from any lifecycle state; safe to call twice.
+
+        ended: called when only topics and buses remain to be closed.
+        """
+        if self.active:
+            try:
+                with self.service.working():
+                    self._leave_step()
+                    self.end()
+            except TimeStandsStill as error:
+                self.get_logger().warning(f"not left in order: {error}")
+        ended()
+        self.service.close()
+        if self.phase != FINALIZED:
+            self.disconnect()
+            self.close_topics()
+        self.phase = FINALIZED
+
+    def _leave_step(self) -> None:
+        self._active.clear()
+        if not self.clock.wait_for(lambda: not self._stepping.locked(), _LEAVE_STEP_S):
+            self.get_logger().error("the loop did not end its step in time")
+
+    def _fail(self, doing: str, error: Exception) -> None:
+        text = str(error) or type(error).__name__
+        if text != self.failure:
+            self.get_logger().error(f"cannot {doing}: {text}")
+        self.failure = text
+
+    # Hot loop ------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Run `step` while active, until `stopping`; an error in it ends the process."""
+        try:
+            while not self.stopping.is_set():
+                if self.enters():
+                    try:
+                        self.step()
+                    finally:
+                        self.leaves()
+                else:
+                    self.clock.idle()
+                    self._active.wait(_IDLE_S)
+        except TimeStandsStill as error:  # only raised here when the process is to end
+            self.get_logger().warning(str(error))
+
+    def enters(self) -> bool:
+        """Return whether the loop does a step with this node now; then it calls `leaves` after it.
+
+        Meanwhile the node closes nothing that the step uses.
+        """
+        self.service.wake_if_due()
+        self._stepping.acquire()
+        if self._active.is_set():
+            return True
+        self._stepping.release()
+        return False
+
+    def leaves(self) -> None:
+        """End the step."""
+        self._stepping.release()
+
+    # Diagnostics ---------------------------------------------------------------------------
+
+    def publish_health(self) -> None:
+        """Publish the present diagnostics entry on /diagnostics."""
+        if self.active:
+            health = self.health()
+        elif self.failure:
+            health = Health(ERROR, self.failure, {})
+        else:
+            health = Health(WARN, f"lifecycle state {self.phase}", {})
+        status = health.status(self.get_fully_qualified_name(), self.hardware_id)
+        array = DiagnosticArray(status=[status])
+        self.stamp(array.header)
+        self._diagnostics.publish(array)

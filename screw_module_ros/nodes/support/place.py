@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The place of a process on its machine: who reaches it, locks, saved state, its folder.
+
+Reach: ROS 2 does not authenticate senders. Every process that can send to the nodes can enable the
+drives, home them and record. So the nodes keep to this machine, whatever the discovery range of the
+environment says: the `setup.bash` of a ROS installation sets it to the subnet by itself. Only a
+word of our own opens them: `SCREW_MODULE_NETWORK=1`, `bringup --network` or `network:=true`. A
+Fast DDS profile of the user's is his choice and stays.
+
+Locks: one copy of each node, one client per device, one simulation per bus. A lock is a bound
+abstract Unix socket. The kernel frees it at any end of the process, so a killed node never blocks
+its successor, and no file remains on the disk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pwd
+import socket
+from pathlib import Path
+from typing import Any
+
+from rclpy.utilities import get_rmw_implementation_identifier
+
+from screw_module_ros.domain import domain_id
+from screw_module_ros.resources import resource_path
+
+RANGE_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+NETWORK_VARIABLE = "SCREW_MODULE_NETWORK"
+BUILTIN_VARIABLE = "FASTDDS_BUILTIN_TRANSPORTS"
+PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_PROFILES = (PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE")
+_PEERS_VARIABLE = "ROS_STATIC_PEERS"
+STATE_VARIABLE = "XDG_STATE_HOME"
+_LARGEST_STATE = 64 * 1024  # bytes
+_LOCALHOST_ONLY_VARIABLE = "ROS_LOCALHOST_ONLY"  # deprecated; would bring shared memory back
+_LOCALHOST_PROFILE = "params/fastdds_localhost.xml"
+# The usual limit for sockets: the recorder may be unable to read for a while. A full buffer loses
+# messages but does not block the sender.
+_UDP = "UDPv4?sockets_size=4MB&non_blocking=true"
+_OPEN = (
+    "the nodes listen to the whole subnet: whoever reaches it can enable the drives, move and "
+    "home the axes, release and reset stops, change parameters and record; docs/security.md tells "
+    "how to admit only whom you know"
+)
+
+
+def keep_to_this_machine() -> str:
+    """Restrict this process and its children to this machine, unless a word of ours opened them.
+
+    Call before a ROS context is made. Returns a sentence if the environment asked for more.
+    """
+    if _is_open() or any(map(os.environ.get, _PROFILES)):
+        return ""
+    os.environ.pop(_LOCALHOST_ONLY_VARIABLE, None)
+    wider = [
+        f"{name}={value}"
+        for name in (RANGE_VARIABLE, _PEERS_VARIABLE)
+        if (value := os.environ.pop(name, "")) not in ("", "LOCALHOST")
+    ]
+    os.environ[RANGE_VARIABLE] = "LOCALHOST"
+    if not wider:
+        return ""
+    return (
+        f"keeps to this machine although {' and '.join(wider)}: {NETWORK_VARIABLE}=1, bringup "
+        "--network or network:=true opens the robot to the network, see docs/security.md"
+    )
+
+
+def open_to_network() -> str:
+    """Open this process and its children to the subnet; return a warning about the risks."""
+    os.environ[NETWORK_VARIABLE] = "1"
+    if os.environ.get(RANGE_VARIABLE) in (None, "", "LOCALHOST", "OFF"):
+        os.environ[RANGE_VARIABLE] = "SUBNET"
+    return _OPEN
+
+
+def choose_transport() -> str:
+    """Make Fast DDS use UDP in this process and its children, unless the environment overrides it.
+
+    They stay on this machine unless opened. Call it before a ROS context is created. Other RMW
+    implementations choose their own transport. Returns a sentence for the log where the reach of
+    the process is not what the environment suggests, otherwise nothing.
+
+    Shared memory is not used. A process that is stopped (SIGSTOP, Ctrl-Z, a debugger), killed or
+    slow while it holds the lock of its port in Fast DDS's shared memory blocks every process that
+    sends to it: an observer could stop the robot. Measured on two busy cores while the recorder
+    ended and started: gaps of up to 0.56 s between encoder samples, with UDP 0.1 s. With UDP only a
+    socket buffer fills; the latency is the same, and a killed process leaves nothing in /dev/shm.
+    Subscribers may use any transport.
+    """
+    told = f"open to the network: {open_to_network()}" if _is_open() else keep_to_this_machine()
+    if any(map(os.environ.get, (BUILTIN_VARIABLE, *_PROFILES, _PEERS_VARIABLE))):
+        return told
+    if not get_rmw_implementation_identifier().startswith("rmw_fastrtps"):
+        return told
+    if _is_open():
+        os.environ[BUILTIN_VARIABLE] = _UDP
+    else:
+        # For this range rmw_fastrtps creates its own transports, shared memory first. The file
+        # also restricts to this machine, by the interface.
+        os.environ[PROFILES_VARIABLE] = str(resource_path(_LOCALHOST_PROFILE))
+        os.environ[RANGE_VARIABLE] = "SYSTEM_DEFAULT"
+    return told
+
+
+def _is_open() -> bool:
+    return os.environ.get(NETWORK_VARIABLE) == "1"
+
+
+class AlreadyRunning(RuntimeError):
+    """Another process holds the name; the message says which and what to do."""
+
+
+class Lock:
+    """A machine-wide name held by this process until `release` or its end."""
+
+    def __init__(self, name: str, taken: str):
+        """Lock `name`; raise AlreadyRunning with the message `taken` if another process has it."""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(b"\0screw_module_ros/" + name.encode())
+        except OSError:
+            self._socket.close()
+            raise AlreadyRunning(taken) from None
+
+    def release(self) -> None:
+        """Release the name."""
+        self._socket.close()
+
+
+def runs(full_name: str) -> bool:
+    """Return whether a node of this full name runs in our ROS domain on this machine."""
+    try:
+        lock_node(full_name).release()
+    except AlreadyRunning:
+        return True
+    return False
+
+
+def lock_node(full_name: str) -> Lock:
+    """Lock the node name `full_name` within the ROS domain of this process."""
+    domain = domain_id()
+    return Lock(
+        f"node/{domain}{full_name}",
+        f"a node {full_name} already runs in ROS domain {domain}: stop it first, or start this "
+        "one in another namespace (--ros-args -r __ns:=/second)",
+    )
+
+
+def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
+    """Lock one device of one bus: two SDO clients on a device would disturb each other.
+
+    port: of UDP; any other interface is one bus, whatever the parameter says there.
+    """
+    bus = f"{interface} {channel}" + (f" port {port}" if interface == "udp_multicast" else "")
+    return Lock(
+        f"device/{bus}/{device}",
+        f"{device} on {bus} is already driven by another process of this machine: stop that one "
+        "first",
+    )
+
+
+def lock_simulation(interface: str, channel: str, port: int) -> Lock:
+    """Lock the simulated devices of one bus: two simulations would both answer every request."""
+    return Lock(
+        f"rig/{interface}/{channel}/{port}",
+        f"the devices on {interface} {channel} port {port} are already simulated by another "
+        "process of this machine: stop that one first, or give this one ports of its own "
+        "(bringup --first-port)",
+    )
+
+
+class Kept:
+    """A small file with the state that a node needs again after its process has ended in any way.
+
+    It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own. Its
+    name is the one with which `lock_node` locks the node: ROS domain and full node name. The
+    spelling in the environment does not matter: a node that starts from another shell, from a
+    service manager without HOME or with domain 07 finds the file of domain 7. The one process that
+    holds the node's lock writes it.
+
+    path: of the file, None without a folder for it. place: the same as text for messages.
+    """
+
+    def __init__(self, full_name: str):
+        """Use the file of the node `full_name` in the ROS domain of this process."""
+        folder = state_folder()
+        self.path: Path | None = None
+        self.place = f"no place for it: {STATE_VARIABLE} and HOME are unset or no absolute paths"
+        if folder is not None:
+            name = f"{domain_id()}{full_name}.json"
+            self.path = folder / "screw_module_ros" / "node" / name
+            self.place = str(self.path)
+        self._values: Any = None
+
+    def read(self) -> Any:
+        """Return the values written last, {} when there is no file.
+
+        Raises OSError when the file cannot be read, or its folder cannot be written; ValueError
+        when the content is not valid.
+        """
+        path = self._known_path()
+        try:
+            with path.open("rb") as file:
+                content = file.read(_LARGEST_STATE + 1)
+        except FileNotFoundError:
+            _check_writable(path.parent)
+            self._values = {}
+            return self._values
+        if len(content) > _LARGEST_STATE:
+            raise ValueError(f"more than {_LARGEST_STATE} bytes")
+        try:
+            self._values = json.loads(content.decode("utf-8"))
+        except RecursionError:
+            raise ValueError("nested too deeply") from None
+        if not self._values:  # `write` leaves no file then
+            raise ValueError("it says nothing")
+        return self._values
+
+    def write(self, values: dict[str, Any]) -> None:
+        """Replace the last values atomically; empty values remove the file.
+
+        Writing the same values again costs nothing, also after a failure. Raises OSError.
+        """
+        if values == self._values:
+            return
+        self._values = values
+        path = self._known_path()
+        if not values:
+            path.unlink(missing_ok=True)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_suffix(f".{os.getpid()}.tmp")
+        try:
+            # No fsync: it may take longer than the timeout of safety_state. After a power failure
+            # a truncated file is unreadable, and `read` reports that.
+            beside.write_text(json.dumps(values), "utf-8")
+            beside.replace(path)
+        finally:
+            with contextlib.suppress(OSError):
+                beside.unlink()
+
+    def _known_path(self) -> Path:
+        if self.path is None:
+            raise FileNotFoundError("set HOME, or XDG_STATE_HOME, to an absolute path")
+        return self.path
+
+
+def state_folder() -> Path | None:
+    """Return the folder for programs' state, None without an absolute path for it.
+
+    A relative XDG_STATE_HOME counts as unset, as its specification requires (XDG Base Directory
+    0.8): it would depend on the folder in which a node starts. The same holds for a relative HOME.
+    """
+    override = os.environ.get(STATE_VARIABLE, "")
+    if os.path.isabs(override):
+        return Path(override)
+    home = os.environ.get("HOME", "")
+    if not os.path.isabs(home):
+        try:
+            home = pwd.getpwuid(os.getuid()).pw_dir
+        except KeyError:
+            return None
+    return Path(home) / ".local" / "state" if os.path.isabs(home) else None
+
+
+def _check_writable(folder: Path) -> None:
+    """Raise OSError when no file can be written into a folder, which need not exist yet."""
+    there = next(each for each in (folder, *folder.parents) if each.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(f"{there} is no folder")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError(f"nothing can be written into {there}")
+
+
+def root_folder(text: str) -> Path:
+    """Return the folder that the parameter `folder` names, ~ and links followed.
+
+    Raises ValueError for a home folder of no user, or an impossible one.
+    """
+    try:
+        return Path(text).expanduser().resolve()
+    except (RuntimeError, OSError, ValueError) as error:
+        raise ValueError(f"cannot use folder {text[:80]!r}: {error}") from None
+
+
+def below(root: Path, name: str, what: str) -> Path:
+    """Return the real path of `name` below `root`, the folder that was set at start.
+
+    Any sender of a message can choose such a name, and the process may have many rights.
+
+    name: relative to `root`, or absolute and within it; links are resolved. what: description of
+    the name in the error. Raises ValueError for a name outside of `root`, or one that is no path.
+    """
+    try:
+        path = (root / name).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{what} {name[:80]!r} is no path: {error}") from None
+    if path != root and root not in path.parents:
+        raise ValueError(
+            f"{what} {name[:80]!r} lies outside of {root}: give one below that folder, or start "
+            "the node with another `folder`"
+        )
+    return path
+
+
+def one_name(name: str, what: str) -> str:
+    """Return `name` when it is a plain name of a file or folder. Raises ValueError otherwise."""
+    if not name or name in (".", "..") or "/" in name or not name.isprintable():
+        raise ValueError(f"{what} {name[:80]!r} is no plain name: no /, not . or .., no signs that "
+                         "cannot be seen")
+    return name
