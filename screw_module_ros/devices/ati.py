@@ -38,6 +38,8 @@ SERIAL_BYTES = 8
 
 AXES = 6
 SATURATED = 32767
+#: More counts per unit are a negative number or an erased memory: all forces would read as zero.
+_MOST_COUNTS = 0x7FFFFFFF
 #: Voltages that READ_DIAGNOSTIC returns [ADC counts], by their indices.
 DIAGNOSTICS = {0: "mid supply", 2: "thermistor", 3: "power", 4: "DAC", 5: "ground"}
 
@@ -90,30 +92,6 @@ def rotation(roll: float, pitch: float, yaw: float) -> tuple[tuple[float, float,
     )
 
 
-def counts_to_wrench(
-    matrix: list[Row],
-    newtons_per_count: float,
-    newton_metres_per_count: float,
-    turn: tuple[tuple[float, float, float], ...],
-    sign: int,
-) -> tuple[Row, ...]:
-    """Return the matrix that maps six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in handle axes.
-
-    matrix: the sensor's six rows for Fx to Tz. turn: sensor axes to handle axes.
-    """
-    force = [[sign * newtons_per_count * x for x in row] for row in matrix[:3]]
-    torque = [[sign * newton_metres_per_count * x for x in row] for row in matrix[3:]]
-    return tuple(
-        tuple(sum(turn[axis][k] * block[k][gauge] for k in range(3)) for gauge in range(AXES))
-        for block in (force, torque)
-        for axis in range(3)
-    )
-
-
-_MOST_COUNTS = 0x7FFFFFFF
-"""More counts per unit are a negative number or an erased memory: all forces would read as zero."""
-
-
 class SensorIdentity(NamedTuple):
     """Identity and units of the sensor.
 
@@ -132,6 +110,27 @@ class SensorIdentity(NamedTuple):
     def text(self) -> str:
         """Identity as text, for messages and hardware_id."""
         return f"ATI NETCANOEM, serial {self.serial or 'unknown'}, firmware {self.firmware}"
+
+
+def counts_to_wrench(
+    matrix: list[Row],
+    sensor: SensorIdentity,
+    turn: tuple[tuple[float, float, float], ...],
+    sign: int,
+) -> tuple[Row, ...]:
+    """Return the matrix that maps six gauges to fx, fy, fz [N], tx, ty, tz [Nm] in handle axes.
+
+    matrix: the sensor's six rows for Fx to Tz. turn: sensor axes to handle axes.
+    """
+    newtons = sensor.force_unit / sensor.counts_per_force
+    newton_metres = sensor.torque_unit / sensor.counts_per_torque
+    force = [[sign * newtons * x for x in row] for row in matrix[:3]]
+    torque = [[sign * newton_metres * x for x in row] for row in matrix[3:]]
+    return tuple(
+        tuple(sum(turn[axis][k] * block[k][gauge] for k in range(3)) for gauge in range(AXES))
+        for block in (force, torque)
+        for axis in range(3)
+    )
 
 
 class Dialogue:
@@ -177,20 +176,21 @@ class Dialogue:
             "or start the simulated rig"
         )
 
+    def _ask_one(self, opcode: int, length: int, payload: bytes = b"") -> bytes:
+        return self.ask(opcode, payload, {opcode: length})[0]
+
     def serial(self) -> str:
         """Return the serial number; raises as `ask`."""
-        (data,) = self.ask(READ_SERIAL, b"", {READ_SERIAL: SERIAL_BYTES})
+        data = self._ask_one(READ_SERIAL, SERIAL_BYTES)
         return data.decode("ascii", "replace").strip("\0 ")
 
     def firmware(self) -> str:
         """Return the firmware version; raises as `ask`."""
-        (data,) = self.ask(READ_FIRMWARE, b"", {READ_FIRMWARE: FIRMWARE.size})
-        return "{}.{}.{}".format(*FIRMWARE.unpack(data))
+        return "{}.{}.{}".format(*FIRMWARE.unpack(self._ask_one(READ_FIRMWARE, FIRMWARE.size)))
 
     def diagnostic(self, index: int) -> int:
         """Return one diagnostic voltage [ADC counts]; raises as `ask`."""
-        reply = {READ_DIAGNOSTIC: DIAGNOSTIC.size}
-        (data,) = self.ask(READ_DIAGNOSTIC, bytes([index]), reply)
+        data = self._ask_one(READ_DIAGNOSTIC, DIAGNOSTIC.size, bytes([index]))
         return DIAGNOSTIC.unpack(data)[0]
 
     def set_calibration(self, index: int) -> None:
@@ -198,10 +198,10 @@ class Dialogue:
 
         Raises NotConfigured when the sensor reports another one as active; otherwise as `ask`.
         """
-        (data,) = self.ask(SET_CALIBRATION, bytes([index]), {SET_CALIBRATION: 1})
-        if data[0] != index:
+        (active,) = self._ask_one(SET_CALIBRATION, 1, bytes([index]))
+        if active != index:
             raise NotConfigured(
-                f"{self.label}: calibration {index} was asked for, {data[0]} is active"
+                f"{self.label}: calibration {index} was asked for, {active} is active"
             )
 
     def reset(self) -> None:
@@ -214,16 +214,14 @@ class Dialogue:
 
         Raises WrongDevice for unknown units or implausible counts; otherwise as `ask`.
         """
-        (data,) = self.ask(READ_UNIT_CODES, b"", {READ_UNIT_CODES: 2})
-        force, torque = FORCE_UNITS.get(data[0]), TORQUE_UNITS.get(data[1])
+        codes = self._ask_one(READ_UNIT_CODES, 2)
+        force, torque = FORCE_UNITS.get(codes[0]), TORQUE_UNITS.get(codes[1])
         if force is None or torque is None:
             raise WrongDevice(
-                f"{self.label} counts in units that are not known: force code {data[0]}, torque "
-                f"code {data[1]}; calibrate it in N (2) and Nm (3)"
+                f"{self.label} counts in units that are not known: force code {codes[0]}, torque "
+                f"code {codes[1]}; calibrate it in N (2) and Nm (3)"
             )
-        size = COUNTS_PER_UNIT.size
-        (data,) = self.ask(READ_COUNTS_PER_UNIT, b"", {READ_COUNTS_PER_UNIT: size})
-        counts = COUNTS_PER_UNIT.unpack(data)
+        counts = COUNTS_PER_UNIT.unpack(self._ask_one(READ_COUNTS_PER_UNIT, COUNTS_PER_UNIT.size))
         if not all(0 < each <= _MOST_COUNTS for each in counts):
             raise WrongDevice(f"{self.label} says {counts} counts per unit: no active calibration?")
         return SensorIdentity(self.serial(), self.firmware(), *counts, force, torque)

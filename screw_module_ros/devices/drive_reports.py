@@ -85,22 +85,22 @@ class DriveReports(CanopenDevice):
         position = self._unwrapper.step(raw) * self._position_of
         self.reading = DriveReading(arrival_ns, statusword, position, per_mille * self.torque_of)
         before, self.shown = self.shown, cia402.decode(statusword)
-        after = self.shown
-        if after is before:
+        if self.shown is before:
             return
-        if after is State.UNKNOWN:
+        if self.shown is State.UNKNOWN:
             self.counters["bad_statusword"] += 1
-        elif before is not State.UNKNOWN and not cia402.is_legal(before, after):
+        elif before is not State.UNKNOWN and not cia402.is_legal(before, self.shown):
             self.counters["illegal_transitions"] += 1
-        self.logic.changed(before, after, self.emergency or _described(self.error_code))
+        self.logic.changed(before, self.shown, self.emergency or _described(self.error_code))
 
     def _on_slow_status(self, data: bytes, _arrival_ns: int) -> None:
         if len(data) != self._setup.slow_size:
             self.counters["wrong_length"] += 1
             return
         layout = setup.SLOW_STATUS_LAYOUT
-        whole = layout.unpack(bytes(data).ljust(layout.size, b"\0"))
-        self.error_code, self.mode_display, self.digital_inputs = whole
+        self.error_code, self.mode_display, self.digital_inputs = layout.unpack(
+            bytes(data).ljust(layout.size, b"\0")
+        )
         self.logic.explain(_described(self.error_code))
         if self.logic.enabling and self.mode_display != self.mode:
             self.logic.latch(f"the {self.label} left torque mode, 6061 is {self.mode_display}")

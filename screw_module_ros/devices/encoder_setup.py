@@ -14,6 +14,8 @@ from .motion import FULL_RANGE
 from .sdo import Sdo
 
 PROFILE = 406
+#: TPDO1: position [counts].
+POSITION = (pdo.Entry(0x6004, 0, 32),)
 
 # Object 6000, operating parameters.
 _CODE_SEQUENCE_BIT = 0x0001
@@ -75,8 +77,7 @@ class EncoderSettings(NamedTuple):
 
 def position_pdo(settings: EncoderSettings) -> pdo.Pdo:
     """Return TPDO1: object 6004 at every SYNC."""
-    position = (pdo.Entry(0x6004, 0, 32),)
-    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, position)
+    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, POSITION)
 
 
 def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> list[Traffic]:

@@ -8,6 +8,7 @@ before the next request.
 
 from __future__ import annotations
 
+import operator
 from collections import Counter
 from collections.abc import Sequence
 
@@ -30,19 +31,25 @@ from .tare import mean_wrench
 
 Wrench = tuple[float, float, float, float, float, float]
 _NO_WRENCH: Wrench = (0.0,) * ati.AXES
-_RESTART_S = 0.02
-"""After this silence the board may have lost its supply and come back [s]."""
+_RESTART_S = 0.02  # after this silence the board may have lost its supply and come back
 
 
 class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
+    counters: those of `Polled`, out_of_order (second halves without their first), saturated
+    (samples with a gauge at its end), frozen (samples withheld because the gauges were constant),
+    status_faults (samples whose status forbids their use), reserved_bits (samples with such bits),
+    foreign_requests (of another master), restarts (of the board), bus_errors, slow_polls_failed.
     fault: the first problem found, latched until `clear_fault`. The driver still delivers samples
     with their status word, so that their users see the problem. It withholds saturated samples, all
     samples after a restart that lost the selected calibration or a setting of somebody else, and
     all samples while the gauges have been constant for `freeze_time`: the status word does not show
     these, and the force feedback must not use them. voltages: of the board by name [ADC counts], of
     the last slow poll.
+    bias: the wrench that is removed. tared: it is the zero of a `tare` since which the board has
+    not restarted, as far as is known. A bias from before stays in use: without it the force would
+    jump by the handle's weight.
     """
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
@@ -52,22 +59,21 @@ class ForceSensor:
         self.sensor = SensorIdentity()
         self.voltages: dict[str, int] = {}
         self.bias: Wrench = _NO_WRENCH
+        self.tared = False
         self._port = port
         self._label = label
         self._dialogue = Dialogue(port, settings.base_id, label, settings.timeout)
         self._request_id = settings.base_id << 4
         self._rows: tuple[ati.Row, ...] = ()
         self._poll: Polled[ForceReading] = Polled(port, self.counters, parts=2)
-        self._earlier_biases: list[Wrench] = []
+        self._earlier: list[tuple[Wrench, bool]] = []
         self._running = False
-        self._configured_ns = 0
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._half: bytes | None = None
         self._newest: tuple[bytes, bytes] = (b"", b"")
-        self._unchanged = 0
+        self._unchanged = self._unanswered = self._configured_ns = 0
         self._too_many_unchanged = unchanged_samples(settings)
-        self._unanswered = 0
         self._too_many_unanswered = max(10, round(_RESTART_S * settings.rate))
         port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
         port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
@@ -103,7 +109,8 @@ class ForceSensor:
         """
         settings, dialogue = self.settings, self._dialogue
         self._running = False
-        if self._port.heard({self._request_id: _is_request}, settings.listen) is not None:
+        # A poll is an empty frame.
+        if self._port.heard({self._request_id: operator.not_}, settings.listen) is not None:
             raise Occupied(
                 f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
                 f"{self._port.name}: is a second copy of this node running?"
@@ -117,15 +124,10 @@ class ForceSensor:
         if settings.calibration != ANY_CALIBRATION:
             dialogue.set_calibration(settings.calibration)
         self.sensor = sensor = dialogue.identify()
-        matrix = dialogue.matrix()
-        self._rows = ati.counts_to_wrench(
-            matrix,
-            sensor.force_unit / sensor.counts_per_force,
-            sensor.torque_unit / sensor.counts_per_torque,
-            ati.rotation(settings.roll, settings.pitch, settings.yaw),
-            settings.sign,
-        )
+        turn = ati.rotation(settings.roll, settings.pitch, settings.yaw)
+        self._rows = ati.counts_to_wrench(dialogue.matrix(), sensor, turn, settings.sign)
         self._needs_reset = self._calibration_lost = self._frozen = False
+        self._lose_tare()  # nobody watched it, or it has restarted
         self._configured_ns = self._port.clock.now_ns()
 
     def start(self) -> None:
@@ -198,7 +200,7 @@ class ForceSensor:
             return
         if self._unanswered > self._too_many_unanswered:
             # Bit 0 of the status word shows a restart by the watchdog, not one of the supply.
-            self._doubt_calibration("was silent and may have restarted")
+            self._note_restart("was silent and may have restarted")
         self._unanswered = 0
         if self._poll.note(len(data) == ati.GAUGES_FIRST.size, 0) == FRESH:
             self._half = data
@@ -209,6 +211,7 @@ class ForceSensor:
             return
         self.counters["foreign_requests"] += 1
         self._calibration_lost = True
+        self._lose_tare()
         self._latch(
             f"somebody else set up or restarted the {self._label} on {self._port.name}, its "
             "calibration may be another now"
@@ -218,10 +221,10 @@ class ForceSensor:
         if not self._running:
             return
         verdict = self._poll.note(len(data) == ati.GAUGES_SECOND.size, 1)
-        half, self._half = self._half, None
         if verdict in (LATE, UNEXPECTED):
-            self._half = half  # an older second half: the present first half still needs its own
-        elif verdict == FRESH and half is None:
+            return  # an older second half: the present first half still needs its own
+        half, self._half = self._half, None
+        if verdict == FRESH and half is None:
             self.counters["out_of_order"] += 1
         elif verdict == FRESH:
             self._complete(half, data)
@@ -234,8 +237,7 @@ class ForceSensor:
         if self._stands_still(first, second):
             self.counters["frozen"] += 1
             return
-        end = ati.SATURATED
-        if max(g0, g1, g2, g3, g4, g5) >= end or min(g0, g1, g2, g3, g4, g5) <= -end:
+        if max(g0, g1, g2, g3, g4, g5, -g0, -g1, -g2, -g3, -g4, -g5) >= ati.SATURATED:
             self.counters["saturated"] += 1
             return
         if self._calibration_lost:
@@ -248,8 +250,7 @@ class ForceSensor:
 
     def _stands_still(self, first: bytes, second: bytes) -> bool:
         """Return whether the gauges are frozen; it compares bytes, because it runs every tick."""
-        before_first, before_second = self._newest
-        self._newest = first, second
+        (before_first, before_second), self._newest = self._newest, (first, second)
         # Samples nearly always differ, so this is mostly the end. The status word is no gauge.
         if second != before_second or first[2:] != before_first[2:]:
             self._unchanged = 0
@@ -257,9 +258,9 @@ class ForceSensor:
         self._unchanged += 1
         if 0 < self._too_many_unchanged <= self._unchanged and not self._frozen:
             self._frozen = self._needs_reset = True
-            lasted = self._too_many_unchanged / self.settings.rate
             self._latch(
-                f"the gauges of the {self._label} have not changed for {lasted:g} s: its converter "
+                f"the gauges of the {self._label} have not changed for "
+                f"{self._too_many_unchanged / self.settings.rate:g} s: its converter "
                 "hangs; restart the sensor, then tare"
             )
         return self._frozen
@@ -274,9 +275,10 @@ class ForceSensor:
             self._latch(f"{self._label} status: {', '.join(ati.status_names(status))}")
         if before is not None and status & ~before & ati.RESTARTED:
             self.counters["restarts"] += 1
-            self._doubt_calibration("restarted")
+            self._note_restart("restarted")
 
-    def _doubt_calibration(self, why: str) -> None:
+    def _note_restart(self, why: str) -> None:
+        self._lose_tare()
         if self.settings.calibration != ANY_CALIBRATION:
             self._calibration_lost = True
             self._latch(f"the {self._label} {why}, its calibration may be another now")
@@ -295,14 +297,19 @@ class ForceSensor:
         if self._frozen:
             raise NotNow(self.fault)
         mean = mean_wrench(readings, self.settings)
-        self._earlier_biases.append(self.bias)
+        self._earlier.append((self.bias, self.tared))
         self.bias = tuple(old + new for old, new in zip(self.bias, mean, strict=True))
+        self.tared = True
         return self.bias
 
     def untare(self) -> Wrench:
         """Undo the last `tare`; return the bias now in use, zero when no tare is left."""
-        self.bias = self._earlier_biases.pop() if self._earlier_biases else _NO_WRENCH
+        self.bias, self.tared = self._earlier.pop() if self._earlier else (_NO_WRENCH, False)
         return self.bias
+
+    def _lose_tare(self) -> None:
+        self.tared = False
+        self._earlier = [(bias, False) for bias, _ in self._earlier]
 
     def poll_slow(self) -> None:
         """Read the diagnostic voltages into `voltages`; not for the loop."""
@@ -311,7 +318,3 @@ class ForceSensor:
             self.voltages = {name: self._dialogue.diagnostic(i) for i, name in named}
         except (NotAnswering, BusError):
             self.counters["slow_polls_failed"] += 1
-
-
-def _is_request(data: bytes) -> bool:
-    return not data

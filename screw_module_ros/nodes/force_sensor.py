@@ -101,9 +101,12 @@ class ForceSensorNode(SensorNode):
         device = self.device
         voltages = {f"{name} [ADC counts]": n for name, n in device.voltages.items()}
         health = self.sensor_health({"bias": _bias_text(device.bias), **voltages})
-        if health.level == OK and not any(device.bias):
+        if health.level == OK and not device.tared:
             # Force feedback would press with a multiple of it.
-            text = "not tared: the handle's weight counts as the patient's force; call ~/tare"
+            text = (
+                "not tared since the sensor's start: the handle's weight may count as the "
+                "patient's force; call ~/tare"
+            )
             return health._replace(level=WARN, message=text)
         return health
 

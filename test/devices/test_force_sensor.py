@@ -198,7 +198,7 @@ def test_mounting_turns_force_and_torque(angles, force, torque):
     settings = SETTINGS._replace(**angles)
     unit = [tuple(float(row == column) for column in range(6)) for row in range(6)]
     turn = ati.rotation(settings.roll, settings.pitch, settings.yaw)
-    rows = ati.counts_to_wrench(unit, 1.0, 1.0, turn, settings.sign)
+    rows = ati.counts_to_wrench(unit, ati.SensorIdentity("", "", 1, 1), turn, settings.sign)
     gauges = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
     wrench = [sum(a * g for a, g in zip(row, gauges, strict=True)) for row in rows]
     assert wrench == pytest.approx((*force, *torque))
@@ -660,6 +660,65 @@ def test_tare_moves_the_zero_and_can_be_undone(wire, sensor, sensor_end):
     assert tick(wire, sensor).fz == pytest.approx(11.0)
     sensor.untare()
     assert tick(wire, sensor).fz == pytest.approx(11.0)
+
+
+def watchdog(wire, sensor, sensor_end):
+    sensor_end.first = "00 01" + sensor_end.first[5:]
+    tick(wire, sensor)
+
+
+def silence(wire, sensor, sensor_end):
+    sensor_end.mute = True
+    ticks(wire, sensor, 21)
+    sensor_end.mute = False
+    ticks(wire, sensor, 3)
+
+
+def restart_by_us(wire, sensor, sensor_end):
+    sensor.reset()
+    sensor.start()
+
+
+def restart_by_others(wire, sensor, sensor_end):
+    wire.emit(0x12C, "")
+    tick(wire, sensor)
+    sensor.clear_fault()
+
+
+def new_activation(wire, sensor, sensor_end):
+    sensor.stop()
+    sensor.configure()
+    sensor.start()
+
+
+@pytest.mark.parametrize(
+    "restart", [watchdog, silence, restart_by_us, restart_by_others, new_activation]
+)
+def test_a_tare_does_not_outlive_a_restart_of_the_board(wire, sensor, sensor_end, restart):
+    """The bias stays in use, since without it the force would jump by the handle's weight."""
+    sensor_end.first = "00 00 00 00 27 10 00 00"  # 10 N in z
+    for _ in range(2):
+        sensor.tare([tick(wire, sensor), tick(wire, sensor)])
+    assert sensor.tared
+    restart(wire, sensor, sensor_end)
+    assert not sensor.tared
+    assert tick(wire, sensor).fz == pytest.approx(0.0)
+    sensor.untare()
+    assert not sensor.tared, "that of before is as old"
+    sensor.tare([tick(wire, sensor), tick(wire, sensor)])
+    assert sensor.tared
+    sensor.untare()
+    assert not sensor.tared
+
+
+def test_untare_leads_back_to_a_tare_that_counts(wire, sensor):
+    assert not sensor.tared
+    for _ in range(2):
+        sensor.tare([tick(wire, sensor), tick(wire, sensor)])
+    sensor.untare()
+    assert sensor.tared
+    sensor.untare()
+    assert not sensor.tared
 
 
 @pytest.mark.parametrize(

@@ -32,12 +32,13 @@ def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
 
 
 @pytest.mark.parametrize(
-    ("bias", "level"), [((0.0,) * 6, WARN), ((0.0, 0.0, 9.8, 0.0, 0.0, 0.0), OK)]
+    ("bias", "tared", "level"),
+    [(0.0, False, WARN), (9.8, True, OK), (9.8, False, WARN)],
 )
-def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, level):
+def test_a_sensor_that_was_not_tared_says_so(make_node, monkeypatch, bias, tared, level):
     """With force feedback the handle's weight would press on the hand, several times over."""
     node = make_node("force_sensor")
-    node.device = SimpleNamespace(bias=bias, voltages={})
+    node.device = SimpleNamespace(bias=(0.0, 0.0, bias, 0.0, 0.0, 0.0), tared=tared, voltages={})
     monkeypatch.setattr(node, "sensor_health", lambda shown: Health(OK, "sampling", shown))
     health = node.health()
     assert health.level == level

@@ -163,7 +163,7 @@ class DriveMachine(Machine):
         self.tick(0.0, 1, 120)
         self.enable()
         self.tick(torque, 1, 4)
-        assert self.drive.logic.enabling or self.drive.fault
+        assert self.drive.logic.enabling or self.drive.fault or self.drive.recovering
 
     @rule(torque=near(-0.8, 0.8, wild=False))
     def wait_long(self, torque):
