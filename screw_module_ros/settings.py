@@ -1,23 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings declared once: a NamedTuple field carries its description, unit and bounds.
+"""Settings declared once, and the one reader of all files and texts that hold them.
 
-A law or a driver has its parameters in a NamedTuple with complete annotations::
+A law, a driver or a file has its values in a NamedTuple with complete annotations::
 
     class Spring(NamedTuple):
         stiffness: Annotated[float, Setting("spring constant", "N/m", 0.0, 5000.0)] = 100.0
 
-`validated` checks the values against the bounds; `nodes/support/parameters.py` declares ROS
+A record may hold other records, tuples, and dictionaries. If its values must fit together, it has a
+method `flaw()` that returns what does not, empty if nothing. `validated` checks a record, `read`
+makes one of a mapping, `read_file` of a YAML file; `nodes/support/parameters.py` declares ROS
 parameters from the same annotations. Compiled functions accept NamedTuples directly.
+
+Files are wrong by mistake: one sentence names the file, the key and what is wrong.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+import types
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from .quoting import quoted
+import yaml
 
-Settings = TypeVar("Settings", bound=tuple)
+VERSION = 1
+"""Version of every file with a `format`."""
+_LONGEST = 80  # of a value in a message [characters]
+
+Record = TypeVar("Record", bound=tuple)
+
+
+class SettingError(ValueError):
+    """A value that cannot be used; the message names it, the problem and, if known, the file."""
 
 
 class Setting(NamedTuple):
@@ -25,8 +40,7 @@ class Setting(NamedTuple):
 
     text: description, one sentence without the unit
     unit: SI unit as text, empty for none
-    low: smallest value allowed, None for no bound
-    high: largest value allowed, None for no bound
+    low, high: smallest and largest value allowed
     choices: the values allowed, empty for any
     live: may change while the node is configured or active
     at_start: set when the process starts and fixed from then on: a sender of messages must not
@@ -35,81 +49,204 @@ class Setting(NamedTuple):
 
     text: str
     unit: str = ""
-    low: float | None = None
-    high: float | None = None
+    low: float = -math.inf
+    high: float = math.inf
     choices: tuple = ()
     live: bool = False
     at_start: bool = False
 
 
 class Field(NamedTuple):
-    """One declared field: its name, its Python type, its default and its `Setting`."""
+    """One field of a record: its name, its Python type and its `Setting`, without text if none."""
 
     name: str
     kind: Any
-    default: Any
     setting: Setting
 
 
-_declared: dict[type, dict[str, Field]] = {}
-
-
-def declared(kind: type) -> dict[str, Field]:
-    """Return the fields of the NamedTuple `kind` that carry a `Setting`, by name."""
-    if kind not in _declared:
-        _declared[kind] = dict(_read(kind))
-    return _declared[kind]
-
-
-def _read(kind: type):
-    defaults = getattr(kind, "_field_defaults", {})
+@cache
+def fields(kind: type) -> dict[str, Field]:
+    """Return the fields of the NamedTuple `kind` by name."""
+    found = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        if get_origin(hint) is not Annotated:
-            continue
-        base, *notes = get_args(hint)
-        for note in notes:
-            if isinstance(note, Setting):
-                yield name, Field(name, base, defaults.get(name), note)
+        base, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        setting = next((note for note in notes if isinstance(note, Setting)), Setting(""))
+        found[name] = Field(name, base, setting)
+    return found
 
 
-def problem(field: Field, value: Any, label: str | None = None) -> str:
-    """Return the problem of `value` for `field`, or an empty string.
+def shown(value: Any) -> str:
+    """Return `repr` of a value for a message, cut to 80 characters."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+
+
+def problem(field: Field, value: Any, label: str = "") -> str:
+    """Return what is wrong with a value of the right type for `field`, empty if nothing.
 
     label: the user's name of the field, if it differs.
     """
     name, setting = label or field.name, field.setting
+    if hasattr(value, "_fields"):
+        return _flaw(value, f"{name}.")
+    if isinstance(value, (tuple, list)):
+        parts = (problem(field, part, f"{name}[{n}]") for n, part in enumerate(value))
+        return next(filter(None, parts), "")
     unit = f" {setting.unit}" if setting.unit else ""
-    text = f"{name} = {quoted(value)}"
+    text = f"{name} = {shown(value)}"
     if setting.choices and value not in setting.choices:
         return f"{text}: one of {', '.join(map(repr, setting.choices))} is wanted"
-    numbers = value if isinstance(value, (tuple, list)) else (value,)
-    for number in numbers:
-        if isinstance(number, (bool, str)) or not isinstance(number, (int, float)):
-            continue
-        if not _is_finite(number):
-            return f"{text}: a finite number is wanted"
-        if setting.low is not None and number < setting.low:
-            return f"{text}{unit}: below the smallest allowed, {setting.low:g}{unit}"
-        if setting.high is not None and number > setting.high:
-            return f"{text}{unit}: above the largest allowed, {setting.high:g}{unit}"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return ""
+    if not -math.inf < value < math.inf:
+        return f"{text}: a finite number is wanted"
+    if value < setting.low:
+        return f"{text}{unit}: below the smallest allowed, {setting.low:g}{unit}"
+    if value > setting.high:
+        return f"{text}{unit}: above the largest allowed, {setting.high:g}{unit}"
     return ""
 
 
-def _is_finite(number: float) -> bool:
-    """Return whether a number fits into a finite float."""
-    try:
-        return math.isfinite(number)
-    except OverflowError:  # an integer beyond
-        return False
+def _flaw(record: Any, prefix: str = "") -> str:
+    """Return the first problem of a record's fields, or of how they fit together."""
+    for name, field in fields(type(record)).items():
+        if wrong := problem(field, getattr(record, name), prefix + name):
+            return wrong
+    flaw = record.flaw() if hasattr(record, "flaw") else ""
+    return flaw and prefix + flaw
 
 
-def validated(settings: Settings) -> Settings:
-    """Return `settings` unchanged when every field is within its bounds.
+def validated(record: Record) -> Record:
+    """Return a record unchanged when each field is within its bounds and all fit together.
 
-    Raises ValueError naming the first field that is not, its value and its bound.
+    Raises SettingError naming the first field that is wrong, its value and the problem.
     """
-    for name, field in declared(type(settings)).items():
-        wrong = problem(field, getattr(settings, name))
-        if wrong:
-            raise ValueError(f"{type(settings).__name__}: {wrong}")
-    return settings
+    if wrong := _flaw(record):
+        raise SettingError(f"{type(record).__name__}: {wrong}")
+    return record
+
+
+def read(kind: type, mapping: Any, where: str = "") -> Any:
+    """Return a mapping as the record `kind`; a field with a default may be missing.
+
+    where: name of the mapping in messages, empty at the top. Raises SettingError naming the key
+    that is unknown, missing, of another type or out of range.
+    """
+    record = _record(kind, mapping, where)
+    if wrong := _flaw(record, f"{where}." if where else ""):
+        raise SettingError(wrong)
+    return record
+
+
+def _record(kind: type, mapping: Any, where: str) -> Any:
+    known, prefix = fields(kind), f"{where}." if where else ""
+    if not isinstance(mapping, dict):
+        named = f"{where} = " if where else ""
+        raise SettingError(f"{named}{shown(mapping)}: a mapping of names to values is wanted")
+    for key in mapping:
+        if key not in known:
+            raise SettingError(f"{prefix}{key} is unknown; known are {', '.join(known)}")
+    for name in known:
+        if name not in mapping and name not in kind._field_defaults:
+            raise SettingError(f"{prefix}{name} is missing")
+    return kind(**{name: _value(known[name].kind, mapping[name], prefix + name)
+                   for name in mapping})  # fmt: skip
+
+
+def _value(kind: Any, value: Any, name: str) -> Any:
+    """Return a value of a YAML file as the type `kind`."""
+    outer, parts, text = get_origin(kind), get_args(kind), f"{name} = {shown(value)}"
+    if outer in (Union, types.UnionType):
+        return None if value is None else _value(parts[0], value, name)
+    if hasattr(kind, "_fields"):
+        return _record(kind, value, name)
+    if outer is tuple:
+        count = 0 if parts[-1] is ... else len(parts)
+        if not isinstance(value, list) or count and len(value) != count:
+            raise SettingError(f"{text}: a list{f' of {count}' if count else ''} is wanted")
+        return tuple(_value(parts[0], part, f"{name}[{n}]") for n, part in enumerate(value))
+    if outer is dict and isinstance(value, dict):
+        return {str(key): _value(parts[1], part, f"{name}.{key}") for key, part in value.items()}
+    if kind is float:
+        if type(value) not in (int, float) or not abs(value) < 1e300:
+            raise SettingError(f"{text}: a finite number is wanted (write 1.0e-4, not 1e-4)")
+        return float(value)
+    if kind is not Any and type(value) is not (outer or kind):
+        raise SettingError(f"{text}: {(outer or kind).__name__} is wanted")
+    return value
+
+
+def plain(value: Any) -> Any:
+    """Return what `read` takes: mappings, lists and values of Python's own types."""
+    if hasattr(value, "_fields"):
+        return {name: plain(getattr(value, name)) for name in value._fields}
+    if isinstance(value, dict):
+        return {str(key): plain(part) for key, part in value.items()}
+    if hasattr(value, "tolist"):  # numpy's numbers and arrays
+        return value.tolist()
+    return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that is written twice, and takes a date for text, as rcl does."""
+
+    yaml_implicit_resolvers = {
+        first: [pair for pair in pairs if pair[0] != "tag:yaml.org,2002:timestamp"]
+        for first, pairs in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
+        keys = [self.construct_object(key) for key, _ in node.value]
+        for n, (key, _) in enumerate(node.value):
+            if keys[n] in keys[:n]:
+                text = f"key {shown(keys[n])} is written twice"
+                raise yaml.constructor.ConstructorError(None, None, text, key.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+def parse(text: str, where: str) -> Any:
+    """Return the content of a YAML text: mappings, lists, text, numbers, bools and None.
+
+    where: its name in messages. Raises SettingError with the line.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f" in line {mark.line + 1}" if mark else ""
+        reason = getattr(error, "problem", None) or error
+        raise SettingError(f"{where} is no YAML: {' '.join(str(reason).split())}{line}") from None
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of a file. Raises SettingError naming it."""
+    try:
+        return Path(path).read_bytes().decode("utf-8")
+    except (OSError, ValueError) as error:  # ValueError: no UTF-8, or no path
+        reason = getattr(error, "strerror", None) or error
+        raise SettingError(f"{path} cannot be read: {reason}") from None
+
+
+def load(path: str | Path) -> Any:
+    """Return the content of a YAML file. Raises SettingError naming file, line and problem."""
+    return parse(read_text(path), str(path))
+
+
+def read_file(path: str | Path, kind: type, form: str = "") -> Any:
+    """Return a YAML file as the record `kind`.
+
+    form: wanted value of the file's key `format`, empty for a file without one. Raises SettingError
+    naming the file, the key and the problem.
+    """
+    content = load(path)
+    if form and isinstance(content, dict):
+        found = content.pop("format", None), content.pop("version", None)
+        if found != (form, VERSION) or isinstance(found[1], bool):  # True equals 1
+            raise SettingError(
+                f"{path}: format = {shown(found[0])} and version = {shown(found[1])}: "
+                f"{form!r} and {VERSION} are wanted"
+            )
+    try:
+        return read(kind, content)
+    except SettingError as error:
+        raise SettingError(f"{path}: {error}") from None

@@ -25,8 +25,8 @@ ROS_MODULES = ("rclpy", "rosgraph", "launch", "builtin_interfaces", "std_srvs", 
 ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 SHARED = (
-    "quoting", "units", "domain", "resources", "regular_file", "plain_yaml", "settings",
-    "settings_mapping", "samples", "geometry", "filters", "compiled", "figure_style", "graph",
+    "units", "domain", "resources", "settings", "samples", "geometry", "filters", "compiled",
+    "figure_style", "graph",
 )  # fmt: skip
 ROOMS = (
     *SHARED, "clock", "lockstep", "plant", "can_io", "rig", "safety", "control",
@@ -42,10 +42,8 @@ FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig k
     "devices": ("control", "calibration", "plant", "rig"),
     "loop": ("calibration", "plant", "rig"),
 }
-PURE_LAYERS = (
-    "safety", "control", "plant", "geometry", "filters", "samples", "settings",
-    "settings_mapping", "units", "graph",
-)  # fmt: skip
+PURE_LAYERS = ("safety", "control", "plant", "geometry", "filters", "samples", "units", "graph")
+FILE_READERS = ("load", "read_file", "read_text")  # of `settings`: no pure layer imports them
 READS_ITS_PARAMETERS = ("plant/settings.py",)  # params/plant.yaml, before any physics
 FILES = ("io", "os", "pathlib", "shutil", "tempfile", "yaml")
 INPUT_OUTPUT = (
@@ -90,7 +88,7 @@ def verdict(parts: tuple[str, ...], module: str) -> str:
         return upward(parts, tuple(inner), module) if top == PACKAGE and inner else ""
     if top in ROS_MODULES or top.endswith(ROS_SUFFIXES):
         return f"only {', '.join(ROS_LAYERS)} import ROS, not {layer}: {module}"
-    if layer in PURE_LAYERS and not_pure(parts, top):
+    if layer in PURE_LAYERS and not_pure(parts, module):
         return f"{layer} does no input or output: {module}"
     if top != PACKAGE or not inner:
         return ""
@@ -126,10 +124,13 @@ def _names(layer: str) -> tuple[str, ...]:
     return tuple(layer.split("/"))
 
 
-def not_pure(parts: tuple[str, ...], top: str) -> bool:
-    """Return whether a pure layer's file at `parts` must not import the module `top`."""
+def not_pure(parts: tuple[str, ...], module: str) -> bool:
+    """Return whether a pure layer's file at `parts` must not import the module."""
+    if module.partition(".")[0] in INPUT_OUTPUT:
+        return True
     reads = "/".join(parts) + ".py" in READS_ITS_PARAMETERS
-    return top in INPUT_OUTPUT or (top in FILES and not reads)
+    reader = module in {f"{PACKAGE}.settings.{name}" for name in FILE_READERS}
+    return not reads and (reader or module.partition(".")[0] in FILES)
 
 
 def opened(tree: ast.AST) -> Iterator[tuple[int, str]]:

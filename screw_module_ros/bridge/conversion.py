@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from ..quoting import quoted
+from ..settings import shown
 
 _WHOLE = {
     f"{sign}int{bits}": (-(2 ** (bits - 1)) if not sign else 0, 2 ** (bits - (not sign)) - 1)
@@ -56,7 +56,7 @@ def fill(message: Any, content: Any, make: Callable[[str], Any], where: str = ""
     for name, value in content.items():
         if name not in kinds:
             raise ConversionError(
-                f"{_joined(where, quoted(name))}: unknown field; known are {', '.join(kinds)}"
+                f"{_joined(where, shown(name))}: unknown field; known are {', '.join(kinds)}"
             )
         setattr(message, name, _value(kinds[name], value, make, _joined(where, name)))
     return message
@@ -108,5 +108,5 @@ def _number(value: Any, where: str) -> float:
 
 def _checked(value: Any, fits: bool, where: str, wanted: str) -> Any:
     if not fits:
-        raise ConversionError(f"{where} = {quoted(value)}: {wanted} is wanted")
+        raise ConversionError(f"{where} = {shown(value)}: {wanted} is wanted")
     return value

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from typing import Any, NamedTuple
 
-from ..quoting import quoted
+from ..settings import shown
 
 LONGEST_NAME = 200  # characters of a topic, service, type or id
 _DEEPEST = 12  # nesting of a message's content
@@ -87,7 +87,7 @@ def parsed(text: str) -> Operation:
     read = _READERS.get(content.get("op") if isinstance(content.get("op"), str) else None)
     if read is None:
         raise ProtocolError(
-            f"op = {quoted(content.get('op'))}: one of {', '.join(_READERS)} is wanted", id
+            f"op = {shown(content.get('op'))}: one of {', '.join(_READERS)} is wanted", id
         )
     try:
         return read(content, id)
@@ -103,7 +103,7 @@ def _subscribe(content: dict, id: str | None) -> Subscribe:
         raise ProtocolError("throttle_rate: 0 to 3600000 ms is wanted")
     if content.get("compression", "none") not in ("none", None):
         raise ProtocolError(
-            f"compression = {quoted(content['compression'])}: only plain JSON is sent; ask for none"
+            f"compression = {shown(content['compression'])}: only plain JSON is sent; ask for none"
         )
     return Subscribe(_name(content, "topic"), _kind(content), throttle * 1e-3, id)
 

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration files: content of a module's file, checks of every value, load and save.
 
-module_file          one module's calibration, the file that the nodes load
-module_fields        its keys, ranges and checksum
-friction_file, linearization_file    the two parts that may also be separate files
-selection            the calibration that a node's parameters name
-yaml_file            YAML of a known format and version, and its identity
-strict_mapping       every key known, taken once and checked
+module        one module's calibration, the file that the nodes load; its two parts as own files
+certificate   largest force gains of a module, and the conditions under which they were found
+selection     the calibration that a node's parameters name
 
-The laws that use the values are in `control/`, which reads no files.
+Each file is a record whose fields are the file's keys; `settings.py` reads it. The laws that use
+the values are in `control/`, which reads no files.
 """

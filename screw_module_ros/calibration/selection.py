@@ -1,19 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration that a node's parameters name: friction model or linearization."""
+"""The calibration that a node's parameters name: certificate, friction model or linearization."""
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from ..control.friction import FrictionModel
 from ..control.linearization import Linearization, default_linearization
 from ..control.vertical_settings import VerticalSettings
 from ..resources import resource_path
-from ..settings import Setting
-from .friction_file import THESIS_FILE, load_friction_model
-from .linearization_file import load_linearization
-from .module_file import CalibrationSettings, chosen_calibration
-from .yaml_file import calibration_identity
+from ..settings import Setting, SettingError
+from .certificate import Certificate, load_certificate
+from .module import (
+    THESIS_FILE,
+    ModuleCalibration,
+    load_friction_model,
+    load_linearization,
+    load_module_calibration,
+)
+
+
+class CalibrationSettings(NamedTuple):
+    """Parameters of a node that loads a module's calibration."""
+
+    calibration_file: Annotated[
+        str, Setting("calibration file of the module, empty for none")
+    ] = ""
+    module_serial: Annotated[
+        str, Setting("serial of the connected module, empty when unknown")
+    ] = ""
+
+
+class CertificateSettings(NamedTuple):
+    """Parameters of a node that keeps to a module's certificate."""
+
+    certificate_file: Annotated[
+        str, Setting("certificate of the module, empty for none: no gain is refused then")
+    ] = ""
+    uncertified_gains: Annotated[
+        bool, Setting("also take force gains beyond the certificate's, and its conditions")
+    ] = False
+
+
+class LinearizationSettings(NamedTuple):
+    """Linearization of the amplifier."""
+
+    linearize: Annotated[
+        bool, Setting("compensate the amplifier's dead zone around zero (thesis 4.1.1)")
+    ] = True
+    linearization_file: Annotated[
+        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
+                     "calibration_file is set")
+    ] = ""
 
 
 class ChosenFriction(NamedTuple):
@@ -41,29 +81,45 @@ class ChosenFriction(NamedTuple):
         return settings if self.mass is None else settings.carrying_at_most(self.mass)
 
 
+def chosen_calibration(
+    settings: CalibrationSettings, other: str, other_file: str
+) -> ModuleCalibration | None:
+    """Return the calibration that the settings name, None for none.
+
+    other, other_file: name and value of the setting for a file with a part of the calibration; only
+    one of both may be set. Raises SettingError.
+    """
+    path = settings.calibration_file
+    if not path:
+        return None
+    if other_file:
+        raise SettingError(
+            f"{path}: it is named by calibration_file, and {other} names {other_file}; a "
+            "calibration holds that too: empty one of the two parameters"
+        )
+    return load_module_calibration(path, settings.module_serial)
+
+
+def chosen_certificate(settings: CertificateSettings, serial: str) -> Certificate | None:
+    """Return the certificate that the settings name, None without one. Raises SettingError.
+
+    serial: of the connected module.
+    """
+    path = settings.certificate_file
+    return load_certificate(path, serial) if path else None
+
+
 def chosen_friction(settings: CalibrationSettings, path: str) -> ChosenFriction:
     """Return the friction model: of the module, of the file at `path`, or the thesis's.
 
-    Raises CalibrationError, ValueError.
+    Raises SettingError.
     """
     module = chosen_calibration(settings, "friction_file", path)
     if module is None:
         path = path or resource_path(THESIS_FILE)
-        return ChosenFriction(load_friction_model(path), calibration_identity(path))
+        return ChosenFriction(load_friction_model(path), file_identity(path))
     identity = module.identity(settings.calibration_file)
-    return ChosenFriction(module.friction, identity, module.gravity, module.mass)
-
-
-class LinearizationSettings(NamedTuple):
-    """Linearization of the amplifier."""
-
-    linearize: Annotated[
-        bool, Setting("compensate the amplifier's dead zone around zero (thesis 4.1.1)")
-    ] = True
-    linearization_file: Annotated[
-        str, Setting("linearization file, empty for the thesis's dead zone of 0.025 Nm or when "
-                     "calibration_file is set")
-    ] = ""
+    return ChosenFriction(module.friction, identity, module.gravity_N, module.mass_kg)
 
 
 def chosen_linearization(
@@ -71,7 +127,7 @@ def chosen_linearization(
 ) -> tuple[Linearization | None, str]:
     """Return the linearization, None if switched off, and its identity.
 
-    An unused calibration is checked too. Raises CalibrationError, ValueError.
+    An unused calibration is checked too. Raises SettingError.
     """
     path = own.linearization_file
     module = chosen_calibration(settings, "linearization_file", path)
@@ -80,5 +136,14 @@ def chosen_linearization(
     if module is not None:
         return module.linearization, module.identity(settings.calibration_file)
     if path:
-        return load_linearization(path), calibration_identity(path)
+        return load_linearization(path), file_identity(path)
     return default_linearization(), "thesis 4.1.1"
+
+
+def file_identity(path: str | Path) -> str:
+    """Return the identity of a file for logs and bags: its name and the hash of its bytes.
+
+    Raises OSError when the file cannot be read.
+    """
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    return f"{Path(path).name} sha256:{digest[:12]}"

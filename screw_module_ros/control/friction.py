@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction model of the screw module (thesis 5.2.5); `calibration.friction_file` reads its file.
+"""Friction model of the screw module (thesis 5.2.5); `calibration.module` reads its file.
 
 The thesis fits the force that pushes the handle at a constant speed, gravity included, separately
 for up and down: Ff = Fv(v) (Fp1(z) + Fp2(z) - 10 N) + 10 N. Fp1 is the trend along the screw, Fp2
@@ -26,8 +26,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from ..settings import Setting
 from .limits import clamp
 
 SMALLEST_LEVEL = 0.1  # [N] keeps the length over which the modelled friction reverses finite
@@ -36,43 +37,69 @@ INFORMATIVE_FORCE = 1.0  # [N] less modelled friction say nothing about the mode
 FALL_TIME = 0.1  # [s] time constant with which the ratio falls, for a model that is too strong
 RISE_TIME = 1.0  # [s] time constant with which it rises again
 NEAR_ENOUGH = 1.05  # modelled / found friction up to which all of the model is used: its scatter
+_LARGEST_PLAUSIBLE = 60.0  # [N], about four times what the thesis measured
 
 
 class FrictionBranch(NamedTuple):
-    """Fit for one direction of motion, in the thesis's units (mm, mm/s, N).
+    """Fit for one direction of motion, in the thesis's units; fields as the keys of its file.
 
-    trend: 8 coefficients of Fp1, highest power first; ripple: 6 coefficients of the amplitude of
-    Fp2, highest power first; flip_below: below this position [mm] the ripple is turned by pi;
-    Fv = low_gain v^low_exponent up to break_speed [mm/s], high_slope v + high_offset above.
+    trend: Fp1, ripple: amplitude of Fp2, both from the highest power of the height [mm] down;
+    Fv = low_gain v^low_exponent up to the break, high_slope v + high_offset above, v in mm/s.
     """
 
-    trend: tuple[float, ...]
-    ripple: tuple[float, ...]
-    flip_below: float
-    break_speed: float
-    low_gain: float
-    low_exponent: float
-    high_slope: float
-    high_offset: float
+    trend: tuple[float, float, float, float, float, float, float, float]
+    ripple: tuple[float, float, float, float, float, float]
+    flip_below_mm: Annotated[float, Setting("below this height the ripple is turned by pi", "mm")]
+    break_speed_mm_s: Annotated[float, Setting("end of the power of the speed", "mm/s", 0.0, 2e3)]
+    low_gain: Annotated[float, Setting("factor of the power of the speed", "", 0.0, 100.0)]
+    low_exponent: Annotated[float, Setting("exponent of the speed", "", 0.0, 2.0)]
+    high_slope: Annotated[float, Setting("of the line above the break", "s/mm", -1.0, 1.0)]
+    high_offset: Annotated[float, Setting("of the line above the break", "", 0.0, 100.0)]
 
 
 class FrictionModel(NamedTuple):
-    """Friction of the module, in the thesis's units.
+    """Friction of the module, in the thesis's units; fields as the keys of its file.
 
-    low, high: range of the fit [mm]; fastest: fastest speed measured [mm/s]; ramp_speed: below it
-    the model goes to zero in a straight line [mm/s]; lead: travel per ripple cycle [mm]; phase of
-    the ripple [rad]; gravity: the weight included in the fits [N].
+    params/friction_thesis.yaml explains each key.
     """
 
-    low: float
-    high: float
-    fastest: float
-    ramp_speed: float
-    lead: float
-    phase: float
-    gravity: float
+    low_mm: Annotated[float, Setting("lower end of the fit", "mm", -1000.0, 1000.0)]
+    high_mm: Annotated[float, Setting("upper end of the fit", "mm", -1000.0, 1000.0)]
+    fastest_mm_s: Annotated[float, Setting("fastest speed measured", "mm/s", 1.0, 2000.0)]
+    ramp_speed_mm_s: Annotated[
+        float, Setting("below it the model goes to zero in a straight line", "mm/s", 0.1, 2000.0)
+    ]
+    lead_mm: Annotated[float, Setting("travel per ripple cycle", "mm", 0.1, 1000.0)]
+    phase_rad: Annotated[float, Setting("of the ripple", "rad")]
+    gravity_N: Annotated[float, Setting("weight included in the fits", "N", -100.0, 100.0)]
     up: FrictionBranch
     down: FrictionBranch
+
+    def flaw(self) -> str:
+        """Return an empty range, or coefficients that give an implausible force; empty if neither.
+
+        Forces are checked at each 1 % of the range. Fv rises or falls throughout on each side of
+        its break, so the ends of both sides suffice.
+        """
+        if not self.low_mm < self.high_mm:
+            return f"high_mm: {self.high_mm:g} is not above low_mm, {self.low_mm:g}"
+        if self.ramp_speed_mm_s > self.fastest_mm_s:
+            return f"ramp_speed_mm_s: {self.ramp_speed_mm_s:g} is above fastest_mm_s"
+        for step in range(101):
+            z = (self.low_mm + (self.high_mm - self.low_mm) * step / 100.0) / 1000.0
+            for name, way in (("up", 1e-3), ("down", -1e-3)):
+                edge = getattr(self, name).break_speed_mm_s
+                ends = (self.ramp_speed_mm_s, self.fastest_mm_s, edge * (1.0 - 1e-9),
+                        edge * (1.0 + 1e-9))  # fmt: skip
+                for velocity in (way * end for end in ends):
+                    force = friction_force(self, z, velocity)
+                    if not abs(force) <= _LARGEST_PLAUSIBLE:
+                        return (
+                            f"{name}: {force:.3g} N of friction at {z:.3f} m and {velocity:.3f} "
+                            f"m/s, more than {_LARGEST_PLAUSIBLE:g} N: check the coefficients and "
+                            "their order"
+                        )
+        return ""
 
 
 def friction_force(model: FrictionModel, position: float, velocity: float) -> float:
@@ -82,11 +109,11 @@ def friction_force(model: FrictionModel, position: float, velocity: float) -> fl
     continuously through zero with the velocity.
     """
     speed = abs(velocity) * 1000.0
-    z = clamp(position * 1000.0, model.low, model.high)
+    z = clamp(position * 1000.0, model.low_mm, model.high_mm)
     branch = model.up if velocity > 0.0 else model.down
-    push = _held_speed(model, branch, z) - model.gravity
-    force = push * _speed_factor(branch, clamp(speed, model.ramp_speed, model.fastest))
-    force *= min(1.0, speed / model.ramp_speed)
+    push = _held_speed(model, branch, z) - model.gravity_N
+    force = push * _speed_factor(branch, clamp(speed, model.ramp_speed_mm_s, model.fastest_mm_s))
+    force *= min(1.0, speed / model.ramp_speed_mm_s)
     return max(0.0, force) if velocity > 0.0 else min(0.0, force)
 
 
@@ -127,7 +154,7 @@ def presliding_step(
     stiffness: of the reversal [N/m].
     """
     if travelled != 0.0:
-        speed = math.copysign(max(abs(velocity), 1e-3 * model.ramp_speed), travelled)
+        speed = math.copysign(max(abs(velocity), 1e-3 * model.ramp_speed_mm_s), travelled)
         level = max(abs(friction_force(model, position, speed)), SMALLEST_LEVEL)
         memory.modelled = hysteresis(memory.modelled, level, stiffness, travelled)
 
@@ -154,14 +181,14 @@ def trusted(memory: Presliding) -> float:
 
 def _held_speed(model: FrictionModel, branch: FrictionBranch, z: float) -> float:
     """Return Fp1 + Fp2 at z [mm]: the mean force at constant speed, gravity included [N]."""
-    angle = 2.0 * math.pi / model.lead * z + model.phase
-    sine = math.sin(angle) if z > branch.flip_below else -math.sin(angle)
+    angle = 2.0 * math.pi / model.lead_mm * z + model.phase_rad
+    sine = math.sin(angle) if z > branch.flip_below_mm else -math.sin(angle)
     return _polynomial(branch.trend, z) + _polynomial(branch.ripple, z) * sine
 
 
 def _speed_factor(branch: FrictionBranch, speed: float) -> float:
     """Return Fv, the factor on the mean friction, at speed [mm/s] > 0."""
-    if speed <= branch.break_speed:
+    if speed <= branch.break_speed_mm_s:
         return branch.low_gain * speed**branch.low_exponent
     return branch.high_slope * speed + branch.high_offset
 

@@ -9,8 +9,9 @@ are both in Nm on the motor shaft: a perfect amplifier would give a torque equal
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from ..settings import Setting, validated
 from .limits import TorqueLimits
 
 _LARGEST_STEP = 1e-4  # [Nm] at a joint, the rounding of a printed fit; 0.03 N at the handle
@@ -26,32 +27,58 @@ SMALLEST_JOINT = 0.004
 _CHECKS = 400  # over the range of torques; the command rises, so between two it hides 5 mNm at most
 
 
-class Linearization(NamedTuple):
-    """Map from desired torque T [Nm] to torque command [Nm].
+class Line(NamedTuple):
+    """The command outside the joints: slope T + offset_Nm."""
 
-    lower_joint, upper_joint: where the pieces meet [Nm]; below and above them the command is
-    slope T + offset [Nm], between them c3 T^3 + c2 T^2 + c1 T + c0 with cubic = (c3, c2, c1, c0).
+    slope: Annotated[float, Setting("command per torque", "", 0.01, 100.0)]
+    offset_Nm: Annotated[float, Setting("command at zero torque", "Nm", -10.0, 10.0)]
+
+
+class Linearization(NamedTuple):
+    """Map from desired torque T [Nm] to torque command [Nm]; fields as the keys of its file.
+
+    joints_Nm: where the pieces meet, lower and upper; lower, upper: the lines below and above them;
+    middle: between them the command is c3 T^3 + c2 T^2 + c1 T + c0 with middle = (c3, c2, c1, c0).
     """
 
-    lower_joint: float
-    upper_joint: float
-    lower_slope: float
-    lower_offset: float
-    cubic: tuple[float, float, float, float]
-    upper_slope: float
-    upper_offset: float
+    joints_Nm: Annotated[tuple[float, float], Setting("where the pieces meet", "Nm", -10.0, 10.0)]
+    lower: Line
+    middle: tuple[float, float, float, float]
+    upper: Line
+
+    def flaw(self) -> str:
+        """Return why the map is not continuous, monotonic and close to the torque, or nothing."""
+        low, high = self.joints_Nm
+        if not low < high:
+            return f"joints_Nm: {high!r} Nm is not above {low!r} Nm"
+        if high - low < 2.0 * SMALLEST_JOINT:
+            return f"joints_Nm: {high!r} Nm is less than {2e3 * SMALLEST_JOINT:g} mNm above {low!r}"
+        zone = 0.5 * (self.upper.offset_Nm - self.lower.offset_Nm)
+        if zone > _WIDEST_ZONE:
+            return f"upper.offset_Nm: a dead zone of {zone:.3g} Nm, more than {_WIDEST_ZONE:g} Nm"
+        c3, c2, c1, _ = self.middle
+        turning = [-c2 / (3.0 * c3)] if c3 != 0.0 and low < -c2 / (3.0 * c3) < high else []
+        if not all((3.0 * c3 * t + 2.0 * c2) * t + c1 > 0.0 for t in [low, high, *turning]):
+            return f"middle: {self.middle!r} does not rise all the way between the joints"
+        for name, line, joint in (("lower", self.lower, low), ("upper", self.upper, high)):
+            step = line.slope * joint + line.offset_Nm - torque_command(self, joint)
+            if not abs(step) <= _LARGEST_STEP:
+                offset = f"{name}.offset_Nm: {line.offset_Nm!r} Nm"
+                return f"{offset} makes a step of {step:.3g} Nm at {joint:g} Nm"
+        return _far_off(self)
 
 
-IDENTITY = Linearization(-0.025, 0.025, 1.0, 0.0, (0.0, 0.0, 1.0, 0.0), 1.0, 0.0)
+IDENTITY = Linearization((-0.025, 0.025), Line(1.0, 0.0), (0.0, 0.0, 1.0, 0.0), Line(1.0, 0.0))
 
 
 def torque_command(linearization: Linearization, torque: float) -> float:
     """Return the torque command [Nm] that yields a torque [Nm]."""
-    if torque < linearization.lower_joint:
-        return linearization.lower_slope * torque + linearization.lower_offset
-    if torque > linearization.upper_joint:
-        return linearization.upper_slope * torque + linearization.upper_offset
-    c3, c2, c1, c0 = linearization.cubic
+    low, high = linearization.joints_Nm
+    if torque < low:
+        return linearization.lower.slope * torque + linearization.lower.offset_Nm
+    if torque > high:
+        return linearization.upper.slope * torque + linearization.upper.offset_Nm
+    c3, c2, c1, c0 = linearization.middle
     return ((c3 * torque + c2) * torque + c1) * torque + c0
 
 
@@ -67,62 +94,21 @@ def default_linearization(dead_zone: float = 0.025, joint: float = 0.025) -> Lin
     edge = joint + dead_zone
     c1 = (3.0 * edge - slope * joint) / (2.0 * joint)
     c3 = (slope * joint - edge) / (2.0 * joint**3)
-    linearization = Linearization(
-        -joint, joint, 1.0, -dead_zone, (c3, 0.0, c1, 0.0), 1.0, dead_zone
-    )
-    return validated_linearization(linearization)
+    lower, upper = Line(1.0, -dead_zone), Line(1.0, dead_zone)
+    return validated(Linearization((-joint, joint), lower, (c3, 0.0, c1, 0.0), upper))
 
 
-def validated_linearization(linearization: Linearization) -> Linearization:
-    """Return the map unchanged when it is continuous, monotonic and close to the torque.
-
-    Raises ValueError naming the field, its value and the problem.
-    """
-    field, problem = linearization_flaw(linearization)
-    if field:
-        raise ValueError(f"Linearization: {field}: {problem}")
-    return linearization
-
-
-def linearization_flaw(linearization: Linearization) -> tuple[str, str]:
-    """Return the first wrong field and its problem, or two empty strings."""
-    low, high = linearization.lower_joint, linearization.upper_joint
-    if not -10.0 <= low < high <= 10.0:
-        return "upper_joint", f"{high!r} Nm is not above lower_joint {low!r} Nm"
-    if high - low < 2.0 * SMALLEST_JOINT:
-        return "upper_joint", f"{high!r} Nm is less than {2e3 * SMALLEST_JOINT:g} mNm above {low!r}"
-    zone = 0.5 * (linearization.upper_offset - linearization.lower_offset)
-    if zone > _WIDEST_ZONE:
-        return "upper_offset", f"a dead zone of {zone:.3g} Nm, more than {_WIDEST_ZONE:g} Nm"
-    for name in ("lower_slope", "upper_slope"):
-        slope = getattr(linearization, name)
-        if not 0.01 <= slope <= 100.0:
-            return name, f"{slope!r} is outside 0.01 to 100"
-    c3, c2, c1, _ = linearization.cubic
-    turning = [-c2 / (3.0 * c3)] if c3 != 0.0 and low < -c2 / (3.0 * c3) < high else []
-    if not all((3.0 * c3 * t + 2.0 * c2) * t + c1 > 0.0 for t in [low, high, *turning]):
-        return "cubic", f"{linearization.cubic!r} does not rise all the way between the joints"
-    for name, slope, offset, joint in (
-        ("lower_offset", linearization.lower_slope, linearization.lower_offset, low),
-        ("upper_offset", linearization.upper_slope, linearization.upper_offset, high),
-    ):
-        step = slope * joint + offset - torque_command(linearization, joint)
-        if not abs(step) <= _LARGEST_STEP:
-            return name, f"{offset!r} Nm makes a step of {step:.3g} Nm at {joint:g} Nm"
-    return _far_off(linearization)
-
-
-def _far_off(linearization: Linearization) -> tuple[str, str]:
+def _far_off(linearization: Linearization) -> str:
     """Return the piece where |command - torque| is too large, and the problem; empty if nowhere."""
     peak = TorqueLimits().peak
     torques = [peak * (2.0 * k / _CHECKS - 1.0) for k in range(_CHECKS + 1)]
     worst = max(torques, key=lambda torque: abs(torque_command(linearization, torque) - torque))
     command = torque_command(linearization, worst)
     if abs(command - worst) <= _FARTHEST:
-        return "", ""
-    below, above = worst < linearization.lower_joint, worst > linearization.upper_joint
-    field = "lower_offset" if below else "upper_offset" if above else "cubic"
-    return field, (
-        f"{getattr(linearization, field)!r} makes the command {command:.3g} Nm for a torque of "
-        f"{worst:.3g} Nm, more than {_FARTHEST:g} Nm apart"
+        return ""
+    low, high = linearization.joints_Nm
+    piece = "lower" if worst < low else "upper" if worst > high else "middle"
+    return (
+        f"{piece}: {tuple(getattr(linearization, piece))!r} makes the command {command:.3g} Nm for "
+        f"a torque of {worst:.3g} Nm, more than {_FARTHEST:g} Nm apart"
     )

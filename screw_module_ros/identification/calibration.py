@@ -6,7 +6,7 @@ from __future__ import annotations
 from datetime import datetime, timezone
 from typing import Annotated, NamedTuple
 
-from ..calibration.module_file import ModuleCalibration, write_calibration
+from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
 from ..settings import Setting
 from . import friction_fit, gravity, inertia, static_torque
 from .certificate import software
@@ -26,7 +26,7 @@ class Settings(NamedTuple):
 def run(lab: Lab, settings: Settings) -> Result:
     """Write the file into the lab's folder.
 
-    Raises MissingResult without one of the results, ModuleCalibrationError for implausible values.
+    Raises MissingResult without one of the results, SettingError for implausible values.
     """
     friction = lab.result(friction_fit.NAME)
     torque = lab.result(static_torque.NAME)
@@ -40,7 +40,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         "gravity_sd_N": weight.uncertainty,
         "mass_sd_kg": mass.uncertainty,
     }
-    path = lab.folder / FILE
+    path, zero = lab.folder / FILE, lab.bench.zero()
     write_calibration(
         path,
         ModuleCalibration(
@@ -49,9 +49,9 @@ def run(lab: Lab, settings: Settings) -> Result:
             software=software(),
             friction=friction_fit.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
-            gravity=weight.value,
-            mass=mass.value,
-            sensor_bias=lab.bench.zero(),
+            gravity_N=weight.value,
+            mass_kg=mass.value,
+            sensor_bias=SensorBias(zero[:3], zero[3:]),
             residuals=residuals,
         ),
     )

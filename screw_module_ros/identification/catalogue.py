@@ -5,11 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import ModuleType
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
-from ..plain_yaml import PlainYamlError, load_plain_yaml
-from ..quoting import named, quoted
-from ..settings import Field, declared, problem
+from ..settings import parse, read
 from . import (
     amplifier_response,
     back_drive,
@@ -106,51 +104,10 @@ def listing() -> str:
     )
 
 
-_LARGEST_SETTINGS = 10_000  # characters
-
-
 def settings_from_yaml(text: str, kind: type) -> Any:
     """Return the settings `kind` with the values of a YAML mapping; empty text = defaults.
 
-    Raises ValueError that names the wrong setting.
+    Raises SettingError that names the wrong setting.
     """
-    if len(text) > _LARGEST_SETTINGS:
-        raise ValueError(f"settings are longer than {_LARGEST_SETTINGS} characters")
-    try:
-        content = load_plain_yaml(text) or {}
-    except PlainYamlError as error:
-        raise ValueError(f"settings are not YAML: {error}") from None
-    if not isinstance(content, dict):
-        raise ValueError("settings: a YAML mapping like '{speed: 0.02}' is wanted")
-    known = declared(kind)
-    for name in content:
-        if name not in known:
-            raise ValueError(f"settings: {named(name)} is unknown; known are {', '.join(known)}")
-    return kind(**{name: _value(known[name], value) for name, value in content.items()})
-
-
-def _value(field: Field, value: Any) -> Any:
-    """Return a value from YAML as the field's type. Raises ValueError."""
-    label = f"settings: {field.name}"
-    parts = get_args(field.kind)
-    if parts:
-        if not isinstance(value, list):
-            raise ValueError(f"{label} = {quoted(value)}: a list is wanted")
-        value = tuple(_plain(label, part, parts[0]) for part in value)
-    else:
-        value = _plain(label, value, field.kind)
-    wrong = problem(field, value, label)
-    if wrong:
-        raise ValueError(wrong)
-    return value
-
-
-def _plain(label: str, value: Any, kind: type) -> Any:
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        try:
-            return float(value)
-        except OverflowError:
-            raise ValueError(f"{label} = {quoted(value)}: a finite number is wanted") from None
-    if type(value) is not kind:
-        raise ValueError(f"{label} = {quoted(value)}: {kind.__name__} is wanted")
-    return value
+    content = parse(text, "settings")
+    return read(kind, {} if content is None else content, "settings")

@@ -10,10 +10,9 @@ from typing import Any
 
 import yaml
 
-from ..calibration.certificate_conditions import Conditions
-from ..calibration.certificate_file import FORMAT, text_checksum
+from ..calibration.certificate import FORMAT, Conditions, text_checksum
 from ..control.vertical_settings import VerticalSettings
-from ..settings import declared
+from ..settings import VERSION, fields
 from . import stability
 from .lab import Lab, MissingResult
 from .results import Result
@@ -33,7 +32,7 @@ def write(lab: Lab, result: Result, serial: str) -> None:
     """
     content: dict[str, Any] = {
         "format": FORMAT,
-        "version": 1,
+        "version": VERSION,
         "serial": serial,
         "date": datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
         "software": software(),
@@ -101,7 +100,7 @@ def _default(law: str) -> float:
 
 def _permitted(setting: str, stable: list[float]) -> float:
     """Return the smallest stable gain, rounded down, within the range of its setting."""
-    most = declared(VerticalSettings)[setting].setting.high
+    most = fields(VerticalSettings)[setting].setting.high
     return math.floor(100.0 * min(*stable, most)) / 100.0
 
 

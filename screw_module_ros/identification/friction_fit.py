@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction_file import thesis_friction
+from ..calibration.module import thesis_friction
 from ..control.friction import FrictionBranch, FrictionModel
 from ..geometry import SCREW
 from ..settings import Setting, validated
@@ -138,7 +138,7 @@ def _quantities(
     found += [
         Quantity("within_ramped", share_within(ramped), nan, "", "within 2 N, as the law uses it"),
         Quantity("gravity", *weight[1:4], "weight that is included in the fit"),
-        Quantity("phase", model.phase, fitted.phase_error, "rad", "phase of the ripple"),
+        Quantity("phase", model.phase_rad, fitted.phase_error, "rad", "phase of the ripple"),
     ]
     for direction, _ in DIRECTIONS:
         found += _of_branch(model, data, direction)
@@ -148,7 +148,7 @@ def _quantities(
 def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -> list[Quantity]:
     branch: FrictionBranch = getattr(model, direction)
     nan = float("nan")
-    mean = float(np.nanmean(np.abs(data[f"force_{direction}"] - model.gravity)))
+    mean = float(np.nanmean(np.abs(data[f"force_{direction}"] - model.gravity_N)))
     slowest, fastest = speed_factor(branch, np.array([data["speeds"][0], data["speeds"][-1]]))
     return [
         Quantity(f"friction_{direction}", mean, nan, "N", f"mean friction, {direction}"),
@@ -165,7 +165,7 @@ def _of_branch(model: FrictionModel, data: dict[str, np.ndarray], direction: str
             f"Fv at the fastest, {direction}",
         ),
         Quantity(
-            f"flip_{direction}", branch.flip_below / 1e3, nan, "m",
+            f"flip_{direction}", branch.flip_below_mm / 1e3, nan, "m",
             f"ripple turns below, {direction}",
         ),
     ]  # fmt: skip
@@ -175,20 +175,20 @@ def _ramped(model: FrictionModel, data: dict[str, np.ndarray], direction: str) -
     """Return the residual of the controller's model, with its ramp at low speed [N]."""
     velocity = dict(DIRECTIONS)[direction] * data["speeds"] / 1e3
     friction = friction_along(model, *np.meshgrid(data["centres"] / 1e3, velocity))
-    return data[f"force_{direction}"] - model.gravity - friction
+    return data[f"force_{direction}"] - model.gravity_N - friction
 
 
 def _notes(model: FrictionModel, data: dict[str, np.ndarray]) -> tuple[str, ...]:
-    slow = int((data["speeds"] < model.ramp_speed).sum())
+    slow = int((data["speeds"] < model.ramp_speed_mm_s).sum())
     notes = [
         "The residuals are those of the thesis's form, without the controller's ramp to zero below "
-        f"{model.ramp_speed:g} mm/s ({slow} of {len(data['speeds'])} speeds); within_ramped "
+        f"{model.ramp_speed_mm_s:g} mm/s ({slow} of {len(data['speeds'])} speeds); within_ramped "
         "includes the ramp.",
         "The form cannot represent the ripple of the rollers, nor friction that falls with speed in"
         " one half of the screw and rises in the other.",
         "Standard errors assume independent residuals, but neighbouring bins are correlated.",
     ]
     for direction, _ in DIRECTIONS:
-        if getattr(model, direction).flip_below < 0.0:
+        if getattr(model, direction).flip_below_mm < 0.0:
             notes.append(f"Direction {direction}: a ripple flip has no benefit and is not used.")
     return tuple(notes)

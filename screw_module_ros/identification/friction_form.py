@@ -52,7 +52,7 @@ def speed_factor(branch: FrictionBranch, speed: np.ndarray) -> np.ndarray:
     speed = np.asarray(speed, float)
     low = branch.low_gain * speed**branch.low_exponent
     return np.where(
-        speed <= branch.break_speed, low, branch.high_slope * speed + branch.high_offset
+        speed <= branch.break_speed_mm_s, low, branch.high_slope * speed + branch.high_offset
     )
 
 
@@ -62,15 +62,15 @@ def held_force(model: FrictionModel, z: np.ndarray, velocity: np.ndarray) -> np.
     z [mm], velocity [mm/s], not zero, of one shape. Height and speed are clipped to the model's
     range as in `control.friction`; there is no ramp at low speed, as in the thesis.
     """
-    z = np.clip(np.asarray(z, float), model.low, model.high)
+    z = np.clip(np.asarray(z, float), model.low_mm, model.high_mm)
     velocity = np.asarray(velocity, float)
-    speed = np.clip(np.abs(velocity), 1e-9, model.fastest)
+    speed = np.clip(np.abs(velocity), 1e-9, model.fastest_mm_s)
     force = np.empty(np.broadcast(z, velocity).shape)
     for branch, mine in ((model.up, velocity > 0.0), (model.down, velocity <= 0.0)):
         place = np.polyval(branch.trend, z) + np.polyval(branch.ripple, z) * ripple_phase(
-            z, model.lead, model.phase, branch.flip_below
+            z, model.lead_mm, model.phase_rad, branch.flip_below_mm
         )
-        held = speed_factor(branch, speed) * (place - model.gravity) + model.gravity
+        held = speed_factor(branch, speed) * (place - model.gravity_N) + model.gravity_N
         force = np.where(mine, held, force)
     return force
 
@@ -79,9 +79,9 @@ def friction_along(model: FrictionModel, position: np.ndarray, velocity: np.ndar
     """Return `control.friction.friction_force` of arrays [N]: position [m], velocity [m/s]."""
     velocity = np.asarray(velocity, float) * 1e3
     sign, speed = np.sign(velocity), np.abs(velocity)
-    moving = np.where(velocity > 0.0, 1.0, -1.0) * np.maximum(speed, model.ramp_speed)
-    force = held_force(model, np.asarray(position, float) * 1e3, moving) - model.gravity
-    return sign * np.maximum(sign * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed)
+    moving = np.where(velocity > 0.0, 1.0, -1.0) * np.maximum(speed, model.ramp_speed_mm_s)
+    force = held_force(model, np.asarray(position, float) * 1e3, moving) - model.gravity_N
+    return sign * np.maximum(sign * force, 0.0) * np.minimum(1.0, speed / model.ramp_speed_mm_s)
 
 
 def fit_factor(exponent: float, knee: float, slope: float, speed: np.ndarray) -> np.ndarray:
@@ -106,8 +106,8 @@ def branch_of(
     return FrictionBranch(
         trend=tuple(map(float, trend)),
         ripple=tuple(map(float, _powers(fit.ripple * mean, low, high, RIPPLE))),
-        flip_below=fit.flip_below,
-        break_speed=fit.knee,
+        flip_below_mm=fit.flip_below,
+        break_speed_mm_s=fit.knee,
         low_gain=at_knee / mean / fit.knee**fit.exponent,
         low_exponent=fit.exponent,
         high_slope=fit.slope / mean,

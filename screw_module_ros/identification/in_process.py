@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.friction_file import thesis_friction
+from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
 from ..control.limits import CommandLimits

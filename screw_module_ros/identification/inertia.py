@@ -155,8 +155,8 @@ def _jobs(settings: Settings) -> list[Job]:
 def _record(part: Part, model: FrictionModel) -> Record:
     """Return a record with the friction and weight along it [N]."""
     record = motion(part["time"], part["position"], part["force"])
-    projected = model._replace(fastest=_PROJECTED)
-    return record, friction_along(projected, record.position, record.velocity) + model.gravity
+    projected = model._replace(fastest_mm_s=_PROJECTED)
+    return record, friction_along(projected, record.position, record.velocity) + model.gravity_N
 
 
 def _ratio(record: Record, settings: Settings, times: float) -> Ratio:

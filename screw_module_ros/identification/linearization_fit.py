@@ -8,12 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..control.linearization import (
-    SMALLEST_JOINT,
-    Linearization,
-    torque_command,
-    validated_linearization,
-)
+from ..control.linearization import SMALLEST_JOINT, Line, Linearization, torque_command
+from ..settings import validated
 
 _GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]
 _REACH = (SMALLEST_JOINT, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
@@ -56,7 +52,7 @@ def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
     numbers, residual, basis = _linear_part(found.x, torque, command)
     spread = float(np.std(residual))
     return Pieces(
-        validated_linearization(_map(found.x, numbers)),
+        validated(_map(found.x, numbers)),
         spread * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))[:4],
         spread * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac))),
         spread,
@@ -89,9 +85,8 @@ def desired_torque(linearization: Linearization | None, command: np.ndarray) -> 
     """Return the desired torque [Nm] that the linearization maps to `command` [Nm]."""
     if linearization is None:
         return command
-    ends = [linearization.lower_joint, linearization.upper_joint]
     far = 2.0 + float(np.abs(command).max())
-    torques = np.concatenate([[-far], np.linspace(*ends, 2001), [far]])
+    torques = np.concatenate([[-far], np.linspace(*linearization.joints_Nm, 2001), [far]])
     return np.interp(command, commands(linearization, torques), torques)
 
 
@@ -108,6 +103,8 @@ def _map(joints: np.ndarray, numbers: np.ndarray) -> Linearization:
         np.polymul(np.poly([low, high]), [q, p]), [chord, lower - chord * low]
     )
     return Linearization(
-        low, high, lower_slope, lower - lower_slope * low, tuple(map(float, cubic)),
-        upper_slope, upper - upper_slope * high,
-    )  # fmt: skip
+        (low, high),
+        Line(lower_slope, lower - lower_slope * low),
+        tuple(map(float, cubic)),
+        Line(upper_slope, upper - upper_slope * high),
+    )

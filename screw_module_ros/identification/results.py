@@ -11,10 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from ..plain_yaml import load_plain_yaml
-from ..regular_file import read_regular
-
-_LARGEST_FILE = 1_000_000  # bytes; of the text, the arrays are beside it
+from ..settings import parse, plain
 
 
 class Quantity(NamedTuple):
@@ -62,15 +59,15 @@ class Result(NamedTuple):
                 "experiment": self.experiment,
                 "quantities": {
                     q.name: {
-                        "value": _plain(q.value),
-                        "uncertainty": None if math.isnan(q.uncertainty) else _plain(q.uncertainty),
+                        "value": plain(q.value),
+                        "uncertainty": None if math.isnan(q.uncertainty) else plain(q.uncertainty),
                         "unit": q.unit,
                         "text": q.text,
                     }
                     for q in self.quantities
                 },
                 "notes": list(self.notes),
-                "settings": _plain(self.settings),
+                "settings": plain(self.settings),
             },
             sort_keys=False,
             allow_unicode=True,
@@ -87,7 +84,7 @@ class Result(NamedTuple):
 def load_result(folder: Path, experiment: str) -> Result:
     """Read a result from the files of `Result.save`. Raises OSError, ValueError if damaged."""
     text = folder / f"{experiment}.yaml"
-    content = load_plain_yaml(read_regular(text, _LARGEST_FILE).decode())
+    content = parse(text.read_bytes().decode(), str(text))
     try:
         quantities = tuple(
             Quantity(
@@ -109,16 +106,3 @@ def load_result(folder: Path, experiment: str) -> Result:
     except (EOFError, zipfile.BadZipFile) as error:  # cut off by a full disk or a kill
         raise ValueError(f"{file}: damaged: {error}") from error
     return Result(experiment, quantities, settings, notes, data)
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with Python's own types only, tuples of settings as mappings."""
-    if hasattr(value, "_asdict"):
-        return {name: _plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, dict):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value

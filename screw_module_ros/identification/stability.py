@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..calibration.certificate_conditions import conditions_of
+from ..calibration.certificate import conditions_of
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated

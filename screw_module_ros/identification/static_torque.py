@@ -13,9 +13,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from ..control.linearization import Linearization, validated_linearization
+from ..control.linearization import Line, Linearization
 from ..geometry import torque_to_force
-from ..settings import Setting
+from ..settings import Setting, validated
 from .lab import Job, Lab, Part
 from .linearization_fit import Pieces, commands, desired_torque, fit_pieces
 from .results import Quantity, Result
@@ -87,13 +87,14 @@ def reduced(trial: TorqueTrial, samples: Samples) -> Part:
 def linearization_of(result: Result) -> Linearization:
     """Return the linearization of a result. Raises KeyError, ValueError if it is damaged."""
     v = result.value
-    return validated_linearization(
+    return validated(
         Linearization(
-            v("lower_joint"), v("upper_joint"), v("lower_slope"), v("lower_offset"),
+            (v("lower_joint"), v("upper_joint")),
+            Line(v("lower_slope"), v("lower_offset")),
             (v("cubic_3"), v("cubic_2"), v("cubic_1"), v("cubic_0")),
-            v("upper_slope"), v("upper_offset"),
+            Line(v("upper_slope"), v("upper_offset")),
         )
-    )  # fmt: skip
+    )
 
 
 def _smoothed(raw: Part, settings: Settings) -> tuple[np.ndarray, np.ndarray]:
@@ -156,22 +157,22 @@ def _asymptotes(
 
 
 def _found(fit: Pieces) -> tuple[Quantity, ...]:
-    pieces, (low, low_slope, high, high_slope) = fit.linearization, fit.errors
-    low_offset = math.hypot(low, low_slope * pieces.lower_joint)
-    high_offset = math.hypot(high, high_slope * pieces.upper_joint)
-    c3, c2, c1, c0 = pieces.cubic
+    (lower_joint, upper_joint), lower, (c3, c2, c1, c0), upper = fit.linearization
+    low, low_slope, high, high_slope = fit.errors
+    low_offset = math.hypot(low, low_slope * lower_joint)
+    high_offset = math.hypot(high, high_slope * upper_joint)
     nan = math.nan
     return (
-        Quantity("lower_joint", pieces.lower_joint, fit.joint_errors[0], "Nm", "line meets cubic"),
-        Quantity("upper_joint", pieces.upper_joint, fit.joint_errors[1], "Nm", "cubic meets line"),
-        Quantity("lower_slope", pieces.lower_slope, low_slope, "", "of the lower line"),
-        Quantity("lower_offset", pieces.lower_offset, low_offset, "Nm", "of the lower line"),
+        Quantity("lower_joint", lower_joint, fit.joint_errors[0], "Nm", "line meets cubic"),
+        Quantity("upper_joint", upper_joint, fit.joint_errors[1], "Nm", "cubic meets line"),
+        Quantity("lower_slope", lower.slope, low_slope, "", "of the lower line"),
+        Quantity("lower_offset", lower.offset_Nm, low_offset, "Nm", "of the lower line"),
         Quantity("cubic_3", c3, nan, "1/Nm^2", "of the cubic between the joints"),
         Quantity("cubic_2", c2, nan, "1/Nm", "of the cubic"),
         Quantity("cubic_1", c1, nan, "", "of the cubic"),
         Quantity("cubic_0", c0, nan, "Nm", "of the cubic"),
-        Quantity("upper_slope", pieces.upper_slope, high_slope, "", "of the upper line"),
-        Quantity("upper_offset", pieces.upper_offset, high_offset, "Nm", "of the upper line"),
+        Quantity("upper_slope", upper.slope, high_slope, "", "of the upper line"),
+        Quantity("upper_offset", upper.offset_Nm, high_offset, "Nm", "of the upper line"),
     )  # fmt: skip
 
 
@@ -205,13 +206,10 @@ def _largest(linear: Part, fit: Pieces, settings: Settings) -> tuple[Quantity, .
 
 
 def _notes(fit: Pieces, settings: Settings) -> tuple[str, ...]:
-    pieces = fit.linearization
+    joints, lower, (c3, c2, c1, _), upper = fit.linearization
     steps = [
-        abs((3.0 * pieces.cubic[0] * t + 2.0 * pieces.cubic[1]) * t + pieces.cubic[2] - slope)
-        for t, slope in (
-            (pieces.lower_joint, pieces.lower_slope),
-            (pieces.upper_joint, pieces.upper_slope),
-        )
+        abs((3.0 * c3 * t + 2.0 * c2) * t + c1 - line.slope)
+        for t, line in zip(joints, (lower, upper), strict=True)
     ]
     return (
         "The largest error at the handle is the relevant figure: a correlation of 0.9999 still "

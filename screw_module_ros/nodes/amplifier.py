@@ -8,8 +8,11 @@ from typing import Annotated, NamedTuple
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
-from screw_module_ros.calibration.module_file import CalibrationSettings
-from screw_module_ros.calibration.selection import LinearizationSettings, chosen_linearization
+from screw_module_ros.calibration.selection import (
+    CalibrationSettings,
+    LinearizationSettings,
+    chosen_linearization,
+)
 from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import IDENTITY
 from screw_module_ros.control.torque_chain import COLD, TorqueChain, largest_command

@@ -13,13 +13,14 @@ from screw_module_msgs.msg import ImpedanceState
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
 from screw_module_ros import graph
-from screw_module_ros.calibration.certificate_file import (
-    Certificate,
+from screw_module_ros.calibration.certificate import Certificate
+from screw_module_ros.calibration.selection import (
+    CalibrationSettings,
     CertificateSettings,
-    load_certificate,
+    ChosenFriction,
+    chosen_certificate,
+    chosen_friction,
 )
-from screw_module_ros.calibration.module_file import CalibrationSettings
-from screw_module_ros.calibration.selection import ChosenFriction, chosen_friction
 from screw_module_ros.control.guard import guarded
 from screw_module_ros.control.modes import MODE_NAMES, OFF
 from screw_module_ros.control.slot import SlotLimits
@@ -101,7 +102,7 @@ class ImpedanceControllerNode(Node):
         """Load certificate and calibration or friction model, and make the topics."""
         self._leave_calibration()
         chosen = self.parameters.read(ControllerSettings)
-        self._certificate = load_certificate(
+        self._certificate = chosen_certificate(
             self.parameters.read(CertificateSettings),
             self.parameters.read(CalibrationSettings).module_serial,
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..quoting import quoted
+from ..settings import shown
 from .module import LOCKED_ROTOR, STAGE
 
 NAMES = ("human_arm", "free", "stage", "locked_rotor")  # by number
@@ -58,7 +58,7 @@ def changed_fixture(
     impossible value and the reason.
     """
     if name and name not in NAMES:
-        raise ValueError(f"fixture = {quoted(name)}: one of {', '.join(NAMES)} is wanted")
+        raise ValueError(f"fixture = {shown(name)}: one of {', '.join(NAMES)} is wanted")
     kind = NAMES.index(name) if name else old.kind
     placing = not math.isnan(position)
     if placing and not 0.0 <= position <= travel:

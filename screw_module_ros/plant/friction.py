@@ -35,6 +35,10 @@ from ..settings import Setting
 ELASTIC = 0.7  # share of the friction level up to which bristles bend and do not slip
 _MM = 1000.0  # the thesis's polynomials are in mm
 
+FifthOrder = tuple[float, float, float, float, float, float]
+SeventhOrder = tuple[float, float, float, float, float, float, float, float]
+"""Coefficients of a polynomial, highest power first."""
+
 
 class FrictionMap(NamedTuple):
     """Steady friction in one direction with respect to gravity (thesis 5.2.5), in mm, mm/s and N.
@@ -44,8 +48,8 @@ class FrictionMap(NamedTuple):
     polynomials, highest power first; below `flip_below` the rotation term changes its sign.
     """
 
-    trend: Annotated[tuple, Setting("trend over height, 7th order, highest first", "N")]
-    rotation: Annotated[tuple, Setting("amplitude of the turn ripple, 5th order", "N")]
+    trend: Annotated[SeventhOrder, Setting("trend over height, 7th order, highest first", "N")]
+    rotation: Annotated[FifthOrder, Setting("amplitude of the turn ripple, 5th order", "N")]
     flip_below: Annotated[float, Setting("ripple changes sign below", "mm", 0.0, 360.0)]
     side: Annotated[float, Setting("+1: force minus offset, -1: reverse", "", choices=(1.0, -1.0))]
     offset: Annotated[float, Setting("gravity in the thesis's fit", "N", 0.0, 100.0)]

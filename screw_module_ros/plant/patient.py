@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..settings import declared, problem
+from ..settings import fields, problem
 from .arm import RELAXED, TREMOR, TREMOR_AMPLITUDE, HandPath, HumanArm, hand_point, resting
 
 Triple = tuple[float, float, float]
@@ -71,7 +71,7 @@ def changed_patient(patient: Patient, change: ArmSettings, now: float) -> Patien
 
 
 def _replaced(arm: HumanArm, name: str, value) -> HumanArm:
-    wrong = problem(declared(HumanArm)[name], value)
+    wrong = problem(fields(HumanArm)[name], value)
     if wrong:
         raise ValueError(wrong)
     return arm._replace(**{name: value})

@@ -8,11 +8,8 @@ import random
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from ..plain_yaml import load_plain_yaml
-from ..regular_file import read_regular
 from ..resources import resource_path
-from ..settings import Setting
-from ..settings_mapping import from_mapping
+from ..settings import Setting, read_file
 from .amplifier import Amplifier, amplifier_step_settings
 from .arm import HumanArm
 from .friction import Friction
@@ -21,13 +18,7 @@ from .planar import Planar, resting_plane
 from .sensor import Sensor
 from .transducer import Transducer
 
-_LARGEST_FILE = 1_000_000  # bytes
 DEFAULT_FILE = "params/plant.yaml"
-POLYNOMIALS = {"trend": 8, "rotation": 6}  # coefficients, highest power first
-
-
-class PlantFileError(ValueError):
-    """A plant file cannot be used; the message names the file, the key and the problem."""
 
 
 class Start(NamedTuple):
@@ -58,44 +49,34 @@ class WorldSettings(NamedTuple):
     start: Start
     substep: Annotated[float, Setting("step of the integration", "s", 1e-6, 2e-4)]
 
+    def flaw(self) -> str:
+        """Return which values are not consistent, empty if all are."""
+        start, planar, vertical = self.start, self.planar, self.vertical
+        if start.position > vertical.travel:
+            return (
+                f"start.position = {start.position:g} m lies above vertical.travel = "
+                f"{vertical.travel:g} m"
+            )
+        for low, high in (("shoulder_low", "shoulder_high"), ("between_low", "between_high")):
+            if getattr(planar, low) >= getattr(planar, high):
+                return f"planar.{low} must lie below planar.{high}"
+        try:
+            resting_plane(planar, start.x, start.y)
+            amplifier_step_settings(self.amplifier, self.substep)
+        except ValueError as error:
+            return str(error)
+        return ""
+
 
 def load_world(path: str | Path | None = None, perturb_seed: int | None = None) -> WorldSettings:
     """Read the rig from a plant file; None = the one installed with the package.
 
     perturb_seed: draws another rig around the file's values (`perturbed`), None = as in the file.
-    Raises PlantFileError naming the file and the key that is wrong.
+    Raises SettingError naming the file and the key that is wrong.
     """
     file = Path(path) if path else Path(resource_path(DEFAULT_FILE))
-    try:
-        content = load_plain_yaml(read_regular(file, _LARGEST_FILE).decode())
-    except OSError as error:
-        raise PlantFileError(f"plant file {file} cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise PlantFileError(f"plant file {file} is not YAML: {error}") from error
-    try:
-        settings = checked(from_mapping(WorldSettings, content, sizes=POLYNOMIALS))
-    except ValueError as error:
-        raise PlantFileError(f"plant file {file}: {error}") from None
+    settings = read_file(file, WorldSettings)
     return settings if perturb_seed is None else perturbed(settings, perturb_seed)
-
-
-def checked(settings: WorldSettings) -> WorldSettings:
-    """Return the settings unchanged when they are consistent.
-
-    Raises ValueError naming the values that are not.
-    """
-    start, planar, vertical = settings.start, settings.planar, settings.vertical
-    if start.position > vertical.travel:
-        raise ValueError(
-            f"start.position = {start.position:g} m lies above vertical.travel = "
-            f"{vertical.travel:g} m"
-        )
-    for low, high in (("shoulder_low", "shoulder_high"), ("between_low", "between_high")):
-        if getattr(planar, low) >= getattr(planar, high):
-            raise ValueError(f"planar.{low} must lie below planar.{high}")
-    resting_plane(planar, start.x, start.y)
-    amplifier_step_settings(settings.amplifier, settings.substep)
-    return settings
 
 
 def perturbed(settings: WorldSettings, seed: int) -> WorldSettings:

@@ -11,6 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiled import compiled, packed
+from ..settings import validated
 from .amplifier import bridge_current
 from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
@@ -19,10 +20,10 @@ from .noise import advanced, seeded
 from .patient import ArmSettings, changed_patient, moved_patient, resting_patient
 from .planar import ManusInput, planar_params, resting_plane, tip
 from .sensor import DRAWS, Wrench, measured_wrench, sensor_params, true_wrench
-from .settings import PlantFileError, WorldSettings, checked, load_world
+from .settings import WorldSettings, load_world
 from .simulation import SimulationParams, SimulationState, advance, advance_packed
 
-__all__ = ["ArmSettings", "PlantFileError", "Truth", "World", "WorldSettings", "load_world"]
+__all__ = ["ArmSettings", "Truth", "World", "WorldSettings", "load_world"]
 
 
 class Truth(NamedTuple):
@@ -64,7 +65,7 @@ class World:
         run. compile: False runs the plain functions, slower by a factor of about a hundred.
         Raises ValueError when settings do not fit together, CompileError without numba.
         """
-        self.settings = checked(settings)
+        self.settings = validated(settings)
         self._advance = compiled(advance_packed) if compile else advance
         self._measure = compiled(measured_wrench) if compile else measured_wrench
         self._prepared = packed if compile else lambda parameters: parameters

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from ..plain_yaml import PlainYamlError, load_plain_yaml
+from ..settings import SettingError, parse
 from .audit import Counts
 from .bag import AUDIT, METADATA_FILE, PREFIX, STATE
 from .errors import BagReadError
@@ -59,9 +59,9 @@ def read_noted(folder: Path) -> Noted:
 def parsed(text: str, name: str) -> Any:
     """Return the content of a YAML text; name: for messages. Raises BagReadError."""
     try:
-        return load_plain_yaml(text, _LIMIT)
-    except PlainYamlError as error:
-        raise BagReadError(f"{name} is no YAML: {error}") from None
+        return parse(text, name)
+    except SettingError as error:
+        raise BagReadError(str(error)) from None
 
 
 def noted_from(information: Any) -> Noted:

@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..regular_file import read_regular
 from .audit import Counts
 from .bag import BagWriter, Topic
 from .errors import BagWriteError
@@ -199,15 +198,12 @@ def _log_time(message: Message) -> int:
     return message[1]
 
 
-_LARGEST_HASHED = 2**26  # bytes of a configuration file
-
-
 def file_hashes(names: Sequence[str]) -> dict[str, str]:
     """Return the SHA-256 of each file, or "unreadable" with the reason."""
     found = {}
     for name in filter(None, names):
         try:
-            content = read_regular(Path(name).expanduser(), _LARGEST_HASHED)
+            content = Path(name).expanduser().read_bytes()
             found[name] = f"sha256:{hashlib.sha256(content).hexdigest()}"
         except OSError as error:
             found[name] = f"unreadable: {error.strerror}"

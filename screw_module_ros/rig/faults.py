@@ -12,9 +12,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from screw_module_ros.quoting import quoted
 from screw_module_ros.rig.frame_faults import FRAME_FAULTS, OFF_BUS, FrameFaults
 from screw_module_ros.rig.port import Link
+from screw_module_ros.settings import shown
 
 CLEAR = "clear"
 
@@ -68,7 +68,7 @@ class FaultBook:
         fault = self._faults.get(name)
         if fault is None:
             names = ", ".join((CLEAR, *self._faults))
-            raise ValueError(f"{self.device} has no fault {quoted(name)}; it has: {names}")
+            raise ValueError(f"{self.device} has no fault {shown(name)}; it has: {names}")
         if not (math.isfinite(duration) and duration >= 0.0):
             raise ValueError(f"duration = {duration} s: 0 (until '{CLEAR}') or more is wanted")
         if not fault.sized or value == 0.0 or math.isnan(value):

@@ -18,13 +18,12 @@ import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
-from screw_module_ros.quoting import quoted
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import CLEAR, catalogue
 from screw_module_ros.rig.physics import Physics, PlantInterface
 from screw_module_ros.rig.port import RigPort
-from screw_module_ros.settings import validated
+from screw_module_ros.settings import shown, validated
 
 ALL = "all"
 
@@ -274,5 +273,5 @@ class Rig:
         port = self._buses().get(name)
         if port is None:
             known = ", ".join((*self.devices, *self._buses(), ALL))
-            raise ValueError(f"there is no {quoted(name)} here; there are {known}")
+            raise ValueError(f"there is no {shown(name)} here; there are {known}")
         return [device for device in self.devices.values() if device.link.port is port]

@@ -95,7 +95,7 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
     """Return the sessions in a bag, in order; a bag of an older version may contain several.
 
     Raises BagReadError if the bag cannot be read, contains no session or a protocol that does not
-    match its hash, ProtocolError if its protocol is invalid.
+    match its hash, SettingError if its protocol is invalid.
     """
     folder = Path(folder)
     names = _names(folder)

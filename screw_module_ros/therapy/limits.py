@@ -12,7 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 import yaml
 
-from ..settings import Setting
+from ..settings import Setting, parse
 from .adaptation import AdaptationBounds
 from .line import PLANE, SPACE, VERTICAL
 from .protocol import Protocol, ways
@@ -36,7 +36,7 @@ class AssistanceLimits(NamedTuple):
 
 def limited_text(text: str, limits: AssistanceLimits) -> str:
     """Return a protocol's YAML with limited stiffness, unchanged if no wall is stiffer."""
-    content = yaml.safe_load(text)
+    content = parse(text, "protocol")
     if not _limit(content, limits.stiffness):
         return text
     return yaml.safe_dump(content, sort_keys=False)
@@ -99,7 +99,7 @@ def allowed_protocol(
 ) -> tuple[Protocol, str]:
     """Return the limited protocol of a YAML text, and its YAML.
 
-    Raises ProtocolError for an invalid protocol, ValueError for a target outside the workspace.
+    Raises SettingError for an invalid protocol, ValueError for a target outside the workspace.
     """
     parse_protocol(text, name)
     text = limited_text(text, assistance)

@@ -124,6 +124,8 @@ class Protocol(NamedTuple):
         Raises ValueError naming the wrong setting.
         """
         validated(self)
+        if not self.blocks:
+            raise ValueError("blocks: at least one is wanted")
         self.guidance.slot().validated()
         if self.adaptation is not None:
             _check_adaptation(self)

@@ -10,38 +10,30 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
-from ..plain_yaml import PlainYamlError, load_plain_yaml
-from ..regular_file import read_regular
 from ..resources import resource_path
-from ..settings_mapping import from_mapping
+from ..settings import SettingError, parse, read, read_text
 from .protocol import Protocol
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
-_LARGEST = 100_000  # bytes; the packaged files have a few thousand
-
-
-class ProtocolError(ValueError):
-    """A protocol file that cannot be used; the message names file, key and way out."""
 
 
 def load_protocol(name: str | Path) -> Protocol:
     """Return a protocol: a packaged one by its name, or a YAML file by its path.
 
-    Raises ProtocolError.
+    Raises SettingError naming file, key and problem.
     """
     return parse_protocol(protocol_text(name), str(name))
 
 
 def protocol_text(name: str | Path) -> str:
-    """Return a protocol's YAML, name as in `load_protocol`. Raises ProtocolError."""
+    """Return a protocol's YAML, name as in `load_protocol`. Raises SettingError."""
     file = resource_path(f"params/therapy/{name}.yaml") if str(name) in SHIPPED else Path(name)
-    try:
-        return read_regular(file, _LARGEST).decode("utf-8")
-    except (OSError, UnicodeDecodeError):
-        raise ProtocolError(
+    if str(name) not in SHIPPED and not file.is_file():
+        raise SettingError(
             f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
-        ) from None
+        )
+    return read_text(file)
 
 
 def sha256(text: str) -> str:
@@ -50,15 +42,13 @@ def sha256(text: str) -> str:
 
 
 def parse_protocol(text: str, name: str) -> Protocol:
-    """Return the protocol of a YAML text; name: for messages. Raises ProtocolError."""
+    """Return the protocol of a YAML text; name: for messages. Raises SettingError."""
     try:
-        return read_protocol(load_plain_yaml(text, aliases=True))  # circuits repeat themselves
-    except PlainYamlError as error:
-        raise ProtocolError(f"protocol {name}: cannot be read as YAML: {error}") from None
+        return read_protocol(parse(text, "it"))
     except ValueError as error:
-        raise ProtocolError(f"protocol {name}: {error}") from None
+        raise SettingError(f"protocol {name}: {error}") from None
 
 
 def read_protocol(content: Any) -> Protocol:
     """Return the protocol of a file's content. Raises ValueError naming the wrong key."""
-    return from_mapping(Protocol, content).validated()
+    return read(Protocol, content).validated()

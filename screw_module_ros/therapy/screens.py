@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..settings import SettingError
 from .protocol import Protocol, plan, points
-from .protocol_file import SHIPPED, ProtocolError, load_protocol
+from .protocol_file import SHIPPED, load_protocol
 from .samples import Point
 
 _MOST = 50  # largest number of offered files
@@ -29,7 +30,7 @@ def protocols_for_screens(
         try:
             own = _described(file.name, load_protocol(file))
             _check_name(own, found)
-        except ProtocolError as error:
+        except SettingError as error:
             on_problem(str(error))
         else:
             found.append(own)
@@ -37,10 +38,10 @@ def protocols_for_screens(
 
 
 def _check_name(own: dict[str, Any], found: list[dict[str, Any]]) -> None:
-    """Raise ProtocolError if another protocol has its name, by which screens tell them apart."""
+    """Raise SettingError if another protocol has its name, by which screens tell them apart."""
     for other in found:
         if own["protocol"] == other["protocol"]:
-            raise ProtocolError(
+            raise SettingError(
                 f"protocol {own['name']}: name = {own['protocol']!r} is that of {other['name']}, "
                 "whose targets the pages would show: give it a name of its own"
             )

@@ -3,7 +3,7 @@
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical import FIRM, VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings

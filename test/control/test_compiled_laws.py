@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.compiled import compiled, packed
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.planar import planar_step

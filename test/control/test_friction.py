@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import load_friction_model
+from screw_module_ros.calibration.module import load_friction_model
 from screw_module_ros.control.friction import friction_force
 
 FILE = Path(__file__).parents[2] / "params" / "friction_thesis.yaml"

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.guard import (
     FALL,

@@ -16,7 +16,7 @@ import struct
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import planar
 from screw_module_ros.control.modes import OFF
 from screw_module_ros.control.planar_settings import PlanarSettings

@@ -10,7 +10,7 @@ import math
 import pytest
 
 from screw_module_ros import filters, geometry
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.torque_chain import COLD, TorqueChain, commanded, on_the_wire

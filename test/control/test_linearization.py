@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 
 from screw_module_ros.control.linearization import (
     IDENTITY,
+    Line,
+    Linearization,
     default_linearization,
     torque_command,
-    validated_linearization,
 )
+from screw_module_ros.settings import validated
 
 DEFAULT = default_linearization()
 torques = st.floats(-1.6, 1.6)
@@ -38,7 +40,7 @@ def test_correlation_after_the_fix_is_the_thesis_figure():
     assert correlation > 0.99996
 
 
-@pytest.mark.parametrize("joint", [DEFAULT.lower_joint, DEFAULT.upper_joint])
+@pytest.mark.parametrize("joint", DEFAULT.joints_Nm)
 def test_continuous_at_the_joints_with_a_tenth_of_slope_step(joint):
     step = 1e-7
     below, at, above = (torque_command(DEFAULT, joint + d) for d in (-step, 0.0, step))
@@ -61,28 +63,29 @@ def test_identity_changes_nothing(torque):
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"upper_joint": -0.03}, "upper_joint"),
-        ({"upper_joint": math.nan}, "upper_joint"),
-        ({"lower_slope": 0.0}, "lower_slope"),
-        ({"upper_slope": math.inf}, "upper_slope"),
-        ({"cubic": (-3000.0, 0.0, 2.55, 0.0)}, "cubic"),
-        ({"cubic": (math.nan, 0.0, 2.55, 0.0)}, "cubic"),
-        ({"lower_offset": 0.0}, "lower_offset"),
-        ({"upper_offset": math.nan}, "upper_offset"),
+        ({"joints_Nm": (-0.025, -0.03)}, "joints_Nm"),
+        ({"joints_Nm": (-0.025, math.nan)}, r"joints_Nm\[1\] = nan"),
+        ({"lower": Line(0.0, -0.025)}, "lower.slope = 0.0: below"),
+        ({"upper": Line(math.inf, 0.025)}, "upper.slope"),
+        ({"middle": (-3000.0, 0.0, 2.55, 0.0)}, "middle"),
+        ({"middle": (math.nan, 0.0, 2.55, 0.0)}, r"middle\[0\]"),
+        ({"lower": Line(1.0, 0.0)}, "lower.offset_Nm"),
+        ({"upper": Line(1.0, math.nan)}, "upper.offset_Nm"),
     ],
 )
 def test_a_broken_map_is_refused_by_field(change, named):
     with pytest.raises(ValueError, match=named):
-        validated_linearization(DEFAULT._replace(**change))
+        validated(DEFAULT._replace(**change))
 
 
 def lifted(offset):
     """The default map, every command `offset` [Nm] higher."""
-    c3, c2, c1, c0 = DEFAULT.cubic
-    return DEFAULT._replace(
-        lower_offset=DEFAULT.lower_offset + offset,
-        cubic=(c3, c2, c1, c0 + offset),
-        upper_offset=DEFAULT.upper_offset + offset,
+    joints, lower, (c3, c2, c1, c0), upper = DEFAULT
+    return Linearization(
+        joints,
+        Line(1.0, lower.offset_Nm + offset),
+        (c3, c2, c1, c0 + offset),
+        Line(1.0, upper.offset_Nm + offset),
     )
 
 
@@ -90,40 +93,33 @@ def zone(width, joint):
     """A map that compensates this dead zone [Nm], with joints at +-joint [Nm]."""
     edge = joint + width
     cubic = ((0.9 * joint - edge) / (2.0 * joint**3), 0.0, (3.0 * edge / joint - 0.9) / 2.0, 0.0)
-    return DEFAULT._replace(
-        lower_joint=-joint, upper_joint=joint, lower_offset=-width, upper_offset=width, cubic=cubic
-    )
+    return Linearization((-joint, joint), Line(1.0, -width), cubic, Line(1.0, width))
 
 
 def tilted(slope):
     """The default map with another slope of its lines, continuous at the joints."""
-    joint, offset = DEFAULT.upper_joint, DEFAULT.upper_offset
-    return DEFAULT._replace(
-        lower_slope=slope,
-        lower_offset=-offset - (1.0 - slope) * joint,
-        upper_slope=slope,
-        upper_offset=offset + (1.0 - slope) * joint,
-    )
+    offset = DEFAULT.upper.offset_Nm + (1.0 - slope) * DEFAULT.joints_Nm[1]
+    return DEFAULT._replace(lower=Line(slope, -offset), upper=Line(slope, offset))
 
 
 @pytest.mark.parametrize(
     ("other", "told"),
     [
-        (lifted(5.0), "offset: .* makes the command .* more than 0.1 Nm apart"),
-        (lifted(-0.09), "lower_offset: .* more than 0.1 Nm apart"),
-        (tilted(1.2), "lower_offset: .*-1.03 Nm for a torque of -0.84 Nm"),
-        (zone(0.07, 0.01), "upper_offset: a dead zone of 0.07 Nm, more than 0.05 Nm"),
-        (zone(0.025, 1e-4), "upper_joint: 0.0001 Nm is less than 8 mNm above"),
+        (lifted(5.0), "makes the command .* more than 0.1 Nm apart"),
+        (lifted(-0.09), "lower: .* more than 0.1 Nm apart"),
+        (tilted(1.2), "lower: .*-1.03 Nm for a torque of -0.84 Nm"),
+        (zone(0.07, 0.01), "upper.offset_Nm: a dead zone of 0.07 Nm, more than 0.05 Nm"),
+        (zone(0.025, 1e-4), "joints_Nm: 0.0001 Nm is less than 8 mNm above"),
     ],
 )
 def test_a_command_far_from_its_torque_is_refused(other, told):
     """Continuous and rising, and yet the first command would be a blow, or swing for ever."""
     with pytest.raises(ValueError, match=told):
-        validated_linearization(other)
+        validated(other)
 
 
 @pytest.mark.parametrize(
     "other", [lifted(0.07), lifted(-0.07), tilted(1.08), tilted(0.9), zone(0.05, 0.004)]
 )
 def test_a_map_that_some_amplifier_needs_is_taken(other):
-    assert validated_linearization(other) is other
+    assert validated(other) is other

@@ -11,7 +11,7 @@ from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.geometry import forward, inverse, jacobian
-from screw_module_ros.settings import declared
+from screw_module_ros.settings import fields
 
 SETTINGS = PlanarSettings().validated()
 DT = 0.002
@@ -32,7 +32,7 @@ any_law = (
     st.tuples(
         *(
             st.floats(field.setting.low, field.setting.high)
-            for field in declared(PlanarSettings).values()
+            for field in fields(PlanarSettings).values()
         )
     )
     .map(lambda values: PlanarSettings(*values))

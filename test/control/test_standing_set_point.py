@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.geometry import inverse
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.friction import friction_force
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.settings import declared
+from screw_module_ros.settings import fields
 
 MODEL = thesis_friction()
 SETTINGS = VerticalSettings().validated()
@@ -39,7 +39,7 @@ any_impedance = st.tuples(st.floats(0.0, 5e3), st.floats(-50.0, 500.0), st.float
 any_law = st.tuples(
     *(
         st.floats(field.setting.low, field.setting.high)
-        for field in declared(VerticalSettings).values()
+        for field in fields(VerticalSettings).values()
     )
 ).map(lambda values: VerticalSettings(*values))
 

@@ -52,10 +52,10 @@ def keep_linearization(folder):
     """Leave a result of static_torque that changes nothing."""
     i = IDENTITY
     values = {
-        "lower_joint": i.lower_joint, "upper_joint": i.upper_joint,
-        "lower_slope": i.lower_slope, "lower_offset": i.lower_offset,
-        "cubic_3": i.cubic[0], "cubic_2": i.cubic[1], "cubic_1": i.cubic[2], "cubic_0": i.cubic[3],
-        "upper_slope": i.upper_slope, "upper_offset": i.upper_offset,
+        "lower_joint": i.joints_Nm[0], "upper_joint": i.joints_Nm[1],
+        "lower_slope": i.lower.slope, "lower_offset": i.lower.offset_Nm,
+        **{f"cubic_{3 - n}": value for n, value in enumerate(i.middle)},
+        "upper_slope": i.upper.slope, "upper_offset": i.upper.offset_Nm,
     }  # fmt: skip
     found = tuple(Quantity(name, value, 0.0, "", "") for name, value in values.items())
     Result("static_torque", found, {}).save(folder)

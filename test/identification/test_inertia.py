@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from friction_bench import FakeBench, Module
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.identification import friction_fit, inertia
 from screw_module_ros.identification.figures.inertia import inertia_figures
 from screw_module_ros.identification.friction_form import friction_along
@@ -32,8 +32,8 @@ class Thesis(FakeBench):
         time, z, force = super()._motion(trial)
         v = trial.amplitude * trial.omega * np.cos(trial.omega * time)
         a = -trial.amplitude * trial.omega**2 * np.sin(trial.omega * time)
-        friction = self.share * friction_along(THESIS._replace(fastest=2000.0), z, v)
-        force = self.module.mass * a + friction + THESIS.gravity
+        friction = self.share * friction_along(THESIS._replace(fastest_mm_s=2000.0), z, v)
+        force = self.module.mass * a + friction + THESIS.gravity_N
         return time, z, np.roll(force, self.late)
 
 
@@ -76,8 +76,9 @@ def test_the_shift_finds_a_force_that_comes_late():
     bench.late = 16  # 8 ms, as in fig 5-33
     samples = bench.record(inertia._jobs(SHORT)[2].trial, None)
     record = motion(samples.time, samples.position, samples.force)
-    friction = friction_along(THESIS._replace(fastest=2000.0), record.position, record.velocity)
-    found = ratio(record, record.force - np.roll(friction, 16) - THESIS.gravity, 0.02, 2.5, 0.03)
+    model = THESIS._replace(fastest_mm_s=2000.0)
+    friction = friction_along(model, record.position, record.velocity)
+    found = ratio(record, record.force - np.roll(friction, 16) - THESIS.gravity_N, 0.02, 2.5, 0.03)
     assert found.shift == pytest.approx(0.008, abs=0.001)
     assert np.nanmean(found.mass) == pytest.approx(5.49, rel=0.01)
 

@@ -3,7 +3,7 @@
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification import (
@@ -35,13 +35,13 @@ def lab(bench, tmp_path):
     """The thesis's module with an exact calibration."""
     vertical = bench.world.vertical
     line = default_linearization(bench.world.amplifier.dead_zone)
-    cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.cubic)}
+    cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.middle)}
     found = (
         result(friction_fit.NAME,
                _as_data(thesis_friction())),
-        result(static_torque.NAME, lower_joint=line.lower_joint, upper_joint=line.upper_joint,
-               lower_slope=line.lower_slope, lower_offset=line.lower_offset,
-               upper_slope=line.upper_slope, upper_offset=line.upper_offset, **cubic),
+        result(static_torque.NAME, lower_joint=line.joints_Nm[0], upper_joint=line.joints_Nm[1],
+               lower_slope=line.lower.slope, lower_offset=line.lower.offset_Nm,
+               upper_slope=line.upper.slope, upper_offset=line.upper.offset_Nm, **cubic),
         result(gravity.NAME, gravity=vertical.moving_mass * vertical.gravity),
         result(inertia.NAME, mass=vertical.turning_mass + vertical.moving_mass),
     )  # fmt: skip

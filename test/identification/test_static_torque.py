@@ -84,11 +84,13 @@ def test_three_pieces_are_found_again():
     draw = np.random.default_rng(2)
     command = commands(truth, torque) + draw.normal(0.0, 1e-4, torque.size)
     found = fit_pieces(torque, command)
-    for name in ("lower_joint", "upper_joint", "lower_offset", "upper_offset"):
-        assert getattr(found.linearization, name) == pytest.approx(getattr(truth, name), abs=2e-4)
-    assert found.linearization.upper_slope == pytest.approx(1.0, abs=1e-3)
-    assert found.linearization.cubic[0] == pytest.approx(truth.cubic[0], rel=0.03)
-    assert abs(found.linearization.upper_joint - 0.025) < 4.0 * found.joint_errors[1] < 1e-3
+    joints, lower, middle, upper = found.linearization
+    assert joints == pytest.approx(truth.joints_Nm, abs=2e-4)
+    for line, true in ((lower, truth.lower), (upper, truth.upper)):
+        assert line.offset_Nm == pytest.approx(true.offset_Nm, abs=2e-4)
+    assert upper.slope == pytest.approx(1.0, abs=1e-3)
+    assert middle[0] == pytest.approx(truth.middle[0], rel=0.03)
+    assert abs(joints[1] - 0.025) < 4.0 * found.joint_errors[1] < 1e-3
 
 
 def test_desired_torque_is_the_inverse_of_the_map():

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import can
 from lean_bus import LeanVirtualBus
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import ManualClock
 from screw_module_ros.control.linearization import default_linearization

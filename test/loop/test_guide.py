@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import planar, vertical
 from screw_module_ros.control.modes import IMPEDANCE
 from screw_module_ros.control.planar_settings import PlanarSettings

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.loop.controller import VerticalController

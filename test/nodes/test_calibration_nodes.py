@@ -13,8 +13,12 @@ from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 from std_srvs.srv import Trigger
 
-from screw_module_ros.calibration.friction_file import thesis_friction
-from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
+from screw_module_ros.calibration.module import (
+    ModuleCalibration,
+    SensorBias,
+    thesis_friction,
+    write_calibration,
+)
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE
 from screw_module_ros.nodes.support.answering import Done
@@ -40,11 +44,11 @@ def calibration(tmp_path_factory):
             serial=SERIAL,
             date="2001-05-11T09:30:00Z",
             software="0.1.0",
-            friction=friction._replace(phase=0.4),
+            friction=friction._replace(phase_rad=0.4),
             linearization=default_linearization(0.02),
-            gravity=GRAVITY,
-            mass=5.5,
-            sensor_bias=(0.0,) * 6,
+            gravity_N=GRAVITY,
+            mass_kg=5.5,
+            sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3),
             residuals={"friction_rms_N": 0.8},
         ),
     )

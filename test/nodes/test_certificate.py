@@ -7,10 +7,13 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from screw_module_msgs.srv import SetControlMode
 
-from screw_module_ros.calibration.certificate_conditions import conditions_of
-from screw_module_ros.calibration.certificate_file import text_checksum
-from screw_module_ros.calibration.friction_file import thesis_friction
-from screw_module_ros.calibration.module_file import ModuleCalibration, write_calibration
+from screw_module_ros.calibration.certificate import conditions_of, text_checksum
+from screw_module_ros.calibration.module import (
+    ModuleCalibration,
+    SensorBias,
+    thesis_friction,
+    write_calibration,
+)
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import VerticalSettings
@@ -87,11 +90,12 @@ def test_a_live_parameter_does_not_leave_the_certificate_s_conditions(controller
 def test_the_calibrated_mass_counts_at_the_start(controller, tmp_path):
     """A certificate of a module heavier than the default was refused with its own calibration."""
     heavy = ModuleCalibration(
-        SERIAL, "2026-11-22T09:00:00Z", "0.1.0", thesis_friction(), default_linearization(),
-        gravity=10.0, mass=6.0, sensor_bias=(0.0,) * 6, residuals={},
+        SERIAL, "2026-11-22T09:00:00Z", "0.1.0", gravity_N=10.0, mass_kg=6.0,
+        sensor_bias=SensorBias((0.0,) * 3, (0.0,) * 3), residuals={}, friction=thesis_friction(),
+        linearization=default_linearization(),
     )  # fmt: skip
     write_calibration(tmp_path / "calibration.yaml", heavy)
-    known = VerticalSettings().calibrated(heavy.gravity, heavy.mass)
+    known = VerticalSettings().calibrated(heavy.gravity_N, heavy.mass_kg)
     node = controller(
         conditions_of(known, 1000.0, 1.26e-3, 30.0), mode=modes.OBSERVER, damping=20.0,
         calibration_file=tmp_path / "calibration.yaml",

@@ -36,14 +36,14 @@ def test_a_new_name_counts():
 @pytest.mark.parametrize(
     ("text", "value"),
     [("5e2", 500.0), ("1e-3", 0.001), ("[1e-3, 2.0]", [0.001, 2.0]), ("true", True), ("", ""),
-     ("soft", "soft"), ('"7"', "7")],
+     ("soft", "soft"), ("2001-05-11", "2001-05-11"), ('"7"', "7")],
 )  # fmt: skip
 def test_values_are_what_rcl_takes_them_for(text, value):
     assert values("n", "-p", f"x:={text}") == {"x": value}
 
 
 @pytest.mark.parametrize(
-    "text", ["[", "{a: 1}", "[1, a]", "2001-99-99", "[" * 3000, "*x", "9" * 5000]
+    "text", ["[", "{a: 1}", "[1, a]", "*x", "9" * 5000]
 )
 def test_a_value_that_cannot_be_is_named(text):
     with pytest.raises(ParameterError, match="parameter x = "):

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from screw_module_ros.nodes.support.parameter_files import (
@@ -89,11 +87,16 @@ def test_a_misspelt_node_is_told_with_the_right_one(file):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("a: [", "is not YAML"),
+        ("a: [", "is no YAML"),
         ("", "it has no `ros__parameters:`"),
         ("encoder: {rate: 1.0}", "no `ros__parameters:`"),
         ("ros__parameters: {rate: 1.0}", "outside of any node"),
         ("encoder: {ros__parameters: 5}", "has no values"),
+        ("'': {ros__parameters: {rate: 1.0}}", "a section in / has no name"),
+        ("/: {ros__parameters: {rate: 1.0}}", "a section in / has no name"),
+        ("left: {'': {ros__parameters: {rate: 1.0}}}", "a section in /left has no name"),
+        ("encoder: {ros__parameters: {'': 1.0}}", "a parameter in /encoder has no name"),
+        ("encoder: {ros__parameters: {can: {'': 1}}}", "a parameter in /encoder has no name"),
     ],
 )
 def test_a_file_that_is_none_is_refused_by_name(file, text, told):
@@ -103,22 +106,5 @@ def test_a_file_that_is_none_is_refused_by_name(file, text, told):
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ParameterError, match="nothing.yaml: No such file"):
+    with pytest.raises(ParameterError, match="nothing.yaml cannot be read: No such file"):
         read_file(str(tmp_path / "nothing.yaml"))
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["[" * 3000, "a: &a [*a]", "a: 2001-99-99", "a: !!python/name:os.system x", "a: " + "9" * 5000],
-)
-def test_yaml_that_goes_beyond_is_refused_in_a_sentence(file, text):
-    with pytest.raises(ParameterError, match="mine.yaml") as caught:
-        file(f"encoder:\n  ros__parameters:\n    {text}\n")
-    assert len(str(caught.value)) < 500
-
-
-def test_a_fifo_and_a_device_are_refused_at_once(tmp_path):
-    os.mkfifo(tmp_path / "fifo")
-    for path in (tmp_path / "fifo", "/dev/zero"):
-        with pytest.raises(ParameterError, match="FIFO or device"):
-            read_file(str(path))

@@ -8,7 +8,7 @@ import math
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 
-from screw_module_ros.settings import declared
+from screw_module_ros.settings import fields
 
 MS = 1_000_000
 START_NS = 1_000_000_000_000
@@ -26,11 +26,11 @@ def near(low: float, high: float, wild: bool = True):
 
 def live_changes(kind: type):
     """Return changes of the fields of a settings tuple that may change while a node is active."""
-    fields = [field for field in declared(kind).values() if field.setting.live]
+    live = [field for field in fields(kind).values() if field.setting.live]
     return st.one_of(
         *(
             st.tuples(st.just(field.name), st.floats(field.setting.low, field.setting.high))
-            for field in fields
+            for field in live
         )
     )
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from screw_module_ros.calibration.friction_file import thesis_friction
+from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control import planar as planar_law
 from screw_module_ros.control.limits import LONGEST_STEP
@@ -21,7 +21,7 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.vertical import VerticalInput, initial_state, vertical_step
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.safety.checks import WatchSettings
-from screw_module_ros.settings import declared, validated
+from screw_module_ros.settings import fields, validated
 
 MODEL = thesis_friction()
 ROUNDING = 1e-9
@@ -145,8 +145,8 @@ TestPlanarLaw.settings = fixed(40, 30)
 @fixed(30)
 @given(data=st.data())
 def test_no_setting_out_of_its_range_is_taken(kind, data):
-    fields = [f for f in declared(kind).values() if f.kind is float]
-    field = data.draw(st.sampled_from(fields))
+    floats = [f for f in fields(kind).values() if f.kind is float]
+    field = data.draw(st.sampled_from(floats))
     value = data.draw(absurd)
     fits = math.isfinite(value) and field.setting.low <= value <= field.setting.high
     changed = kind()._replace(**{field.name: value})

@@ -21,7 +21,7 @@ from screw_module_ros.safety.permit import (
     Permit,
     PermitSettings,
 )
-from screw_module_ros.settings import declared
+from screw_module_ros.settings import fields
 
 SETTINGS = PermitSettings()
 PERIOD_NS = 1_000_000
@@ -296,4 +296,4 @@ def test_every_guard_names_a_hazard_and_the_parameters_that_exist(guard):
     hazards = re.findall(r"^\| ([^|]+) \|", HAZARDS.read_text(encoding="utf-8"), re.MULTILINE)
     assert guard.hazard in hazards
     for name in filter(None, guard.limit.split(", ")):
-        assert name.removeprefix("gate.") in declared(PermitSettings)
+        assert name.removeprefix("gate.") in fields(PermitSettings)

@@ -6,10 +6,10 @@ from __future__ import annotations
 import pytest
 import yaml
 
+from screw_module_ros.settings import SettingError
 from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol, limited_text
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
-    ProtocolError,
     load_protocol,
     parse_protocol,
     protocol_text,
@@ -95,7 +95,7 @@ def test_axes_a_protocol_does_not_use_do_not_count():
 
 
 def test_what_is_no_protocol_is_told_as_such():
-    with pytest.raises(ProtocolError):
+    with pytest.raises(SettingError):
         allowed_protocol("dance: true", "dance", AssistanceLimits(10.0), WORKSPACE)
 
 

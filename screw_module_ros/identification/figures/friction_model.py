@@ -39,23 +39,24 @@ def _place(
     """Draw the mean force over the speeds and the model's dependence on height."""
     branch = getattr(model, direction)
     z = result.data["centres"]
-    fine = np.linspace(model.low, model.high, 1000)
+    fine = np.linspace(model.low_mm, model.high_mm, 1000)
     trend = np.polyval(branch.trend, fine)
     amplitude = np.polyval(branch.ripple, fine)
-    full = trend + amplitude * ripple_phase(fine, model.lead, model.phase, branch.flip_below)
+    phase = ripple_phase(fine, model.lead_mm, model.phase_rad, branch.flip_below_mm)
+    full = trend + amplitude * phase
     with rc_context(STYLE):
         figure, axes = axes_for(HEIGHT, FORCE)
         axes.plot(z, _levelled(result, model, direction), color=COLOURS[0], label="measured")
         axes.plot(fine, trend, color=DESIRED, linestyle="--", label="trend, 7th order")
         if ripple:
             axes.plot(fine, full, color=COLOURS[2], linestyle="--", label="with ripple")
-        if ripple and model.low < branch.flip_below < model.high:
-            axes.axvline(branch.flip_below, color="#888888", linewidth=0.8, linestyle=":")
+        if ripple and model.low_mm < branch.flip_below_mm < model.high_mm:
+            axes.axvline(branch.flip_below_mm, color="#888888", linewidth=0.8, linestyle=":")
             axes.annotate(
-                "ripple turns over", (branch.flip_below, 0.02), xytext=(4, 0), va="bottom",
+                "ripple turns over", (branch.flip_below_mm, 0.02), xytext=(4, 0), va="bottom",
                 xycoords=("data", "axes fraction"), textcoords="offset points", color="#555555",
             )  # fmt: skip
-        axes.set_xlim(model.low, model.high)
+        axes.set_xlim(model.low_mm, model.high_mm)
         axes.set_title(title, loc="left")
         axes.legend(loc="best")
     return figure
@@ -64,16 +65,16 @@ def _place(
 def _levelled(result: Result, model: FrictionModel, direction: str) -> np.ndarray:
     """Return the mean over the speeds [N], with the model's factor for missing cells."""
     factor = speed_factor(getattr(model, direction), result.data["speeds"])[:, None]
-    friction = result.data[f"force_{direction}"] - model.gravity
+    friction = result.data[f"force_{direction}"] - model.gravity_N
     share = np.where(np.isfinite(friction), factor, np.nan)
-    return np.nansum(friction, axis=0) / np.nansum(share, axis=0) + model.gravity
+    return np.nansum(friction, axis=0) / np.nansum(share, axis=0) + model.gravity_N
 
 
 def _factor(result: Result, model: FrictionModel, direction: str, title: str) -> Figure:
     """Draw friction, averaged over the heights and normalised, and the model's factor."""
     branch = getattr(model, direction)
     speeds = result.data["speeds"]
-    friction = np.abs(result.data[f"force_{direction}"] - model.gravity)
+    friction = np.abs(result.data[f"force_{direction}"] - model.gravity_N)
     whole = np.isfinite(friction).all(axis=0)
     level = friction[:, whole].mean(axis=1)
     fine = np.linspace(0.1, speeds[-1], 600)
@@ -82,7 +83,7 @@ def _factor(result: Result, model: FrictionModel, direction: str, title: str) ->
         axes.plot(speeds, level / level.mean(), "o", color=COLOURS[0], label="measured")
         axes.plot(
             fine, speed_factor(branch, fine), "--", color=COLOURS[2],
-            label=f"power of {branch.low_exponent:.2f} up to {branch.break_speed:.1f} mm/s, "
+            label=f"power of {branch.low_exponent:.2f} up to {branch.break_speed_mm_s:.1f} mm/s, "
             f"then {branch.high_slope:.5f} v + {branch.high_offset:.3f}",
         )  # fmt: skip
         axes.set_xlim(0.0, speeds[-1])

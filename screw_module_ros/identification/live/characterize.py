@@ -33,9 +33,8 @@ from screw_module_ros.nodes.support.runtime import main as run_node
 from screw_module_ros.nodes.support.states import OK, Health
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.quoting import quoted
 from screw_module_ros.safety.checks import WatchSettings
-from screw_module_ros.settings import Setting
+from screw_module_ros.settings import Setting, shown
 
 from .action import OneGoalServer, Outcome
 from .bench import LiveBench
@@ -233,7 +232,7 @@ def _checked(request: RunExperiment.Goal, root: Path) -> tuple[Any, Any, Path]:
     experiment = EXPERIMENTS.get(request.experiment)
     if experiment is None:
         raise ValueError(
-            f"no experiment {quoted(request.experiment)}; there are {', '.join(EXPERIMENTS)}"
+            f"no experiment {shown(request.experiment)}; there are {', '.join(EXPERIMENTS)}"
         )
     settings = settings_from_yaml(request.settings, experiment.settings)
     if not request.folder:

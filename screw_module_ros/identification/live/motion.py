@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 from screw_module_msgs.msg import ImpedanceState
 
-from screw_module_ros.calibration.friction_file import load_friction_model, thesis_friction
-from screw_module_ros.calibration.linearization_file import load_linearization
-from screw_module_ros.calibration.module_file import load_module_calibration
+from screw_module_ros.calibration.module import (
+    load_friction_model,
+    load_linearization,
+    load_module_calibration,
+    thesis_friction,
+)
 from screw_module_ros.control.friction import FrictionModel
 from screw_module_ros.control.limits import CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import (
@@ -27,14 +30,14 @@ from screw_module_ros.geometry import Screw
 from screw_module_ros.identification.trials import MotionTrial, NotPossible, OnProgress, Samples
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.settings import declared
+from screw_module_ros.settings import fields
 
 from .experiment import Experiment, share_of
 from .graph import ACTIVE, UNCONFIGURED, bring, parameters
 from .samples import Track, evenly, samples_of
 from .takeover import AMPLIFIER, CONTROLLER, check_disabled, check_not_stopped
 
-_LIVE = {name for name, field in declared(VerticalSettings).items() if field.setting.live}
+_LIVE = {name for name, field in fields(VerticalSettings).items() if field.setting.live}
 _SAG = 0.05  # largest sag of the handle in a hand [m]
 _CALM = 1e-3  # [m/s]
 _CALM_S, _SETTLE_S, _REST_LIMIT_S = 0.5, 1.5, 5.0

@@ -14,7 +14,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ...plant.settings import PlantFileError
+from ...settings import SettingError
 from ..catalogue import EXPERIMENTS
 from ..pool import worker_pool
 from .page import write_page
@@ -68,7 +68,7 @@ def command(
     except KeyboardInterrupt:
         console.print(f"[bold red]stopped[/]; finished results are in {folder}: run it again")
         sys.exit(130)
-    except (PlantFileError, OSError) as error:
+    except (SettingError, OSError) as error:
         console.print(f"[bold red]reproduce failed: {error}[/]", soft_wrap=True)
         sys.exit(1)
     console.print(*report.tables(), sep="\n")

@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from ...calibration.friction_file import THESIS_FILE
+from ...calibration.module import THESIS_FILE
 from ...plant.settings import WorldSettings, load_world
 from ...resources import resource_path
 from ..catalogue import EXPERIMENTS
@@ -79,7 +79,7 @@ def examine(
 
     experiments: by name, in the catalogue's order; none = all for the thesis's module, those of
     `ON_EVERY_MODULE` for another. After a failed experiment the others continue.
-    Raises Cancelled, PlantFileError.
+    Raises Cancelled, SettingError.
     """
     world = load_world(plant, seed)
     loop = LoopSettings()

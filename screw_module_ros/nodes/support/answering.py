@@ -17,7 +17,6 @@ from rclpy.node import Node
 
 from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.devices.errors import DeviceError
-from screw_module_ros.quoting import named
 
 _LONGEST = 300  # characters
 
@@ -84,7 +83,7 @@ def _answering(node: Node, kind: Any, name: str, callback: Callable) -> Callable
                 part = callback(kind.Request(parameters=[parameter]), kind.Response())
                 response.results.append(part.results[0])
             except Exception as error:
-                reason = f"{named(parameter.name)}: {refused(error)}"
+                reason = f"{parameter.name}: {refused(error)}"
                 response.results.append(SetParametersResult(successful=False, reason=reason))
         return response
 

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 from rclpy.parameter import Parameter
 
-from screw_module_ros.plain_yaml import PlainYamlError, load_plain_yaml
-from screw_module_ros.quoting import LONGEST
+from screw_module_ros.settings import SettingError, parse, shown
 
 from .parameters import ParameterError
 
@@ -119,18 +118,14 @@ def _parameter(name: str, text: str) -> Parameter:
     try:
         return Parameter(name, value=value)
     except (TypeError, ValueError) as error:
-        raise ParameterError(f"{_described(name, text)}: {error}") from None
-
-
-def _described(name: str, text: str) -> str:
-    return f"parameter {name[:LONGEST]} = {text[:LONGEST]}"
+        raise ParameterError(f"parameter {name} = {shown(text)}: {error}") from None
 
 
 def _value(name: str, text: str) -> Any:
     try:
-        value = load_plain_yaml(text)
-    except PlainYamlError as error:
-        raise ParameterError(f"{_described(name, text)}: not a YAML value: {error}") from None
+        value = parse(text, f"parameter {name} = {shown(text)}")
+    except SettingError as error:
+        raise ParameterError(str(error)) from None
     if isinstance(value, list):
         return [_number(part) for part in value]
     return "" if value is None else _number(value)

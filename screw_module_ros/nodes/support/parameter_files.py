@@ -13,12 +13,10 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from screw_module_ros.plain_yaml import PlainYamlError, load_plain_yaml
-from screw_module_ros.regular_file import read_regular
+from screw_module_ros.settings import SettingError, load
 
 from .parameters import ParameterError
 
-_LARGEST = 1_000_000  # bytes; ours have a few thousand
 _PARAMETERS = "ros__parameters"
 _WILD = ("*", "**")
 
@@ -51,12 +49,9 @@ class ParameterFile(NamedTuple):
 def read_file(path: str) -> ParameterFile:
     """Return the content of a file. Raises ParameterError naming the file and its problem."""
     try:
-        content = load_plain_yaml(read_regular(path, _LARGEST).decode())
-    except PlainYamlError as error:
-        raise ParameterError(f"parameter file {path} is not YAML: {error}") from None
-    except (OSError, ValueError) as error:  # no UTF-8 text, or no path
-        reason = getattr(error, "strerror", None) or error
-        raise ParameterError(f"parameter file {path}: {reason}") from None
+        content = load(path)
+    except SettingError as error:
+        raise ParameterError(f"parameter file {error}") from None
     sections: dict[str, Mapping[str, Any]] = {}
     _collect(path, content, "", sections)
     return ParameterFile(path, sections)
@@ -70,12 +65,16 @@ def _collect(path: str, content: Any, name: str, found: dict[str, Mapping[str, A
             f"`/**/encoder:` and, indented below it, `{_PARAMETERS}:`"
         )
     for key, part in content.items():
+        if not str(key).strip("/"):
+            raise ParameterError(f"parameter file {path}: a section in {name or '/'} has no name")
         if key != _PARAMETERS:
             _collect(path, part, f"{name}/{str(key).strip('/')}", found)
         elif not name:
             raise ParameterError(f"parameter file {path}: `{_PARAMETERS}:` outside of any node")
         elif not isinstance(part, dict):
             raise ParameterError(f"parameter file {path}: {name} has no values")
+        elif any("" in full.split(".") for full in _flat(part)):
+            raise ParameterError(f"parameter file {path}: a parameter in {name} has no name")
         else:
             found[name] = {**found.get(name, {}), **part}
 

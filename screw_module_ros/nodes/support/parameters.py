@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 from typing import Any, get_args
@@ -16,8 +17,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from screw_module_ros.quoting import quoted
-from screw_module_ros.settings import Field, declared, problem
+from screw_module_ros.settings import Field, fields, problem, shown
 
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _NAMELESS = "a parameter has an empty name: `ros2 param list` shows the names that there are"
@@ -58,8 +58,8 @@ class Parameters:
         tuple's own. Raises ParameterError for a bad value at start.
         """
         group = self._defaults[kind, prefix] = kind(**defaults)
-        for field in declared(kind).values():
-            if field.name in without:
+        for field in fields(kind).values():
+            if field.name in without or not field.setting.text:
                 continue
             name = _join(prefix, field.name)
             self._fields[name] = (kind, field)
@@ -99,7 +99,7 @@ class Parameters:
 
         changes: values, by parameter name, in place of the present ones.
         """
-        names = {name: _join(prefix, name) for name in declared(kind)}
+        names = {name: _join(prefix, name) for name in fields(kind)}
 
         def value(full: str) -> Any:
             return changes[full] if full in changes else self._node.get_parameter(full).value
@@ -165,11 +165,12 @@ def _flat(value: Any):
 def _problem(name: str, field: Field, value: Any, wanted: type) -> str:
     if not _fits(value, wanted):
         example = " (write 1.0, not 1)" if wanted is float and isinstance(value, int) else ""
-        return f"{name} = {quoted(value)}: a value of type {wanted.__name__} is wanted{example}"
+        return f"{name} = {shown(value)}: a value of type {wanted.__name__} is wanted{example}"
     if wanted is list:
         parts = get_args(field.kind)  # a bare `tuple` and `tuple[str, ...]` have any length
         if parts and ... not in parts and len(value) != len(parts):
-            return f"{name} = {quoted(list(value))}: {len(parts)} values are wanted"
+            return f"{name} = {shown(list(value))}: {len(parts)} values are wanted"
+        return problem(field, list(value), name)
     return problem(field, value, name)
 
 
@@ -196,14 +197,12 @@ def _descriptor(field: Field, value: Any) -> ParameterDescriptor:
     if setting.choices:
         descriptor.additional_constraints = "one of " + ", ".join(map(str, setting.choices))
     sample = value[0] if isinstance(value, list) and value else value
-    if setting.low is None and setting.high is None or isinstance(sample, (bool, str)):
+    if isinstance(sample, (bool, str)) or math.isinf(setting.low) and math.isinf(setting.high):
         return descriptor
     if isinstance(sample, float):
-        low = -1e308 if setting.low is None else float(setting.low)
-        high = 1e308 if setting.high is None else float(setting.high)
+        low, high = max(float(setting.low), -1e308), min(float(setting.high), 1e308)
         descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     else:
-        low = -_INT64 if setting.low is None else int(setting.low)
-        high = _INT64 if setting.high is None else int(setting.high)
+        low, high = int(max(setting.low, -_INT64)), int(min(setting.high, _INT64))
         descriptor.integer_range = [IntegerRange(from_value=low, to_value=high, step=1)]
     return descriptor

@@ -7,15 +7,17 @@ import re
 import pytest
 import yaml
 
-from screw_module_ros.calibration.certificate_conditions import LEAST, MOST, conditions_of
-from screw_module_ros.calibration.certificate_file import (
-    CertificateError,
-    CertificateSettings,
+from screw_module_ros.calibration.certificate import (
+    LEAST,
+    MOST,
+    conditions_of,
     load_certificate,
     text_checksum,
 )
+from screw_module_ros.calibration.selection import CertificateSettings, chosen_certificate
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.settings import SettingError
 
 SERIAL = "ARM-0007"
 
@@ -35,11 +37,11 @@ def written(
     text += yaml.safe_dump({"conditions": conditions._asdict()}) if conditions else ""
     file = folder / "module_certificate.yaml"
     file.write_text(f"{text}sha256: {text_checksum(text)}\n")
-    return CertificateSettings(str(file))
+    return file
 
 
 def test_no_file_limits_nothing():
-    assert load_certificate(CertificateSettings(), "") is None
+    assert chosen_certificate(CertificateSettings(), "") is None
 
 
 @pytest.mark.parametrize(
@@ -48,7 +50,7 @@ def test_no_file_limits_nothing():
 )  # fmt: skip
 def test_a_gain_beyond_it_is_refused_in_the_modes_that_use_it(tmp_path, mode, field):
     certificate = load_certificate(written(tmp_path), SERIAL)
-    most = getattr(certificate, field)
+    most = getattr(certificate.permitted_gains, field)
     at_most = LAW._replace(**{field: most})
     beyond = at_most._replace(**{field: most + 0.01})
     assert not certificate.refusal(at_most, mode, RATE)
@@ -85,9 +87,9 @@ def test_a_condition_that_costs_margin_is_refused_in_the_modes_it_matters_in(tmp
 
 
 def test_a_certificate_without_its_conditions_is_refused(tmp_path):
-    with pytest.raises(CertificateError, match="conditions: missing.*run stability"):
+    with pytest.raises(SettingError, match="conditions is missing.*run stability"):
         load_certificate(written(tmp_path, conditions=None), SERIAL)
-    with pytest.raises(CertificateError, match="conditions.delay: nan is not a finite number"):
+    with pytest.raises(SettingError, match="conditions.delay = nan: a finite number"):
         load_certificate(written(tmp_path, conditions=CONDITIONS._replace(delay=math.nan)), SERIAL)
 
 
@@ -96,34 +98,33 @@ def test_a_certificate_without_its_conditions_is_refused(tmp_path):
     [
         (("force_gain: 6", "force_gain: 9"), SERIAL, "sha256: the file was changed"),
         (("version: 1", "version: 2"), SERIAL, "version"),
-        (("sha256:", "sha257:"), SERIAL, "sha256: missing"),
+        (("sha256:", "sha257:"), SERIAL, "sha257 is unknown"),
         (("", ""), "ARM-0008", "module 'ARM-0007', this is module 'ARM-0008'.*name the file of th"),
         (("", ""), "", "set module_serial to the serial on the module"),
     ],
 )
 def test_another_modules_or_a_changed_one_is_refused(tmp_path, change, serial, told):
-    settings = written(tmp_path)
-    file = tmp_path / "module_certificate.yaml"
+    file = written(tmp_path)
     file.write_text(file.read_text().replace(*change, 1))
-    with pytest.raises(CertificateError, match=told) as error:
-        load_certificate(settings, serial)
+    with pytest.raises(SettingError, match=told) as error:
+        load_certificate(file, serial)
     assert str(file) in str(error.value)
 
 
 @pytest.mark.parametrize(
     ("gains", "told"),
     [
-        ("{force_gain: 6.28}", "observer_gain: missing"),
-        ("{force_gain: .inf, observer_gain: 9}", "force_gain"),
-        ("{force_gain: -1, observer_gain: 9}", "outside 0 to 50"),
-        ("[6.28, 12.6]", "a mapping is needed"),
+        ("{force_gain: 6.28}", "permitted_gains.observer_gain is missing"),
+        ("{force_gain: .inf, observer_gain: 9}", "permitted_gains.force_gain = inf"),
+        ("{force_gain: -1, observer_gain: 9}", "force_gain = -1.0: below the smallest allowed, 0"),
+        ("[6.28, 12.6]", "permitted_gains = .*: a mapping"),
     ],
 )
 def test_gains_that_are_none_are_refused(tmp_path, gains, told):
-    with pytest.raises(CertificateError, match=told):
+    with pytest.raises(SettingError, match=told):
         load_certificate(written(tmp_path, gains), SERIAL)
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(CertificateError, match="cannot be read"):
-        load_certificate(CertificateSettings(str(tmp_path / "none.yaml")), SERIAL)
+    with pytest.raises(SettingError, match="cannot be read"):
+        load_certificate(tmp_path / "none.yaml", SERIAL)
