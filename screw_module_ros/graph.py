@@ -126,11 +126,11 @@ _OURS = "screw_module_msgs/msg/"
 _TOPICS = (
     Topic(ENCODER, _OURS + "EncoderSample", "sample", "encoder", 1000.0,
           ("impedance_controller",), clock="encoder", every=1),
-    Topic(ENCODER_DECIMATED, _OURS + "EncoderSample", "sample", "encoder", DECIMATED_RATE,
+    Topic(ENCODER_DECIMATED, _OURS + "EncoderSample", "state", "encoder", DECIMATED_RATE,
           ("endpoint_state", "supervisor")),
     Topic(FORCE, _OURS + "ForceSample", "sample", "force_sensor", 1000.0,
           ("impedance_controller",), clock="force_sensor", every=1),
-    Topic(FORCE_DECIMATED, _OURS + "ForceSample", "sample", "force_sensor", DECIMATED_RATE,
+    Topic(FORCE_DECIMATED, _OURS + "ForceSample", "state", "force_sensor", DECIMATED_RATE,
           ("manus", "endpoint_state", "supervisor")),
     Topic(WRENCH, "geometry_msgs/msg/WrenchStamped", "state", "force_sensor", 100.0),
     Topic(FORCE_COMMAND, _OURS + "ForceCommand", "command", "impedance_controller", 1000.0,

@@ -165,12 +165,10 @@ def test_the_readme_lists_nodes_and_topics():
         assert listed[node] == {topic.name for topic in _published_by(node)} - decimated
 
 
-def test_only_samples_need_a_subscription_for_sensor_data():
+def test_only_the_two_fastest_topics_need_a_subscription_for_sensor_data():
     """A subscription with default settings is reliable, and hears no best effort publisher."""
     quick = {name for name, topic in TOPICS.items() if topic.qos == "sample"}
-    assert quick == {
-        "screw/encoder", "handle/force", "screw/encoder/decimated", "handle/force/decimated"
-    }  # fmt: skip
+    assert quick == {"screw/encoder", "handle/force"}
     for name, topic in TOPICS.items():
         if topic.qos in {"command", "state"}:
             assert offered(name)[2].reliability == ReliabilityPolicy.RELIABLE

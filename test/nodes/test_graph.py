@@ -45,8 +45,8 @@ HOME = 0.25
 TOPICS = {
     "/screw/encoder": ("screw_module_msgs/msg/EncoderSample", "encoder", BEST_EFFORT),
     "/handle/force": ("screw_module_msgs/msg/ForceSample", "force_sensor", BEST_EFFORT),
-    "/screw/encoder/decimated": ("screw_module_msgs/msg/EncoderSample", "encoder", BEST_EFFORT),
-    "/handle/force/decimated": ("screw_module_msgs/msg/ForceSample", "force_sensor", BEST_EFFORT),
+    "/screw/encoder/decimated": ("screw_module_msgs/msg/EncoderSample", "encoder", RELIABLE),
+    "/handle/force/decimated": ("screw_module_msgs/msg/ForceSample", "force_sensor", RELIABLE),
     "/handle/wrench": ("geometry_msgs/msg/WrenchStamped", "force_sensor", RELIABLE),
     "/screw/force_command": (
         "screw_module_msgs/msg/ForceCommand", "impedance_controller", RELIABLE),
