@@ -13,7 +13,7 @@ from ..can_io.load import Traffic
 from ..can_io.port import Port
 from ..settings import validated
 from ..units import to_per_mille
-from . import cia402, drive_group
+from . import cia402
 from . import drive_setup as setup
 from .canopen import NMT_START, NMT_STOP, Heartbeat
 from .cia402 import State
@@ -21,6 +21,10 @@ from .drive_logic import ExcessTorque
 from .drive_reports import DriveReports
 from .drive_settings import DriveSettings, cross_checked
 from .errors import BusError, DeviceError, NotNow
+
+
+_UNHEARD_NS = 200_000_000
+"""Without a statusword for this long a drive may have booted; its boot-up may have been lost."""
 
 
 class Drive(DriveReports):
@@ -32,7 +36,8 @@ class Drive(DriveReports):
     warnings: for the user, such as missing guards. unguarded: the guards that the drive refused.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].
-    altered: another SDO client may have changed it since it was configured.
+    altered: it may have lost its configuration: another SDO client talked to it, or it was silent
+    for long enough to restart unheard. `clear_fault` configures it again.
     """
 
     profile = setup.PROFILE
@@ -92,13 +97,6 @@ class Drive(DriveReports):
         self._was_armed = False
         self.forget_reports()
 
-    def shutdown(self) -> str:
-        """Shut down cleanly: disable, disarm the guards, stop the heartbeat. Blocking, up to 2 s.
-
-        Call it after the loop has ended. Returns the errors, empty without any.
-        """
-        return drive_group.leave([self], self._port)
-
     # -- cyclic: realtime loop -------------------------------------------------------------------
 
     @property
@@ -138,9 +136,9 @@ class Drive(DriveReports):
         if state is State.UNKNOWN:
             self._port.pump()  # answers may wait in our socket
             state = self.state(now_ns)
+            self._check_silence(now_ns)
         self._check_torque(state, now_ns)
         heard_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
-        recovering = logic.recovery.active
         controlword = logic.step(
             state, self.shown, heard_ns if self._hears else None, self.nmt, now_ns
         )
@@ -153,9 +151,6 @@ class Drive(DriveReports):
         if logic.nmt_stop_due(now_ns):
             # After the zero command: with 6007 altered, a stopped drive may keep its torque.
             self.command_nmt(NMT_STOP)
-        if recovering and not logic.recovery.active and state is State.UNKNOWN:
-            # Silent for a whole recovery: it may have restarted while its boot-up could not come.
-            self.stop()
         self._asked = per_mille * self.torque_of
         return self._asked
 
@@ -169,6 +164,14 @@ class Drive(DriveReports):
         self.logic.start(now_ns)
         self._was_armed = True
         return 0.0
+
+    def _check_silence(self, now_ns: int) -> None:
+        """Count the configuration as lost when the drive may have restarted unheard."""
+        given = self.reading
+        last_ns = max(self._started_ns, given.monotonic_ns if given else 0)
+        if now_ns - last_ns > _UNHEARD_NS:
+            self.altered = True
+            self.logic.latch(f"the {self.label} was silent and may have restarted")
 
     def _check_torque(self, state: State, now_ns: int) -> None:
         given = self.reading
@@ -252,8 +255,8 @@ class Drive(DriveReports):
     def clear_fault(self) -> None:
         """Begin to recover; `recovering` is True until the drive is back, at most switched on.
 
-        After a boot-up, after a recovery without an answer, or if another SDO client may have
-        changed an object, this configures the drive again, which blocks and raises as `configure`.
+        After a boot-up, and if it is `altered`, this configures the drive again, which blocks and
+        raises as `configure`.
         """
         logic = self.logic
         again = not self.intact or self.altered
@@ -273,8 +276,8 @@ class Drive(DriveReports):
             logic.forget()
         if self.altered or not self.intact:  # what came meanwhile is no fault of before
             logic.latch(
-                f"the {self.label} restarted, or another SDO client talked to it, while its fault "
-                "was being cleared: clear it again"
+                f"the {self.label} restarted, was silent, or another SDO client talked to it, "
+                "while its fault was being cleared: clear it again"
             )
 
     # -- what others do, from the thread that pumps the port -------------------------------------

@@ -14,17 +14,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from ..can_io.port import Port
 from ..clock import TimeStandsStill
 from . import cia402, drive_setup
 from .canopen import NMT_PRE_OPERATIONAL
 from .cia402 import State
+from .drive import Drive
 from .errors import BusError, DeviceError
-
-if TYPE_CHECKING:
-    from .drive import Drive
 
 _DISABLE_WITHIN_NS = 500_000_000
 _PERIOD_NS = 1_000_000

@@ -83,8 +83,9 @@ class DriveReports(CanopenDevice):
             self.counters["unexpected"] += 1
         self._syncs_owed = 0
         position = self._unwrapper.step(raw) * self._position_of
-        self.reading = DriveReading(arrival_ns, statusword, position, per_mille * self.torque_of)
+        # The state first: another thread must not find the old state under a new time.
         before, self.shown = self.shown, cia402.decode(statusword)
+        self.reading = DriveReading(arrival_ns, statusword, position, per_mille * self.torque_of)
         if self.shown is before:
             return
         if self.shown is State.UNKNOWN:

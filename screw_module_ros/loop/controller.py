@@ -95,7 +95,7 @@ class VerticalController:
             sample.velocity,
             self.handle_force,
             *self.wanted.at(now_ns),
-            not self.reason and self._enabled is not False,
+            not self.reason and self._enabled is True,
             slot.force_x,
             slot.weight,
         )

@@ -143,6 +143,12 @@ class VerticalDrive:
         with suppress(DeviceError):
             self.idle(now_ns)
 
+    def release(self, now_ns: int) -> None:
+        """Close the permit and write zero, after an error that ends the loop."""
+        self.permit.close()
+        with suppress(Exception):
+            self._write(0.0, now_ns)
+
     def _pump(self, now_ns: int, until_ns: int = 0) -> None:
         self._pumped_ns = now_ns
         self._port.pump(until_ns)

@@ -62,7 +62,8 @@ class JointSettings(NamedTuple):
     ] = 0.005
     speed: Annotated[float, Setting("fastest plausible joint velocity", "rad/s", 0.1, 50.0)] = 6.0
     jump: Annotated[
-        float, Setting("largest change of an angle within one period", "rad", 1e-4, 1.0)
+        float, Setting("largest change of an angle within one period; after a gap, within as many "
+                       "as `silence`", "rad", 1e-4, 1.0)
     ] = 0.02
     silence: Annotated[
         float, Setting("ticks without both positions that latch a fault", "periods", 2.0, 100.0)
@@ -72,6 +73,9 @@ class JointSettings(NamedTuple):
 class PlaneLimits(NamedTuple):
     """Limits that stop the plane, besides those of drives and law."""
 
+    force_required: Annotated[
+        bool, Setting("without a force sample the plane cannot be enabled")
+    ] = True
     handle_force_limit: Annotated[
         float, Setting("planar handle force that stops the plane", "N", 1.0, 1000.0)
     ] = 150.0
@@ -122,7 +126,7 @@ class Joint:
         before, seen = motion.position, motion.seen
         motion.take(position, periods * self._period_ns)
         step = motion.position - before
-        if seen and abs(step) > settings.jump * periods:
+        if seen and abs(step) > settings.jump * min(periods, settings.silence):
             motion.homed = False
             return f"jumped by {step:.3f} rad"
         if abs(motion.velocity) > settings.speed:
@@ -213,6 +217,17 @@ class Plane:
     # One tick ------------------------------------------------------------------------------
 
     def step(self) -> None:
+        """Do one tick; whatever goes wrong in it, both drives get a last zero."""
+        try:
+            self._step()
+        except BaseException:
+            self.permit.close()
+            for drive in self._drives:
+                with suppress(Exception):
+                    drive.write(0.0, self._clock.now_ns())
+            raise
+
+    def _step(self) -> None:
         """Do one tick.
 
         The driver latches errors of the bus; state and diagnostics show them. Permit and writes run
@@ -394,6 +409,8 @@ class Plane:
         """Enable both drives; return why not, empty if done. clock: see `Permit.enable`."""
         if not self.homed:
             return "not homed: call ~/home first"
+        if self._limits.force_required and not self._forces.seen:
+            return "force sensor: no sample yet"
         return self.permit.enable(clock)
 
     def clear_fault(self, clock: Clock) -> str:

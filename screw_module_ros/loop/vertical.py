@@ -103,6 +103,15 @@ class VerticalLoop:
         self._periods = 0
 
     def step(self, parts: Parts) -> None:
+        """Do one period; whatever goes wrong in it, the drive gets a last zero."""
+        try:
+            self._step(parts)
+        except BaseException:
+            if parts.drive:
+                parts.drive.release(self._clock.now_ns())
+            raise
+
+    def _step(self, parts: Parts) -> None:
         """Do one period. A controller alone has no ticks: samples are its clock."""
         encoder, force_sensor, controller, drive = parts
         if not (encoder or force_sensor or drive):

@@ -16,6 +16,7 @@ from screw_module_ros.calibration.selection import (
 from screw_module_ros.control.limits import TRIAL_RATE, CommandLimits, TorqueLimits
 from screw_module_ros.control.linearization import IDENTITY
 from screw_module_ros.control.torque_chain import COLD, TorqueChain, largest_command
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
@@ -122,7 +123,7 @@ class AmplifierNode(DriveNode):
 
     def leave(self) -> str:
         """Shut the drive down cleanly; return the errors."""
-        return self.drives[0].shutdown()
+        return drive_group.leave(self.drives, self.port)
 
     # Hot loop ------------------------------------------------------------------------------
 

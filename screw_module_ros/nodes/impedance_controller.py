@@ -53,7 +53,7 @@ from .support.states import (
 from .support.topics import offered
 from .support.wire import pack_command
 
-_SAMPLES = (graph.ENCODER, graph.FORCE)
+_SAMPLES = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
 class ControllerSettings(NamedTuple):

@@ -217,10 +217,10 @@ class Permit:
         self.close()
         return ""
 
-    def clear(self) -> str:
-        """Clear what is latched; the gate stays closed."""
-        if self.phase != CLOSED:
-            return self.fault.reason  # it has come just now, and closes the gate first
+    def clear(self, known: str) -> str:
+        """Clear what is latched, and the fault `known`; the gate stays closed."""
+        if self.phase != CLOSED or self.fault.reason != known:
+            return self.fault.reason  # it has come just now
         self.fault.clear()
         self.latched, self._closed_because = False, NOT_ENABLED
         return ""
@@ -285,13 +285,14 @@ class Permit:
 
         Raises DeviceError when a restarted drive cannot be configured again.
         """
+        known = self.fault.reason
         for drive in self.drives:
             if drive.fault:
                 drive.clear_fault()
         clock.wait_for(
             lambda: not any(drive.recovering for drive in self.drives), self._recovery_s + _ANSWER_S
         )
-        return self._drive_fault() or self.requests.ask(self.clear, clock)
+        return self._drive_fault() or self.requests.ask(lambda: self.clear(known), clock)
 
 
 class Guard(NamedTuple):

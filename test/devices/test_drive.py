@@ -648,3 +648,24 @@ def test_excess_torque_of_35_newtons_does_not_last(wire, enabled, drive_end):
         seen += 1
     assert seen < 40
     assert "Nm of torque" in enabled.fault
+
+
+@pytest.mark.parametrize(("ticks", "lost"), [(180, False), (230, True)])
+def test_a_drive_that_was_silent_may_have_restarted_and_is_configured_anew(
+    wire, drive, drive_end, ticks, lost
+):
+    drive_end.answering = False
+    for n in range(ticks):
+        if n % 50 == 0:
+            wire.emit(0x701, "05")
+        tick(wire, drive)
+    drive_end.answering = True
+    assert drive.altered == lost
+    assert drive.fault == ("the vertical drive was silent and may have restarted" if lost else "")
+    writes = len(drive_end.writes)
+    if lost:
+        drive.clear_fault()
+    assert (len(drive_end.writes) > writes) == lost
+    for _ in range(5):
+        tick(wire, drive)
+    assert drive.fault == ""

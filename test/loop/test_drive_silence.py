@@ -8,6 +8,8 @@ from bench import PERIOD_NS, Bench
 
 from screw_module_ros.loop.plane import JointSettings, Plane
 
+MS = 1_000_000
+
 
 def silent_for(bench: Bench, ticks: int) -> None:
     bench.rig.inject("elbow", "cable_out", 0.0, 0.0, bench.now_ns)
@@ -44,6 +46,17 @@ def test_an_enabled_drive_that_says_nothing_is_a_fault_of_the_controller(enabled
     assert controller.faulted, "until a reset"
     controller.reset(now_ns)
     assert controller.reason == ""
+
+
+def test_no_force_before_the_drive_has_said_that_it_gives_torque(enabled):
+    """Nothing to compare the encoder with: frozen, it would go unseen."""
+    controller = enabled.controller
+    controller._enabled = None
+    sample = controller.answered
+    later = sample._replace(sequence=sample.sequence + 1, monotonic_ns=sample.monotonic_ns + MS)
+    controller.wanted.ask((enabled.home + 0.05,), (0.0,), later.monotonic_ns)
+    output = controller.on_encoder(later, later.monotonic_ns)
+    assert (controller.reason, output.force) == ("", 0.0)
 
 
 def test_a_controller_without_an_amplifier_waits_without_a_fault(bench):

@@ -68,7 +68,7 @@ def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
     """Asked for while enabled, as for another node: the loop finds both in one tick."""
     permit = enabled.axis.permit
     permit.fault.set("20 deadlines missed in a row")
-    permit.requests.put(permit.clear)
+    permit.requests.put(lambda: permit.clear(permit.fault.reason))
     enabled.ticks(5)
     assert not enabled.torque_passes
     assert permit.faulted and permit.reason == "20 deadlines missed in a row"

@@ -79,3 +79,14 @@ def test_a_plane_that_never_had_a_force_sensor_works(bench):
     assert bench.enable_plane() == ""
     bench.ticks(100)
     assert bench.plane.permit.enabled
+
+
+def test_without_a_force_sample_the_plane_is_not_enabled(bench):
+    """Neither its limit of 150 N nor the check for a frozen position would act."""
+    bench.plane_hears_force = False
+    bench.plane.restart()
+    bench.ticks(30)
+    assert bench.plane.take_home(bench.now_ns) == ""
+    assert bench.enable_plane() == "force sensor: no sample yet"
+    sent(bench)
+    assert bench.enable_plane() == ""

@@ -15,13 +15,17 @@ from screw_module_ros.devices.errors import BusError
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.ticker import Tick
-from screw_module_ros.safety.permit import PermitSettings
+from screw_module_ros.safety.permit import CLOSED, PermitSettings
 
 MS = 1_000_000
 
 
 def fails(*_):
     raise BusError("the cable is out")
+
+
+def fails_unforeseen(*_):
+    raise ZeroDivisionError
 
 
 @pytest.mark.parametrize("failing", ["request", "pump"])
@@ -44,3 +48,31 @@ def test_the_vertical_drive_is_no_other():
     drive.idle = idle.append
     drive.end(Tick(1, 5 * MS, 6 * MS, 0), lambda drives, now_ns: None)
     assert idle == [5 * MS]
+
+
+def test_an_error_that_ends_the_loop_leaves_no_torque(enabled):
+    """The drive's own deadline would end it 20 ms later; a drive without that guard never would."""
+    enabled.setpoint = (enabled.home + 0.02, 0.0)
+    enabled.ticks(100)
+    assert abs(enabled.axis.last.command) > 0.01
+    enabled.controller.count = fails_unforeseen
+    with pytest.raises(ZeroDivisionError):
+        enabled.tick()
+    assert enabled.axis.last.command == 0.0
+    assert enabled.axis.permit.phase == CLOSED
+
+
+def test_nor_does_one_in_the_plane(bench):
+    bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
+    assert bench.enable_plane() == ""
+    bench.ticks(600)
+    written = [drive.write for drive in bench.planar_drives]
+    last: list[float] = []
+    for drive, write in zip(bench.planar_drives, written, strict=True):
+        drive.write = lambda torque, now_ns, write=write: last.append(torque) or write(torque, now_ns)
+    bench.plane.meter.tick = fails_unforeseen
+    with pytest.raises(ZeroDivisionError):
+        bench.tick()
+    assert max(map(abs, last[:2])) > 0.1
+    assert last[-2:] == [0.0, 0.0]
+    assert bench.plane.permit.phase == CLOSED

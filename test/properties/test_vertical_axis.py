@@ -280,14 +280,14 @@ class AxisMachine(Machine):
                 drive.clear_fault()
         self.work(20)
         if not self.drive.fault:
-            self.ask(self.axis.permit.clear)
+            self.ask(lambda: self.axis.permit.clear(self.axis.permit.fault.reason))
 
     @precondition(lambda self: self.axis.permit.enabled)
     @rule(force=st.sampled_from((150.0, 20.0, -20.0, -150.0)))
     def start_of_ramp_is_gentle(self, force):
         """From the gate's opening on the torque grows with time, whichever way it is asked for."""
         self.disable()
-        self.work(3, force)
+        self.work(25, force)  # a disabling takes 20 ms
         self.ask(self.axis.permit.open)
         self.asked = True
         self.work(20, force)

@@ -167,7 +167,7 @@ def test_after_a_latch_clear_comes_before_enable(opened, happens, wrong, reason,
     assert (reason in refusal) == latched
     assert (permit.phase == CLOSED) == latched
     opened.ask(permit.shut)
-    assert opened.ask(permit.clear) == ""
+    assert opened.ask(lambda: permit.clear(permit.fault.reason)) == ""
     assert opened.ask(permit.open) == ""
 
 
@@ -223,8 +223,19 @@ def test_disable_closes_and_keeps_a_latch(opened):
 
 
 def test_clear_does_not_touch_an_open_gate(opened):
-    assert opened.ask(opened.permit.clear) == ""
+    assert opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason)) == ""
     assert opened.step() == 1.0
+
+
+def test_a_fault_that_comes_while_a_drive_recovers_is_not_cleared_with_the_old_one():
+    gate = Gate()
+    gate.permit.fault.set("a jump")
+    gate.step()
+    known = gate.permit.fault.reason
+    gate.permit.fault.clear()
+    gate.permit.fault.set("beyond 150 N")
+    assert gate.ask(lambda: gate.permit.clear(known)) == "beyond 150 N"
+    assert gate.permit.faulted
 
 
 def test_missed_deadlines_stop_only_while_torque_passes(opened):
@@ -233,7 +244,7 @@ def test_missed_deadlines_stop_only_while_torque_passes(opened):
     opened.permit.missed(20, 20)
     assert opened.step() == 0.0
     assert opened.permit.reason == "20 deadlines missed in a row"
-    opened.ask(opened.permit.clear)
+    opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason))
     opened.permit.missed(20, 20)
     assert opened.permit.fault.reason == ""
 
