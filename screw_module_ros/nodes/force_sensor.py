@@ -15,7 +15,7 @@ from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
 from .support.answering import Done
-from .support.driver import RateSettings, SensorNode
+from .support.driver import SensorNode
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health, fill_wrench
 from .support.topics import offered
@@ -45,12 +45,11 @@ class ForceSensorNode(SensorNode):
 
     def connect(self) -> None:
         """Find the sensor and read its calibration."""
-        rate = self.parameters.read(RateSettings).rate
-        settings = self.parameters.read(ForceSensorSettings)._replace(rate=rate)
+        settings = self.rated(ForceSensorSettings)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
         self.add_device(ForceSensor(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
-        self._wrench_every = max(1, round(rate / wrench_rate))
+        self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
         self._taring = Taring(self, self.new_inbox(), self.clock)
 
@@ -67,7 +66,6 @@ class ForceSensorNode(SensorNode):
 
     def end(self) -> None:
         """Stop polling."""
-        self.stop_polls()
         self.device.stop()
 
     def publish(self, reading: ForceReading) -> None:

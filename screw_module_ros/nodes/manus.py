@@ -83,15 +83,13 @@ class ManusNode(DriveNode):
         self._take_setpoint = inbox.subscribe(*requested(graph.SETPOINT))
         self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
-        self.want_one_sender(graph.FORCE_DECIMATED)
-        self.follow_permission(inbox, PLANAR)
+        self.follow(inbox, PLANAR, alone=graph.FORCE_DECIMATED)
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
         """Start the drives, disabled."""
         self._plane.restart()
         self.start_drives()
-        self.start_polls()
 
     def leave(self) -> str:
         """Shut both drives down cleanly; return the errors."""
@@ -143,7 +141,7 @@ class ManusNode(DriveNode):
 
     def enable(self) -> str:
         """Enable both drives; return why not, empty if done. Refused while not homed."""
-        return self.two_senders() or self._plane.enable(self.clock)
+        return self._senders.count() or self._plane.enable(self.clock)
 
     def clear_fault(self) -> str:
         """Recover; a drive that restarted must be homed again."""
