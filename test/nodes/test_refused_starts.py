@@ -37,7 +37,7 @@ def run(*words: str, program: str = "endpoint_state") -> subprocess.CompletedPro
         (["--ros-args", "-p", "rate:=["], "rate"),
         (["--ros-args", "-r", "__ns:=/a b"], "__ns:=/a b"),
         (["--ros-args", "-p", "rate:=fast"], "rate = 'fast': a value of type float is wanted"),
-        (["--ros-args", "--params-file", "/nonexistent"], "/nonexistent cannot be read: No such file"),
+        (["--ros-args", "--params-file", "/nonexistent"], "/nonexistent cannot be read"),
         (["--ros-args", "--params-file", FILE], "mine.yaml is no YAML"),
     ],
 )
