@@ -53,7 +53,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(AmplifierSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(LinearizationSettings)
-        self.parameters.declare(DriveSettings, without=("rate",))
+        self.parameters.declare(DriveSettings)
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
@@ -66,7 +66,7 @@ class AmplifierNode(DriveNode):
 
     def connect(self) -> None:
         """Find the drive, configure it and its guards."""
-        settings = self.rated(DriveSettings)
+        settings = self.parameters.read(DriveSettings)
         self._screw = self.parameters.read(Screw)
         linearization, self._state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)

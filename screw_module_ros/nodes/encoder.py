@@ -25,13 +25,13 @@ class EncoderNode(SensorNode):
 
     def __init__(self):
         super().__init__("encoder")
-        self.parameters.declare(EncoderSettings, without=("rate",))
+        self.parameters.declare(EncoderSettings)
         self.parameters.declare(Screw)
         self.serve(Trigger, "~/home", self._home)
 
     def connect(self) -> None:
         """Find and configure the encoder."""
-        settings = self.rated(EncoderSettings)
+        settings = self.parameters.read(EncoderSettings)
         port = self.open_port(f"encoder node {settings.node_id}")
         encoder = Encoder(port, settings, screw=self.parameters.read(Screw))
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)

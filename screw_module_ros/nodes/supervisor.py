@@ -139,11 +139,8 @@ class SupervisorNode(Node):
         decision, self._state = decide(self._settings, self._state, self._reports(now), now)
         message, state = self._message, self._state
         self.stamp(message.header)
-        message.level = decision.level
-        message.motion_permitted = decision.motion_permitted
-        message.vertical_permitted = decision.vertical_permitted
-        message.planar_permitted = decision.planar_permitted
-        message.reasons = list(decision.reasons)
+        for name, value in decision._asdict().items():  # named as the message's fields
+            setattr(message, name, value)
         message.estopped = state.estopped
         message.vertical_locked = state.locked
         message.resets = state.resets

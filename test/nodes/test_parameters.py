@@ -175,3 +175,15 @@ def test_a_parameter_without_a_name_is_refused(make):
     (refused,) = made.node.set_parameters([Parameter("", value=5)])
     assert not refused.successful and "empty name" in refused.reason
     assert not made.node.has_parameter("")
+
+
+def test_a_name_is_one_parameter_for_all_records_that_have_it(make):
+    """The rate of a device is that of its node, with the node's bounds."""
+
+    class Device(NamedTuple):
+        stiffness: Annotated[float, Setting("another text", "N/m", 0.0, 1e6)] = 7.0
+
+    made = make("spring.stiffness:=250.0")
+    made.parameters.declare(Device, "spring")
+    assert made.parameters.read(Device, "spring") == Device(250.0)
+    assert made.node.describe_parameter("spring.stiffness").description.startswith("spring [N/m]")

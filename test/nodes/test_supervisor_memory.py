@@ -162,12 +162,19 @@ def test_garbage_counts_as_an_emergency_stop(supervisor, content):
     assert reset(node) == "" and not path.exists()
 
 
-def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(supervisor, folder):
+def test_a_file_that_cannot_be_read_or_written_is_told_and_the_node_goes_on(
+    supervisor, folder, monkeypatch
+):
+    said = []
+    log = SimpleNamespace(warning=said.append, info=said.append, error=said.append)
+    monkeypatch.setattr(SupervisorNode, "get_logger", lambda self: log)
     folder.write_text("no folder")
     node = supervisor()
     node._publish(1)
-    assert node._publisher.told[-1][0], "not read: stopped"
-    assert estop(node) == "" and reset(node) == ""
+    assert node._publisher.told[-1][0], "not read: nobody knows whether it was stopped"
+    assert "emergency stop" in said[0] and str(folder) in said[0]
+    assert reset(node) == "" and estop(node) == ""
+    assert any("would lose it" in sentence for sentence in said)
 
 
 def test_each_name_and_domain_has_its_own(folder, monkeypatch):

@@ -71,11 +71,6 @@ class DriverNode(Node):
         if warning:
             self.get_logger().warning(warning)
 
-    def rated(self, kind: type) -> Any:
-        """Return the settings `kind` of a device, with this node's rate."""
-        rate = self.parameters.read(RateSettings).rate
-        return self.parameters.read(kind)._replace(rate=rate)
-
     def disconnect(self) -> None:
         """Close the bus and release the device locks."""
         if self.port is not None:

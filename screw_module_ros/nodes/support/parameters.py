@@ -50,14 +50,15 @@ class Parameters:
     ) -> None:
         """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
 
-        Fields in `without` keep their default and do not become parameters; `defaults` replace the
-        tuple's own. Raises SettingError for a bad value at start.
+        A name that is declared already is the same parameter: the `rate` of a device is that of its
+        node. Fields in `without` keep their default and do not become parameters; `defaults`
+        replace the tuple's own. Raises SettingError for a bad value at start.
         """
         group = self._defaults[kind, prefix] = kind(**defaults)
         for field in fields(kind).values():
-            if field.name in without or not field.setting.text:
-                continue
             name = _join(prefix, field.name)
+            if field.name in without or not field.setting.text or name in self._fields:
+                continue
             self._fields[name] = (kind, field)
             self._declare_one(name, field, getattr(group, field.name))
 
