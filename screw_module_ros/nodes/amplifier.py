@@ -25,13 +25,12 @@ from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
-from .support import topics
-from .support.driver import RateSettings, device_values
+from .support.driver import device_values
 from .support.drives import VERTICAL, DriveNode
 from .support.runtime import main as run_node
 from .support.states import Due, Health, fill_amplifier, latency_values, timing_values
-from .support.topics import offered
-from .support.wire import COMMAND, Command
+from .support.topics import offered, requested
+from .support.wire import Command
 
 _TRIALS = "characterize"  # the node that sets limits for torque trials, and restores them
 
@@ -55,7 +54,7 @@ class AmplifierNode(DriveNode):
         self.parameters.declare(AmplifierSettings)
         self.parameters.declare(CalibrationSettings)
         self.parameters.declare(LinearizationSettings)
-        self.parameters.declare(DriveSettings, without=("rate",))
+        self.parameters.declare(DriveSettings)
         self.parameters.declare(TorqueLimits, "torque")
         self.parameters.declare(CommandLimits)
         self.parameters.declare(Screw)
@@ -68,8 +67,7 @@ class AmplifierNode(DriveNode):
 
     def connect(self) -> None:
         """Find the drive, configure it and its guards."""
-        rate = self.parameters.read(RateSettings).rate
-        settings = self.parameters.read(DriveSettings)._replace(rate=rate)
+        settings = self.parameters.read(DriveSettings)
         self._screw = self.parameters.read(Screw)
         linearization, self._state.calibration = chosen_linearization(
             self.parameters.read(CalibrationSettings), self.parameters.read(LinearizationSettings)
@@ -87,12 +85,9 @@ class AmplifierNode(DriveNode):
         self.configure_drives(Drive(port, settings, "vertical drive", per_turn=self._screw.lead))
         self.check_bus_load(self.drives[0].traffic)
         self.get_logger().info(f"linearization: {self._state.calibration}")
-        inbox = self.new_inbox()
-        self._take_command = inbox.subscribe(
-            COMMAND, graph.FORCE_COMMAND, topics.COMMAND, wakes=True
-        )
-        self.want_one_sender(graph.FORCE_COMMAND)
-        self.follow_permission(inbox, VERTICAL)
+        self._commands = self.new_inbox()
+        self._take_command = self._commands.subscribe(*requested(graph.FORCE_COMMAND), wakes=True)
+        self.follow(self._commands, VERTICAL, alone=graph.FORCE_COMMAND)
         self._publish = self.outlet(*offered(graph.AMPLIFIER_STATE))
 
     def begin(self) -> None:
@@ -119,7 +114,6 @@ class AmplifierNode(DriveNode):
         )
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
         self.start_drives()
-        self.start_polls()
 
     def leave(self) -> str:
         """Shut the drive down cleanly; return the errors."""
@@ -137,7 +131,7 @@ class AmplifierNode(DriveNode):
         A command that arrives exactly then belongs to the next tick: the loop takes it after that
         tick's SYNC and the drive's answer, so the result does not depend on process speed.
         """
-        self._inbox.wait(until_ns)
+        self._commands.wait(until_ns)
         return self._take_command(early=self.clock.now_ns() < until_ns)
 
     def publish_state(self, now_ns: int) -> None:

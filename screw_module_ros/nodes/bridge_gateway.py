@@ -35,7 +35,7 @@ from screw_module_ros.clock import WallClock
 
 from .support import topics
 from .support.inbox import HotGroup, never
-from .support.timers import Timers
+from .support.threads import Timers
 from .support.topics import is_served
 
 _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now

@@ -25,8 +25,7 @@ from screw_module_ros.graph import BESIDE, BUSES, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.resources import resource_path
 
-from .support.command_line import Rule, arguments
-from .support.parameter_files import read_file, strangers
+from .support.arguments import arguments, unread_sections
 from .support.place import keep_to_this_machine, open_to_network
 from .support.runtime import TELL_WHERE, stop_on_signals
 
@@ -80,7 +79,7 @@ def plan(
     four parts. wall_clock: the simulated rig runs in real time. first_port: of the rig's four CAN
     ports, None for those of the file.
 
-    Raises ParameterError for a file that cannot be read, ValueError for a name that is not in the
+    Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
     table and for ports without a simulated rig.
     """
     if first_port is not None and not simulation:
@@ -98,7 +97,7 @@ def plan(
         chosen(simulation, only, without, composed),
         [*words, *extra],
         above,
-        strangers(read_file(path), [*known, *BESIDE], above),
+        unread_sections(path, [*known, *BESIDE], above),
     )
 
 
@@ -109,7 +108,7 @@ def checked_values(values: Sequence[str]) -> list[str]:
     """
     known = {node for composed in (False, True) for e in table(composed) for node in e.nodes}
     for value in values:
-        rules: tuple[Rule, ...] = arguments(["--ros-args", "-p", value]).rules
+        rules = arguments(["--ros-args", "-p", value]).rules
         if not rules:
             raise ValueError(f"-p {value}: NODE:NAME:=VALUE is wanted")
         if rules[0].node and rules[0].node not in known:

@@ -14,7 +14,7 @@ from screw_module_ros.loop.vertical import Wires
 from screw_module_ros.samples import EncoderReading
 
 from .support.answering import Done
-from .support.driver import RateSettings, SensorNode, TorqueOff
+from .support.driver import SensorNode, TorqueOff
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health
 from .support.wire import pack_encoder
@@ -25,14 +25,13 @@ class EncoderNode(SensorNode):
 
     def __init__(self):
         super().__init__("encoder")
-        self.parameters.declare(EncoderSettings, without=("rate",))
+        self.parameters.declare(EncoderSettings)
         self.parameters.declare(Screw)
         self.serve(Trigger, "~/home", self._home)
 
     def connect(self) -> None:
         """Find and configure the encoder."""
-        rate = self.parameters.read(RateSettings).rate
-        settings = self.parameters.read(EncoderSettings)._replace(rate=rate)
+        settings = self.parameters.read(EncoderSettings)
         port = self.open_port(f"encoder node {settings.node_id}")
         encoder = Encoder(port, settings, screw=self.parameters.read(Screw))
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)
@@ -46,7 +45,6 @@ class EncoderNode(SensorNode):
 
     def end(self) -> None:
         """Stop the samples."""
-        self.stop_polls()
         try:
             self.device.stop()
         except DeviceError as error:

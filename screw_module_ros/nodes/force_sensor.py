@@ -15,12 +15,14 @@ from screw_module_ros.samples import ForceReading
 from screw_module_ros.settings import Setting
 
 from .support.answering import Done
-from .support.driver import RateSettings, SensorNode
+from .support.driver import SensorNode, TorqueOff
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Health, fill_wrench
 from .support.topics import offered
 from .support.wire import pack_force
-from .taring import Taring
+
+_GATHER_S = 3.0
+_JUMPS = "would jump"
 
 
 class WrenchSettings(NamedTuple):
@@ -36,8 +38,9 @@ class ForceSensorNode(SensorNode):
 
     def __init__(self):
         super().__init__("force_sensor")
-        self.parameters.declare(ForceSensorSettings, without=("rate",))
+        self.parameters.declare(ForceSensorSettings)
         self.parameters.declare(WrenchSettings)
+        self._gathering: list[ForceReading] | None = None  # for the service that tares
         self._wrench = WrenchStamped()
         self._wrench.header.frame_id = "handle"
         self.serve(Trigger, "~/tare", self._tare)
@@ -45,14 +48,13 @@ class ForceSensorNode(SensorNode):
 
     def connect(self) -> None:
         """Find the sensor and read its calibration."""
-        rate = self.parameters.read(RateSettings).rate
-        settings = self.parameters.read(ForceSensorSettings)._replace(rate=rate)
+        settings = self.parameters.read(ForceSensorSettings)
         port = self.open_port(f"force sensor 0x{settings.base_id:02x}")
         self.add_device(ForceSensor(port, settings), graph.FORCE, graph.FORCE_DECIMATED)
         wrench_rate = self.parameters.read(WrenchSettings).wrench_rate
-        self._wrench_every = max(1, round(rate / wrench_rate))
+        self._wrench_every = max(1, round(settings.rate / wrench_rate))
         self._send_wrench = self.outlet(*offered(graph.WRENCH))
-        self._taring = Taring(self, self.new_inbox(), self.clock)
+        self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
 
     def begin(self) -> None:
         """Start the samples; an activation also clears a latched fault.
@@ -67,7 +69,6 @@ class ForceSensorNode(SensorNode):
 
     def end(self) -> None:
         """Stop polling."""
-        self.stop_polls()
         self.device.stop()
 
     def publish(self, reading: ForceReading) -> None:
@@ -76,21 +77,34 @@ class ForceSensorNode(SensorNode):
         if reading.sequence % self._wrench_every == 0:
             fill_wrench(self._wrench, reading)
             self._send_wrench(self._wrench)
-        self._taring.note(reading)
+        gathering = self._gathering  # the service may end the collection meanwhile
+        if gathering is not None:
+            gathering.append(reading)
 
     def _tare(self, request: Trigger.Request) -> str:
-        self._taring.permitted()
-        if self.device.fault:
-            self.device.clear_fault()
-        readings = self._taring.gathered(self.device.settings.tare_samples)
-        self._taring.permitted()  # somebody may have enabled meanwhile
+        """Tare, only while the vertical drive gives no torque.
+
+        With force feedback the patient would feel the removed bias at once, multiplied by the gain.
+        """
         device = self.device
+        self._torque_off.check(_JUMPS)
+        if device.fault:
+            device.clear_fault()
+        readings = self._next_readings(device.settings.tare_samples)
+        self._torque_off.check(_JUMPS)  # somebody may have enabled meanwhile
         return self.part.requests.ask(
             lambda: Done(f"tared, removing {_bias_text(device.tare(readings))}"), self.clock
         )
 
+    def _next_readings(self, count: int) -> list[ForceReading]:
+        """Return the next `count` readings; fewer if they do not come in time."""
+        readings = self._gathering = []
+        self.clock.wait_for(lambda: len(readings) >= count, _GATHER_S)
+        self._gathering = None
+        return readings[:count]
+
     def _untare(self, request: Trigger.Request) -> str:
-        self._taring.permitted()
+        self._torque_off.check(_JUMPS)
         device = self.device
         return self.part.requests.ask(
             lambda: Done(f"back to removing {_bias_text(device.untare())}"), self.clock

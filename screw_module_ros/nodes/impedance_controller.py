@@ -36,7 +36,6 @@ from screw_module_ros.settings import Setting
 from .controller_inputs import ControllerInputs
 from .support.answering import Done
 from .support.driver import RateSettings
-from .support.drives import Senders
 from .support.node import Node
 from .support.runtime import main as run_node
 from .support.states import (
@@ -92,7 +91,6 @@ class ImpedanceControllerNode(Node):
         self._friction: ChosenFriction | None = None
         self._replaced: dict[str, tuple[float, float]] = {}  # by a calibration: before, after
         self._certificate: Certificate | None = None
-        self._senders: Senders | None = None
         self.serve(SetImpedance, "~/set_impedance", self._set_impedance, always=True)
         self.serve(SetControlMode, "~/set_mode", self._set_mode, always=True)
 
@@ -110,7 +108,7 @@ class ImpedanceControllerNode(Node):
         self._load(chosen)
         forces, others = self.new_inbox(), self.new_inbox()
         self._inputs = ControllerInputs(others, forces)
-        self._senders = Senders(self, [topic for topic in _SAMPLES if topic not in self.direct])
+        self._senders = self.senders(*(topic for topic in _SAMPLES if topic not in self.direct))
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
 
@@ -174,15 +172,12 @@ class ImpedanceControllerNode(Node):
 
     def end(self) -> None:
         """Send a last zero, so that the amplifier does not continue with the last force."""
-        if self._inbox is not None and self.part is not None and self.part.answered is not None:
+        if self.part is not None and self.part.answered is not None:
             self.publish_command(self.part.answered, NO_FORCE, self.part.mode)
 
     def disconnect(self) -> None:
-        """Remove the topics; no certificate holds any more."""
+        """No certificate holds any more."""
         self._certificate = None
-        if self._senders is not None:
-            self._senders.close()
-            self._senders = None
 
     def refusal(self, changes: Mapping[str, Any]) -> str:
         """Return why the law cannot run with these parameters, or goes beyond the certificate."""

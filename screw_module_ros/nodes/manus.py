@@ -12,19 +12,33 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
+from screw_module_ros.devices.canopen import Heartbeat
+from screw_module_ros.devices.drive import Drive
+from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.loop.plane import JointSettings, Plane, PlaneLimits, PlaneWires
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.safety.checks import FreezeSettings
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
-from .planar_drives import JOINTS, declare_drives, make_drives, read_drives
 from .support.answering import Done
 from .support.driver import RateSettings, device_values
 from .support.drives import PLANAR, DriveNode
 from .support.runtime import main as run_node
 from .support.states import Health, fill_plane, impedance_text
 from .support.topics import SlotInbox, offered, requested
+
+_JOINTS = {"shoulder": 3, "elbow": 4}
+"""Prefix of a drive's parameters -> node id."""
+
+
+class SharedSettings(NamedTuple):
+    """Settings that both drives share."""
+
+    master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 113
+    allow_unguarded: Annotated[
+        bool, Setting("DANGER: enable drives that do not stop when this program hangs")
+    ] = False
 
 
 class ManusSettings(NamedTuple):
@@ -40,7 +54,12 @@ class ManusNode(DriveNode):
         super().__init__("manus", rate=500.0)
         self.parameters.declare(ManusSettings)
         self.parameters.declare(PlaneLimits)
-        declare_drives(self.parameters)
+        self.parameters.declare(SharedSettings)
+        for joint, node_id in _JOINTS.items():
+            self.parameters.declare(
+                DriveSettings, joint, ("rate", *SharedSettings._fields), node_id=node_id,
+                rated_torque=10.0, max_torque=25.0, counts_per_turn=65536,
+            )  # fmt: skip
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
@@ -57,10 +76,17 @@ class ManusNode(DriveNode):
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
         law = self.parameters.read(PlanarSettings).validated()
-        settings = read_drives(self.parameters, self.parameters.read(RateSettings).rate, law)
+        settings = [
+            self._drive_settings("shoulder", law.shoulder_torque),
+            self._drive_settings("elbow", law.elbow_torque),
+        ]
         names = [f"drive node {each.node_id}" for each in settings]
         port = self.open_port(*names, f"master {settings[0].master_id}")
-        self.configure_drives(*make_drives(port, settings))
+        beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
+        self.configure_drives(*(
+            Drive(port, each, f"{joint} drive", beat)
+            for joint, each in zip(_JOINTS, settings, strict=True)
+        ))
         self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])
         self._state_every = self.parameters.read(ManusSettings).state_every
         self._plane = Plane(
@@ -78,20 +104,30 @@ class ManusNode(DriveNode):
         )
         self._make_topics()
 
+    def _drive_settings(self, joint: str, largest: float) -> DriveSettings:
+        """Return the settings of a drive.
+
+        largest: torque of the law; also the drive's own limit, unless max_torque is smaller.
+        """
+        found = self.parameters.read(DriveSettings, joint)
+        return found._replace(
+            rate=self.parameters.read(RateSettings).rate,
+            max_torque=min(found.max_torque, largest),
+            **self.parameters.read(SharedSettings)._asdict(),
+        )
+
     def _make_topics(self) -> None:
         inbox = self.new_inbox()
         self._take_setpoint = inbox.subscribe(*requested(graph.SETPOINT))
         self._take_force = inbox.subscribe(*requested(graph.FORCE_DECIMATED))
         self._slot = SlotInbox(inbox, vertical=False)
-        self.want_one_sender(graph.FORCE_DECIMATED)
-        self.follow_permission(inbox, PLANAR)
+        self.follow(inbox, PLANAR, alone=graph.FORCE_DECIMATED)
         self._publish = self.outlet(*offered(graph.MANUS_STATE))
 
     def begin(self) -> None:
         """Start the drives, disabled."""
         self._plane.restart()
         self.start_drives()
-        self.start_polls()
 
     def leave(self) -> str:
         """Shut both drives down cleanly; return the errors."""
@@ -143,7 +179,7 @@ class ManusNode(DriveNode):
 
     def enable(self) -> str:
         """Enable both drives; return why not, empty if done. Refused while not homed."""
-        return self.two_senders() or self._plane.enable(self.clock)
+        return self._senders.count() or self._plane.enable(self.clock)
 
     def clear_fault(self) -> str:
         """Recover; a drive that restarted must be homed again."""
@@ -169,7 +205,7 @@ class ManusNode(DriveNode):
             "slot refused": self._slot.refused or "no",
             **self.port_values(self._plane.skipped),
         }
-        for joint, drive in zip(JOINTS, self.drives, strict=True):
+        for joint, drive in zip(_JOINTS, self.drives, strict=True):
             values[f"{joint} state"] = drive.state(now_ns).text
             counters = device_values(drive.counters)
             values.update({f"{joint} {name}": count for name, count in counters.items()})

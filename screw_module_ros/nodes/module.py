@@ -16,9 +16,9 @@ from __future__ import annotations
 from rcl_interfaces.msg import SetParametersResult
 
 from screw_module_ros import graph
-from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.settings import SettingError
 
 from .amplifier import AmplifierNode
 from .encoder import EncoderNode
@@ -26,44 +26,21 @@ from .force_sensor import ForceSensorNode
 from .impedance_controller import ImpedanceControllerNode
 from .support.driver import RateSettings
 from .support.node import Node
-from .support.parameters import ParameterError
 from .support.runtime import run_together
+from .support.threads import run_loop
 
-_IDLE_S = 0.05
 _BY_CALLS = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
-class ModuleLoop:
-    """The hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
+def run(nodes: list[Node]) -> None:
+    """Run the hot loop of the four nodes: encoder, force sensor, controller, amplifier."""
+    period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
+    loop = VerticalLoop(nodes[0].clock, period_ns, wires_of(*nodes))
 
-    def __init__(self, nodes: list[Node]):
-        self._nodes = nodes
-        self._stopping = nodes[0].stopping
-        self._clock = nodes[0].clock
-        period_ns = period_of(nodes[0].parameters.read(RateSettings).rate)
-        self._loop = VerticalLoop(self._clock, period_ns, wires_of(*nodes))
+    def step(active: list[Node]) -> None:
+        loop.step(Parts(*(node.part if node in active else None for node in nodes)))
 
-    def run(self) -> None:
-        """Run until the nodes are to stop."""
-        try:
-            while not self._stopping.is_set():
-                if not self._step():
-                    self._clock.idle()
-                    self._stopping.wait(_IDLE_S)
-        except TimeStandsStill as error:  # only raised here when the process is to end
-            self._nodes[0].get_logger().warning(str(error))
-
-    def _step(self) -> bool:
-        """Do one period with the active nodes; return whether there were any."""
-        entered = [node for node in self._nodes if node.enters()]
-        try:
-            if entered:
-                parts = [node.part if node in entered else None for node in self._nodes]
-                self._loop.step(Parts(*parts))
-        finally:
-            for node in entered:
-                node.leaves()
-        return bool(entered)
+    run_loop(nodes, step)
 
 
 def wires_of(
@@ -86,14 +63,14 @@ def wires_of(
 
 
 def make_nodes() -> list[Node]:
-    """Return the four nodes. Raises ParameterError when their rates are not one rate."""
+    """Return the four nodes. Raises SettingError when their rates are not one rate."""
     controller = ImpedanceControllerNode()
     controller.direct = _BY_CALLS
     nodes = [EncoderNode(), ForceSensorNode(), controller, AmplifierNode()]
     rates = {node.get_name(): node.parameters.read(RateSettings).rate for node in nodes}
     if len(set(rates.values())) > 1:
         listed = ", ".join(f"{name}: {rate:g}" for name, rate in rates.items())
-        raise ParameterError(f"one loop drives all nodes of `module`, their rates differ: {listed}")
+        raise SettingError(f"one loop drives all nodes of `module`, their rates differ: {listed}")
     for node in nodes:
         node.add_on_set_parameters_callback(_keep_rate)
     return nodes
@@ -108,4 +85,4 @@ def _keep_rate(parameters) -> SetParametersResult:
 
 def main() -> int:
     """Console entry point."""
-    return run_together("module", make_nodes, lambda nodes: ModuleLoop(nodes).run())
+    return run_together("module", make_nodes, run)

@@ -9,7 +9,6 @@ survive a restart of the process. A latched stop also does, unless the process e
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -31,7 +30,7 @@ from screw_module_ros.safety.supervision import (
 from screw_module_ros.settings import Setting
 
 from .support.answering import Done
-from .support.node import Node
+from .support.node import ACTIVE, INACTIVE, Node
 from .support.place import Kept
 from .support.runtime import main as run_node
 from .support.states import ERROR, OK, WARN, Health, RateMeter
@@ -79,7 +78,7 @@ class SupervisorNode(Node):
             self.get_logger().warning(
                 "the saved stop and lock cannot be read, so the supervisor starts with an "
                 "emergency stop; check whether the pin of the vertical axis is in "
-                f"(~/lock_vertical), then call ~/reset ({self._kept.place}: {error})"
+                f"(~/lock_vertical), then call ~/reset ({self._kept.path}: {error})"
             )
             return supervision.estop(SupervisorState())
         if kept := supervision.kept(state):
@@ -94,7 +93,7 @@ class SupervisorNode(Node):
         except OSError as error:
             self.get_logger().warning(
                 "the stop or lock cannot be saved, so a restart of the supervisor would lose it: "
-                f"{self._kept.place}: {error}"
+                f"{self._kept.path}: {error}"
             )
 
     def connect(self) -> None:
@@ -121,17 +120,11 @@ class SupervisorNode(Node):
         self._state = self._state._replace(enabled=False)
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
-    def close(self, ended: Callable[[], None] = lambda: None) -> None:
+    def finish(self) -> None:
         """End in order: without safety_state the drives stop, and no latched stop is kept."""
-        was_connected = self._inbox is not None
-
-        def left() -> None:
-            if was_connected:
-                with self._changing:  # at a graph's end the last node sees the others missing
-                    self._keep(self._state._replace(latched=()))
-            ended()
-
-        super().close(left)
+        if self.phase in (INACTIVE, ACTIVE):
+            with self._changing:  # at a graph's end the last node sees the others missing
+                self._keep(self._state._replace(latched=()))
 
     def step(self) -> None:
         """Decide and publish the decision."""
@@ -146,11 +139,8 @@ class SupervisorNode(Node):
         decision, self._state = decide(self._settings, self._state, self._reports(now), now)
         message, state = self._message, self._state
         self.stamp(message.header)
-        message.level = decision.level
-        message.motion_permitted = decision.motion_permitted
-        message.vertical_permitted = decision.vertical_permitted
-        message.planar_permitted = decision.planar_permitted
-        message.reasons = list(decision.reasons)
+        for name, value in decision._asdict().items():  # named as the message's fields
+            setattr(message, name, value)
         message.estopped = state.estopped
         message.vertical_locked = state.locked
         message.resets = state.resets

@@ -96,7 +96,7 @@ class TherapySessionNode(Node):
 
     def connect(self) -> None:
         """Make the topics."""
-        inbox = self.new_inbox()
+        self._inbox = inbox = self.new_inbox()
         self._take = inbox.subscribe(
             *requested(graph.ENDPOINT_STATE, topics.EACH_STATE), wakes=True
         )

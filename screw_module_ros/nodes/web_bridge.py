@@ -140,10 +140,7 @@ class WebBridgeNode(Node):
     def _token_file(self, listening: Listening) -> Path:
         if listening.token_file:
             return Path(listening.token_file).expanduser()
-        folder = state_folder()
-        if folder is None:
-            raise ValueError("no place for the tokens: set token_file, XDG_STATE_HOME or HOME")
-        return folder / "screw_module_ros" / "web_bridge" / "tokens.json"
+        return state_folder() / "web_bridge" / "tokens.json"
 
     def changed(self, kind: type) -> None:
         """Apply live parameters."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client of the running graph: services with deadlines, newest states, diagnostics.
+"""A client of the running graph: waits, services with deadlines, newest states, diagnostics.
 
 Every call either succeeds or raises RobotError, which names the node and quotes its message.
 """
@@ -7,24 +7,20 @@ Every call either succeeds or raises RobotError, which names the node and quotes
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
-from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
-from screw_module_ros.clock import WallClock
+from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.lockstep.clock import Calls, simulated_clock
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.loop.ticker import BACK_OFF_S
@@ -33,10 +29,11 @@ from ..nodes.support import topics
 from ..nodes.support.inbox import Inbox
 from ..nodes.support.place import choose_transport
 from ..nodes.support.topics import Newest, is_served
-from .waiting import POLL_NS, RobotError, Waiting
 
-_SERVE_S = 0.5
 ANSWER_S = 10.0
+_SERVE_S = 0.5
+_POLL_NS = 20_000_000
+_STANDS_NS = 60_000_000_000  # wall clock: a stopped rig, as in a debugger, may continue
 _LOST_S = 1.0
 _READY_S = 90.0
 _FIRST_ASK_NS, _ASK_AGAIN_NS = 200_000_000, 1_000_000_000
@@ -51,11 +48,16 @@ _STATES = {
 }
 
 
-class Client(Waiting):
+class RobotError(RuntimeError):
+    """A request to the robot failed; the message names the node and quotes it."""
+
+
+class Client:
     """A client of the whole graph. Not thread-safe: one thread calls it.
 
     watch: called in every wait; may raise to end it, for instance when a process died. simulated:
-    use the rig's time: waits use it, and it does not advance before a request is answered.
+    use the rig's time: waits use it, and it does not advance before a request is answered. clock:
+    of the waits.
     """
 
     def __init__(
@@ -65,7 +67,8 @@ class Client(Waiting):
         watch: Callable[[], None] = lambda: None,
         simulated: bool = False,
     ):
-        super().__init__(simulated_clock(name, namespace) if simulated else WallClock(), watch)
+        self.clock = simulated_clock(name, namespace) if simulated else WallClock()
+        self.watch = watch
         reach = choose_transport()
         self._context = Context()
         self._context.init()
@@ -116,6 +119,62 @@ class Client(Waiting):
                 self._executor.spin_once(timeout_sec=_SERVE_S)
             except InvalidHandle:  # the client's thread destroyed what rclpy was about to wait for
                 self._closing.wait(BACK_OFF_S)
+
+    # Waits ---------------------------------------------------------------------------------
+
+    def pause(self, seconds: float) -> None:
+        """Wait, watching."""
+        self.pause_until(self.clock.now_ns() + round(seconds * 1e9))
+
+    def pause_until(self, due_ns: int) -> None:
+        """Wait until it is `due_ns` by the client's clock [ns], watching."""
+        while (now_ns := self.clock.now_ns()) < due_ns:
+            self.watch()
+            self._sleep_until(min(due_ns, now_ns + _POLL_NS))
+
+    def _sleep_until(self, until_ns: int, ends: Sequence[End] = ()) -> None:
+        """Wait until `until_ns`, or for an answer at `ends`.
+
+        Raises RobotError when simulated time stands because its rig has ended, or for long.
+        """
+        end_ns = _WALL.now_ns() + _STANDS_NS
+        while True:
+            try:
+                if ends:
+                    self.clock.member.wait(until_ns, ends)
+                else:
+                    self.clock.sleep_until(until_ns)
+                return
+            except TimeStandsStill as error:
+                self.watch()  # a process that has ended gives a better message
+                if not self.clock.has_rig or _WALL.now_ns() > end_ns:
+                    raise RobotError(str(error)) from None
+
+    def wait_until(self, condition: Callable[[], Any], deadline_s: float, what: str) -> None:
+        """Wait for `condition`, watching. Raises RobotError(`what` ...) at the deadline."""
+        if not self.met(condition, deadline_s):
+            raise RobotError(f"{what} (waited {deadline_s:g} s){self.complaints_text()}")
+
+    def met(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        """Wait for `condition`, watching; return whether it was met before the deadline."""
+        end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
+        while not condition():
+            if self.clock.now_ns() > end_ns:
+                return False
+            self.pause(_POLL_NS * 1e-9)
+        return True
+
+    def met_by_wall(self, condition: Callable[[], Any], deadline_s: float) -> bool:
+        """Like `met`, by wall clock, for the start of processes."""
+        end_ns = _WALL.now_ns() + round(deadline_s * 1e9)
+        self.clock.idle()
+        while not condition():
+            if _WALL.now_ns() > end_ns:
+                return False
+            self.watch()
+            self.clock.idle()  # each time: a condition that calls a service holds time afterwards
+            _WALL.sleep_until(_WALL.now_ns() + _POLL_NS)
+        return True
 
     # Nodes ---------------------------------------------------------------------------------
 
@@ -222,76 +281,40 @@ class Client(Waiting):
         """Call a service and return its response. Raises RobotError without an answer in time."""
         client = self.client(kind, service)
         self.wait_until(lambda: self.is_offered(client), deadline_s, f"nobody offers {service}")
-        with self._under_way(kind, service) as ends:
-            future = client.call_async(request or kind.Request())
-            end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
-            while not future.done():
-                self.watch()
-                now_ns = self.clock.now_ns()
-                if now_ns > end_ns:
-                    self.wait_until(future.done, 0.0, f"{service} did not answer")
-                self._await(future, now_ns + POLL_NS, ends)
+        answer = self._announced(kind, service)
+        answered = threading.Event()
+        future = client.call_async(request or kind.Request())
+        future.add_done_callback(lambda _: answered.set())
+        end_ns = self.clock.now_ns() + round(deadline_s * 1e9)
+        while not future.done():
+            self.watch()
+            now_ns = self.clock.now_ns()
+            if now_ns > end_ns:
+                self.wait_until(future.done, 0.0, f"{service} did not answer")
+            elif answer is not None:
+                self._await(answered, now_ns + _POLL_NS, answer)
+            elif not answered.wait(_POLL_NS * 1e-9) and self.clock.simulated:
+                self.clock.sleep_until(now_ns + _POLL_NS)  # its node may need time for the answer
         return future.result()
 
-    def _await(self, future: Any, until_ns: int, ends: list[End]) -> None:
-        """Wait until `until_ns` for an answer; simulated time waits for one that was sent."""
-        if not ends:
-            answered = threading.Event()
-            future.add_done_callback(lambda _: answered.set())
-            if not answered.wait(POLL_NS * 1e-9) and self.clock.simulated:
-                self.clock.sleep_until(until_ns)  # its node may need time for the answer
-            return
-        self.sleep_until(until_ns, ends)
-        answered = threading.Event()
-        if ends[0].pending:
-            future.add_done_callback(lambda _: answered.set())
-            if answered.wait(_LOST_S):
-                ends[0].catch_up()
-            else:
-                ends[0].let_go()
-
-    @contextmanager
-    def _under_way(self, kind: type, service: str):
-        """Make a request hold simulated time until its node has it; yield the answer's end.
+    def _announced(self, kind: type, service: str) -> End | None:
+        """Make a request hold simulated time until its node has it; return the answer's end.
 
         Only services that the node offers with `Node.serve` count; rclpy's own do not.
         """
         if not (self.clock.simulated and hasattr(kind.Response, "message")):
-            yield []
-            return
+            return None
         node = self.node.resolve_service_name(service).rpartition("/")[0]
         if node not in self._calls:
             self._calls[node] = self.clock.calls(node)
-        calls = self._calls[node]
-        calls.begin()
-        yield [calls.answer]
+        self._calls[node].begin()
+        return self._calls[node].answer
 
-    def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
-        """Like `call`; return the response's message, raise RobotError with it when refused."""
-        response = self.call(kind, service, request, deadline_s)
-        if not response.success:
-            raise RobotError(f"{service} was refused: {response.message}")
-        return response.message
-
-    def trigger(self, service: str, deadline_s: float = ANSWER_S) -> str:
-        """Call a Trigger service, like `ask`."""
-        return self.ask(Trigger, service, deadline_s=deadline_s)
-
-    def set_parameter(self, node: str, name: str, value: Any) -> None:
-        """Set one parameter; raises RobotError as `set_parameters`."""
-        self.set_parameters(node, {name: value})
-
-    def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
-        """Set parameters in one request, all or none: some are allowed only together.
-
-        Raises RobotError with the node's reason.
-        """
-        if not values:
-            return
-        changes = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-        request = SetParametersAtomically.Request(parameters=changes)
-        service = f"{node}/set_parameters_atomically"
-        result = self.call(SetParametersAtomically, service, request).result
-        if not result.successful:
-            listed = ", ".join(f"{name} = {value!r}" for name, value in values.items())
-            raise RobotError(f"{node} refused {listed}: {result.reason}")
+    def _await(self, answered: threading.Event, until_ns: int, answer: End) -> None:
+        """Wait until `until_ns` for an answer; simulated time waits for one that was sent."""
+        self._sleep_until(until_ns, (answer,))
+        if answer.pending:
+            if answered.wait(_LOST_S):
+                answer.catch_up()
+            else:
+                answer.let_go()

@@ -12,11 +12,13 @@ Every call either succeeds or raises RobotError, which names the node and quotes
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import Point, Vector3
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
 from screw_module_msgs.msg import (
     AmplifierState,
     EndpointSetpoint,
@@ -76,14 +78,46 @@ class Robot(Client):
         super().__init__(*args, **kwargs)
         self._setpoint = EndpointSetpoint()
         self._setpoint.header.frame_id = "manus_base"
-        self._setpoints = Outlet(
-            self.node, self.clock, *offered(graph.SETPOINT)
-        )
+        self._setpoints = Outlet(self.node, self.clock, *offered(graph.SETPOINT))
 
     def close(self) -> None:
         """Leave the graph."""
         self._setpoints.close()
         super().close()
+
+    # Requests ------------------------------------------------------------------------------
+
+    def ask(self, kind: type, service: str, request: Any = None, deadline_s: float = ANSWER_S):
+        """Like `call`; return the response's message, raise RobotError with it when refused."""
+        response = self.call(kind, service, request, deadline_s)
+        if not response.success:
+            raise RobotError(f"{service} was refused: {response.message}")
+        return response.message
+
+    def trigger(self, service: str, deadline_s: float = ANSWER_S) -> str:
+        """Call a Trigger service, like `ask`."""
+        return self.ask(Trigger, service, deadline_s=deadline_s)
+
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set one parameter; raises RobotError as `set_parameters`."""
+        self.set_parameters(node, {name: value})
+
+    def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        """Set parameters in one request, all or none: some are allowed only together.
+
+        Raises RobotError with the node's reason.
+        """
+        if not values:
+            return
+        changes = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
+        request = SetParametersAtomically.Request(parameters=changes)
+        service = f"{node}/set_parameters_atomically"
+        result = self.call(SetParametersAtomically, service, request).result
+        if not result.successful:
+            listed = ", ".join(f"{name} = {value!r}" for name, value in values.items())
+            raise RobotError(f"{node} refused {listed}: {result.reason}")
+
+    # Actions -------------------------------------------------------------------------------
 
     def home(self) -> None:
         """Home encoder and plane: nut and arm stand at their reference marks, at rest."""

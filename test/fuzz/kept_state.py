@@ -18,8 +18,7 @@ from screw_module_ros.safety.supervision import SupervisorState
 
 _DAMAGE = (blanked, flipped, inserted, removed, scattered, truncated)
 _ODD = (
-    "null", "[]", "{}", "0", "1e999", "NaN", '"x"', "true", "[" * 100_000, '{"a":' * 50_000,
-    " " * 70_000,
+    "null", "[]", "{}", "0", "1e999", "NaN", '"x"', "true", " " * 70_000,
     '{"estopped": 1, "locked": false, "latched": []}', '{"estopped": null}', "\ufeff{}", "\x00",
     '{"estopped": false, "locked": false, "latched": [1]}', "9" * 5000,
 )  # fmt: skip

@@ -24,8 +24,7 @@ from screw_module_ros.calibration.module import (
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification.catalogue import EXPERIMENTS, settings_from_yaml
 from screw_module_ros.nodes.bringup import plan
-from screw_module_ros.nodes.support.command_line import arguments, overrides
-from screw_module_ros.nodes.support.parameter_files import read_file
+from screw_module_ros.nodes.support.arguments import arguments, overrides, sections
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol
@@ -66,7 +65,7 @@ class YamlInputs:
             ("module", lambda path: load_module_calibration(path, "SIM-1"), [module]),
             ("plant", load_world, [plant]),
             ("protocol", load_protocol, protocols),
-            ("parameter file", read_file, [sim, bench]),
+            ("parameter file", sections, [sim, bench]),
             ("bringup's file", lambda path: plan(params=path), [sim, bench]),
         ]
 
@@ -98,7 +97,7 @@ class YamlInputs:
     def _command_line(self, rng: random.Random) -> None:
         rule = rng.choice(("rate:=", "encoder:rate:=", ":=", "", "a.b:=")) + _value(rng)
         words = [rng.choice(("-p", "--param", "-r")), rule]
-        self._read("-p", lambda: overrides("encoder", arguments(["--ros-args", *words])))
+        self._read("-p", lambda: overrides("encoder", arguments(["--ros-args", *words]).rules))
 
     def _read(self, name: str, read: Callable[[], Any]) -> None:
         try:

@@ -28,12 +28,13 @@ def node(make_node):
     return make_node("endpoint_state")
 
 
-def test_a_parameter_of_no_type_is_refused_and_the_others_are_set(node):
-    request = SetParameters.Request(parameters=[ODD, RATE])
-    odd, rate = call(node, "set_parameters", request).results
-    assert not odd.successful and "joint_states_rate: ValueError: 77" in odd.reason
-    assert rate.successful
-    assert node.get_parameter("rate").value == 100.0
+def test_a_request_with_a_parameter_of_no_type_is_refused_and_sets_nothing(node):
+    before = node.get_parameter("rate").value
+    request = SetParameters.Request(parameters=[RATE, ODD])
+    results = call(node, "set_parameters", request).results
+    assert len(results) == 2
+    assert all(not each.successful and "ValueError: 77" in each.reason for each in results)
+    assert node.get_parameter("rate").value == before
 
 
 def test_all_or_nothing_is_nothing(node):
@@ -58,12 +59,11 @@ def test_what_goes_well_is_as_before(node):
 
 _FAILS = """
 import sys
-from screw_module_ros.nodes.support import runtime
+from screw_module_ros.nodes.support import runtime, threads
 from screw_module_ros.nodes.endpoint_state import EndpointStateNode
-def serve(executor, node, ended):
-    node.stopping.set()
+def serve(service, executor):
     raise RuntimeError("of this test")
-runtime._serve = serve
+threads.ServiceThread._serve = serve
 sys.argv = ["endpoint_state"]
 sys.exit(runtime.main(EndpointStateNode))
 """

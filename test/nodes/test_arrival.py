@@ -62,7 +62,7 @@ def test_a_system_clock_that_was_set_back_makes_nothing_newer_than_now():
 
 def permit_after(clock: Clock, *arrivals_ns: int) -> Permit:
     inbox = SimpleNamespace(subscribe=lambda *_: received(clock, *arrivals_ns))
-    node = SimpleNamespace(periodic=SimpleNamespace(every=lambda *_: None), clock=clock)
+    node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
     permit = Permit([], Requests(), PermitSettings(), MS)
     Permission(node, inbox, VERTICAL).pass_on(permit, clock.now_ns())
     return permit

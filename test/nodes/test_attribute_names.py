@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""No class of a node takes an attribute's name that a class above it, or rclpy, uses already.
+"""No class of a node takes a name that a class above it, or rclpy, uses for itself already.
 
 `therapy_session` once replaced an attribute of its base class, and ended at its first diagnostics.
 """
@@ -20,10 +20,11 @@ MEANT = {"_phase", "_failure", "drives", "hardware_id", "port"}
 """Attributes that a base class initializes for those below it."""
 
 
-def assigned(kind: type) -> set[str]:
-    """Return the names that a class assigns to its instances."""
+def taken(kind: type) -> set[str]:
+    """Return the names that a class assigns to its instances, and those of its private methods."""
+    private = {name for name in vars(kind) if name.startswith("_") and not name.endswith("__")}
     tree = ast.parse(textwrap.dedent(inspect.getsource(kind)))
-    return {
+    return private | {
         node.attr
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store)
@@ -46,6 +47,6 @@ def test_names_are_used_once(name, of_rclpy):
     ours = [kind for kind in node_class(name).__mro__ if "screw_module_ros" in kind.__module__]
     known = dict.fromkeys(of_rclpy, "rclpy")
     for kind in reversed(ours):
-        twice = {each: known[each] for each in assigned(kind) & known.keys() - MEANT}
+        twice = {each: known[each] for each in taken(kind) & known.keys() - MEANT}
         assert not twice, f"{kind.__name__} takes names of {twice}"
-        known |= dict.fromkeys(assigned(kind), kind.__name__)
+        known |= dict.fromkeys(taken(kind), kind.__name__)

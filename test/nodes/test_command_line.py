@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.nodes.support.command_line import Arguments, Rule, arguments, overrides
-from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.nodes.support.arguments import Arguments, Rule, arguments, overrides
+from screw_module_ros.settings import SettingError
 from screw_module_ros.trials.graph_run import recordings_in
 
 LEFT = ("-r", "__ns:=/left")
@@ -14,23 +14,19 @@ LEFT = ("-r", "__ns:=/left")
 
 def values(name: str, *words: str) -> dict:
     given = arguments(["--ros-args", *words])
-    return {parameter.name: parameter.value for parameter in overrides(name, given)}
+    return {parameter.name: parameter.value for parameter in overrides(name, given.rules)}
 
 
 def test_what_a_command_line_says():
     words = ["one", "--ros-args", "--params-file", "a.yaml", "-p", "n:x:=1", "--param", "y:=a:=b",
-             "-r", "n:__node:=m", "-r", "t:=u", "--log-level", "debug", "--", "two"]  # fmt: skip
+             "-r", "t:=u", "--log-level", "debug", "--", "two"]  # fmt: skip
     assert arguments(words) == Arguments(
-        ("a.yaml",), (Rule("n", "x", "1"), Rule("", "y", "a:=b")), (("n", "m"),), ("one", "two")
+        ["a.yaml"], [Rule("n", "x", "1"), Rule("", "y", "a:=b")], ["one", "two"]
     )
 
 
 def test_a_rule_for_the_node_wins_over_one_for_all():
     assert values("n", "-p", "n:x:=1", "-p", "x:=2", "-p", "m:x:=3") == {"x": 1}
-
-
-def test_a_new_name_counts():
-    assert values("n", "-r", "__node:=m", "-p", "m:x:=1", "-p", "n:x:=2") == {"x": 1}
 
 
 @pytest.mark.parametrize(
@@ -46,7 +42,7 @@ def test_values_are_what_rcl_takes_them_for(text, value):
     "text", ["[", "{a: 1}", "[1, a]", "*x", "9" * 5000]
 )
 def test_a_value_that_cannot_be_is_named(text):
-    with pytest.raises(ParameterError, match="parameter x = "):
+    with pytest.raises(SettingError, match="parameter x = "):
         values("n", "-p", f"x:={text}")
 
 

@@ -32,8 +32,7 @@ class Inbox:
 def test_a_command_of_the_next_tick_waits_for_its_sync(make_node, comes_ns, taken):
     node = make_node("amplifier")
     node.clock = ManualClock(9 * MS)
-    node._inbox = Inbox(node.clock, comes_ns)
+    node._commands = Inbox(node.clock, comes_ns)
     node._take_command = lambda early: Command(9, 9 * MS, 1.0) if early else None
     found = node.take_command(10 * MS)
-    node._inbox = None
     assert (found is not None) == taken

@@ -5,30 +5,24 @@ from types import SimpleNamespace
 
 import pytest
 
-from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes.support.states import OK, WARN, Health
-from screw_module_ros.nodes.support.timers import Timers
-
-S = 1_000_000_000
 
 
 @pytest.mark.parametrize("name", ["encoder", "force_sensor"])
 def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
-    node, fault, entries = make_node(name), [""], []
-    node.clock, node.periodic = ManualClock(S), Timers()
+    node, entries, said = make_node(name), [], []
     node._diagnostics = SimpleNamespace(publish=entries.append)
-    node.start_polls(lambda: fault[0])
-    said = []
+    node.device = SimpleNamespace(fault="")
+    node._active.set()
+    node.health = lambda: Health(OK, node.device.fault, {})
     for text in ("", "status bit 4", "status bit 4", "status bit 6", ""):
-        fault[0] = text
-        if node.periodic.is_due():  # then the loop wakes the thread that publishes
-            node.periodic.run()
-        said.append(len(entries))
-    assert said == [0, 1, 1, 2, 3]
-    node.stop_polls()
-    fault[0] = "late"
-    node.periodic.run()
-    assert len(entries) == 3
+        assert node.enters()
+        node.device.fault = text
+        node.leaves()
+        said.append([status.message for entry in entries for status in entry.status])
+        entries.clear()
+    assert said == [[], ["status bit 4"], [], ["status bit 6"], [""]]
+    node._active.clear()
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ def amplifier(make_node):
     def make(**given: float) -> Node:
         node = make_node("amplifier", *(w for k, v in given.items() for w in ("-p", f"{k}:={v}")))
         node.part = SimpleNamespace(permit=SimpleNamespace(enable=lambda clock: ""))
+        node._senders = SimpleNamespace(count=lambda: "")
         return node
 
     return make

@@ -8,9 +8,9 @@ import yaml
 
 from screw_module_ros.graph import BUSES, GRAPH
 from screw_module_ros.nodes.bringup import BENCH_PARAMETERS, SIMULATION_PARAMETERS
-from screw_module_ros.nodes.support.parameters import ParameterError
 from screw_module_ros.plant.world import load_world
 from screw_module_ros.resources import resource_path
+from screw_module_ros.settings import SettingError
 
 FILES = {
     SIMULATION_PARAMETERS: [entry.executable for entry in GRAPH],
@@ -55,14 +55,14 @@ def test_the_node_takes_what_the_file_says(make_node, file, name, namespace):
 def test_every_parameter_is_described(make_node, name):
     """`ros2 param describe` has a sentence for each parameter of ours."""
     node = make_node(name)
-    for parameter in node.parameters.as_text():
+    for parameter in node.parameters._fields:
         assert len(node.describe_parameter(parameter).description) > 5, parameter
 
 
 @pytest.mark.parametrize("name", FILES[SIMULATION_PARAMETERS])
 def test_an_unknown_parameter_is_refused(make_node, name):
     """A misspelt name stops the start, with the names there are."""
-    with pytest.raises(ParameterError, match="no_such_parameter is unknown to node"):
+    with pytest.raises(SettingError, match="no_such_parameter is unknown to node"):
         make_node(name, "-p", "no_such_parameter:=1")
 
 

@@ -4,26 +4,29 @@
 from __future__ import annotations
 
 import pytest
+import rclpy
 
-from screw_module_ros.nodes.support.parameter_files import (
+from screw_module_ros.nodes.support.arguments import (
+    Arguments,
     matches,
-    notices,
-    read_file,
-    strangers,
+    only_for_all,
+    sections,
+    unread_sections,
 )
-from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.nodes.support.runtime import _begin
+from screw_module_ros.settings import SettingError
 
 NODES = ("encoder", "amplifier")
 
 
 @pytest.fixture
 def file(tmp_path):
-    """Return a maker of parameter files from text."""
+    """Return a maker of parameter files from text; it returns the path."""
 
-    def make(text: str):
+    def make(text: str) -> str:
         path = tmp_path / "mine.yaml"
         path.write_text(text)
-        return read_file(str(path))
+        return str(path)
 
     return make
 
@@ -45,66 +48,58 @@ def test_patterns(pattern, node, fits):
     assert matches(pattern, node) is fits
 
 
-def test_a_file_with_nothing_for_the_node_is_named_with_the_way_out(file):
-    given = file("encoder:\n  ros__parameters: {rate: 1.0}\n")
-    assert notices([given], "/encoder") == []
-    (told,) = notices([given], "/left/encoder")
-    assert "has no parameters for /left/encoder" in told
-    assert "write /**/encoder: in place of encoder:" in told
-
-
-def test_a_section_for_all_is_not_the_node_s_own(file):
-    given = file("/**:\n  ros__parameters: {use_sim_time: true}\n")
-    assert len(notices([given], "/encoder")) == 1
-
-
 def test_nested_namespaces_are_followed(file):
-    given = file("left:\n  encoder:\n    ros__parameters:\n      can: {port: 5}\n")
-    assert given.own("/left/encoder") == ["/left/encoder"]
-    assert notices([given], "/left/encoder") == []
+    path = file("left:\n  encoder:\n    ros__parameters:\n      can: {port: 5}\n")
+    assert sections(path) == {"/left/encoder": {"can.port"}}
 
 
 def test_what_only_a_section_for_all_gives(file):
-    given = file(
+    path = file(
         "/**:\n  ros__parameters:\n    lead: 0.02\n    can: {port: 5}\n    rate: 1.0\n"
         "/**/encoder:\n  ros__parameters: {rate: 2.0}\n"
     )
-    assert given.shared("/encoder") == {"lead", "can.port"}
+    assert only_for_all([sections(path)], "/encoder") == {"lead", "can.port"}
 
 
 def test_a_misspelt_node_is_told_with_the_right_one(file):
-    given = file(
+    path = file(
         "/**/encodr:\n  ros__parameters: {rate: 1.0}\n"
         "/**/amplifier:\n  ros__parameters: {rate: 1.0}\n"
         "camera:\n  ros__parameters: {rate: 1.0}\n"
     )
-    first, second = strangers(given, NODES)
+    first, second = unread_sections(path, NODES)
     assert "/**/encodr: is no node of this robot; /**/encoder: is" in first
     assert "camera: is no node of this robot; there are encoder, amplifier" in second
-    assert len(strangers(given, (*NODES, "camera"), "left")) == 2  # camera: is for /camera alone
+    more = (*NODES, "camera")
+    assert len(unread_sections(path, more)) == 1
+    assert len(unread_sections(path, more, "/left")) == 2  # camera: is for /camera alone
 
 
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("a: [", "is no YAML"),
-        ("", "it has no `ros__parameters:`"),
-        ("encoder: {rate: 1.0}", "no `ros__parameters:`"),
-        ("ros__parameters: {rate: 1.0}", "outside of any node"),
-        ("encoder: {ros__parameters: 5}", "has no values"),
-        ("'': {ros__parameters: {rate: 1.0}}", "a section in / has no name"),
-        ("/: {ros__parameters: {rate: 1.0}}", "a section in / has no name"),
-        ("left: {'': {ros__parameters: {rate: 1.0}}}", "a section in /left has no name"),
-        ("encoder: {ros__parameters: {'': 1.0}}", "a parameter in /encoder has no name"),
-        ("encoder: {ros__parameters: {can: {'': 1}}}", "a parameter in /encoder has no name"),
+        ("", "has no section with `ros__parameters:`"),
+        ("encoder: {rate: 1.0}", "has no section with `ros__parameters:`"),
+        ("ros__parameters: {rate: 1.0}", "no node names before ros__parameters"),
+        ("encoder: {ros__parameters: 5}", "Cannot have a value before ros__parameters"),
+        ("'': {ros__parameters: {rate: 1.0}}", "No key at line 1"),
+        ("/: {ros__parameters: {rate: 1.0}}", "node name must not be empty"),
+        ("left: {'': {ros__parameters: {rate: 1.0}}}", "No key at line 1"),
+        ("encoder: {ros__parameters: {'': 1.0}}", "No key at line 1"),
+        ("encoder: {ros__parameters: {can: {'': 1}}}", "No key at line 1"),
     ],
 )
-def test_a_file_that_is_none_is_refused_by_name(file, text, told):
-    with pytest.raises(ParameterError, match="mine.yaml") as caught:
-        file(text)
+def test_a_file_that_is_none_is_refused_by_name(file, monkeypatch, text, told):
+    """By us or by rcl, before a node is made."""
+    path = file(text)
+    monkeypatch.setattr("sys.argv", ["encoder", "--ros-args", "--params-file", path])
+    with pytest.raises(SettingError, match="mine.yaml") as caught:
+        _begin(Arguments([path], [], []))
     assert told in str(caught.value)
+    assert not rclpy.ok()
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ParameterError, match="nothing.yaml cannot be read: No such file"):
-        read_file(str(tmp_path / "nothing.yaml"))
+    with pytest.raises(SettingError, match="nothing.yaml cannot be read: No such file"):
+        sections(str(tmp_path / "nothing.yaml"))

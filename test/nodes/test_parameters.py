@@ -10,8 +10,8 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from screw_module_ros.nodes.support.parameters import ParameterError, Parameters
-from screw_module_ros.settings import Setting
+from screw_module_ros.nodes.support.parameters import Parameters
+from screw_module_ros.settings import Setting, SettingError
 
 
 class Spring(NamedTuple):
@@ -79,7 +79,7 @@ def test_start_values_reach_the_tuple(make):
 )
 def test_a_bad_start_value_is_named(make, given, told):
     """The refusal names the parameter and what is allowed."""
-    with pytest.raises(ParameterError, match=given.split(":=")[0]) as caught:
+    with pytest.raises(SettingError, match=given.split(":=")[0]) as caught:
         make(given)
     assert told in str(caught.value)
 
@@ -87,7 +87,7 @@ def test_a_bad_start_value_is_named(make, given, told):
 def test_an_unknown_name_is_refused_with_the_known_ones(make):
     """A misspelt parameter is not silently ignored."""
     made = make("spring.stifness:=250.0")
-    with pytest.raises(ParameterError, match=r"spring\.stifness is unknown.*spring\.stiffness"):
+    with pytest.raises(SettingError, match=r"spring\.stifness is unknown.*spring\.stiffness"):
         made.parameters.finish()
 
 
@@ -137,7 +137,7 @@ def test_a_dump_can_be_loaded_again(make):
     made = make()
     made.parameters.finish()
     made.configured.append(True)
-    for name in made.parameters.as_text():
+    for name in made.parameters._fields:
         message = made.node.get_parameter(name).to_parameter_msg()
         (result,) = made.node.set_parameters([Parameter.from_parameter_msg(message)])
         assert result.successful, (name, result.reason)
@@ -175,3 +175,15 @@ def test_a_parameter_without_a_name_is_refused(make):
     (refused,) = made.node.set_parameters([Parameter("", value=5)])
     assert not refused.successful and "empty name" in refused.reason
     assert not made.node.has_parameter("")
+
+
+def test_a_name_is_one_parameter_for_all_records_that_have_it(make):
+    """The rate of a device is that of its node, with the node's bounds."""
+
+    class Device(NamedTuple):
+        stiffness: Annotated[float, Setting("another text", "N/m", 0.0, 1e6)] = 7.0
+
+    made = make("spring.stiffness:=250.0")
+    made.parameters.declare(Device, "spring")
+    assert made.parameters.read(Device, "spring") == Device(250.0)
+    assert made.node.describe_parameter("spring.stiffness").description.startswith("spring [N/m]")

@@ -19,7 +19,7 @@ def refused(field: str, safety: SafetyState) -> str:
     """Return what `~/enable` says after this safety_state."""
     waiting = [safety]
     inbox = SimpleNamespace(subscribe=lambda *_: lambda: waiting.pop() if waiting else None)
-    node = SimpleNamespace(periodic=SimpleNamespace(every=lambda *_: None), clock=None)
+    node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
     permit = Permit([], Requests(), PermitSettings(), MS)
     Permission(node, inbox, field).pass_on(permit, MS)
     answer = permit.requests.put(permit.open)

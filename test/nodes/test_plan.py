@@ -11,22 +11,22 @@ from click.testing import CliRunner
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.bringup import plan
-from screw_module_ros.nodes.support.command_line import arguments, overrides
-from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.nodes.support.arguments import arguments, overrides
+from screw_module_ros.settings import SettingError
 
 
 def given(planned, node: str) -> dict:
     """Return what the planned command line sets for a node."""
     said = arguments(["--ros-args", *planned.common])
-    return {parameter.name: parameter.value for parameter in overrides(node, said)}
+    return {parameter.name: parameter.value for parameter in overrides(node, said.rules)}
 
 
 def test_a_file_that_is_not_there_starts_nothing():
-    with pytest.raises(ParameterError, match="/nonexistent.yaml"):
+    with pytest.raises(SettingError, match="/nonexistent.yaml"):
         plan(params="/nonexistent.yaml")
 
 
-def test_the_packaged_files_have_no_strangers():
+def test_the_packaged_files_have_no_section_that_nobody_reads():
     for simulation in (True, False):
         for composed in (True, False):
             assert plan(simulation, composed=composed, namespace="left").warnings == []

@@ -3,44 +3,55 @@
 
 from __future__ import annotations
 
-import threading
-from types import SimpleNamespace
+from collections.abc import Callable
 
 import pytest
 from rclpy.exceptions import InvalidHandle
 
-from screw_module_ros.nodes.support.runtime import _serve
-from screw_module_ros.nodes.support.timers import Timers
+from screw_module_ros.nodes.support import threads
 
 
 class Executor:
     """Raises what it is given, one after the other, and then lets the thread end."""
 
-    def __init__(self, ended, *errors):
-        self.left, self.ended = list(errors), ended
+    def __init__(self, end: Callable[[], None], *errors: Exception):
+        self.left, self._end = list(errors), end
 
     def spin_once(self, timeout_sec=None):
         if not self.left:
-            self.ended.set()
+            self._end()
             return
         raise self.left.pop(0)
 
+    def add_node(self, node):
+        pass
 
-def _node() -> SimpleNamespace:
-    return SimpleNamespace(
-        stopping=threading.Event(), periodic=Timers(), make_calls=lambda: None
-    )
+    create_task = add_node
 
-
-def test_a_publisher_destroyed_by_another_thread_does_not_end_the_node():
-    ended = threading.Event()
-    executor = Executor(ended, InvalidHandle("destruction was requested"))
-    _serve(executor, _node(), ended)
-    assert not executor.left and ended.is_set()
+    def shutdown(self, timeout_sec):
+        pass
 
 
-def test_any_other_error_ends_the_node():
-    node = _node()
-    with pytest.raises(RuntimeError):
-        _serve(Executor(threading.Event(), RuntimeError()), node, threading.Event())
-    assert node.stopping.is_set()
+@pytest.fixture
+def served(make_node, monkeypatch):
+    """Return a node whose service thread has run until its end, with these errors on the way."""
+
+    def serve(*errors: Exception):
+        node = make_node("endpoint_state")
+        executor = Executor(node.service._ended.set, *errors)
+        monkeypatch.setattr(threads, "SingleThreadedExecutor", lambda: executor)
+        node.service.start(lambda: None)
+        node.service._thread.join(20.0)
+        assert not node.service._thread.is_alive() and not executor.left
+        return node
+
+    return serve
+
+
+def test_a_publisher_destroyed_by_another_thread_does_not_end_the_node(served):
+    assert not served(InvalidHandle("destruction was requested")).service.failed
+
+
+def test_any_other_error_ends_the_node(served):
+    node = served(RuntimeError())
+    assert node.service.failed and node.stopping.is_set()

@@ -13,7 +13,7 @@ from amplifier_told import PatientClock, inbox_with, served_at_once
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.nodes.support.answering import carried_out
-from screw_module_ros.nodes.taring import Taring
+from screw_module_ros.nodes.support.driver import TorqueOff
 
 
 class Device:
@@ -38,7 +38,8 @@ def test_not_while_the_drive_is_enabled_nor_when_it_was_meanwhile(make_node, bef
     node.device = Device()
     node.part = served_at_once()
     states = (None, AmplifierState(enabled=before), None, AmplifierState(enabled=after))
-    node._taring = Taring(node, inbox_with(*states), PatientClock(1))
+    node.clock = PatientClock(1)
+    node._torque_off = TorqueOff(node, inbox_with(*states), node.clock)
     said = carried_out(node, node._tare, None, "~/tare", always=True)
     assert node.device.tared == tared
     assert ("the vertical drive is enabled" in said) is not bool(tared)

@@ -42,7 +42,7 @@ def test_after_an_error_all_is_closed_and_the_node_begins_anew(node, method, ste
         getattr(node, f"trigger_{step}")()
     assert state(node) == State.PRIMARY_STATE_UNCONFIGURED
     assert "device gone" in node.failure
-    assert not node._outlets and not node._inboxes
+    assert not node._inboxes and not node._topics
     assert node.parameters.write(max_age=0.2) == ""
     node.trigger_configure()
     node.trigger_activate()

@@ -13,7 +13,7 @@ import pytest
 from screw_module_msgs.msg import EndpointState, TrialResult
 from std_msgs.msg import Empty
 
-from screw_module_ros.nodes.support.parameters import ParameterError
+from screw_module_ros.settings import SettingError
 
 
 @pytest.fixture
@@ -58,7 +58,7 @@ def test_tokens_that_others_can_read_are_refused(refused, tmp_path):
 
 @pytest.mark.parametrize("given", ["port:=70000", "limits.rate:=1000.0", "limits.size:=1"])
 def test_values_out_of_range_are_refused(make_node, given):
-    with pytest.raises(ParameterError, match=given.split(":=")[0]):
+    with pytest.raises(SettingError, match=given.split(":=")[0]):
         make_node("web_bridge", "-p", given)
 
 

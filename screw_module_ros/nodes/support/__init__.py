@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Base of every node: parameters, lifecycle, diagnostics, the hot loop, topics, locks.
 
-A hot loop is the loop in the main thread of a node's process (see `runtime`); a hot topic is one
+A hot loop is the loop in the main thread of a node's process (see `threads`); a hot topic is one
 whose subscription that loop serves instead of rclpy's executor (see `inbox`).
 """

@@ -14,6 +14,8 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.service import Service
 
 from screw_module_ros.clock import TimeStandsStill
 from screw_module_ros.devices.errors import DeviceError
@@ -25,21 +27,6 @@ class Done(str):
     """Message of a service that succeeded; a plain string is the message of a failure."""
 
     __slots__ = ()
-
-
-def offer(
-    node: Any, kind: type, name: str, action: Callable[[Any], str], done: str, always: bool
-) -> None:
-    """Offer a service of a node, see `Node.serve`."""
-
-    def answer(request: Any, response: Any) -> Any:
-        with node.service.answering():
-            answered = carried_out(node, action, request, name, always)
-        response.success = not answered or isinstance(answered, Done)
-        response.message = str(answered) or done
-        return response
-
-    node.create_service(kind, name, answer)
 
 
 def carried_out(node: Any, action: Callable, request: Any, name: str, always: bool) -> str:
@@ -58,33 +45,26 @@ def carried_out(node: Any, action: Callable, request: Any, name: str, always: bo
 def answer_always(node: Node) -> None:
     """Make every present service of the node answer, whatever its callback raises."""
     for service in node.services:
-        service.callback = _answering(node, service.srv_type, service.srv_name, service.callback)
+        service.callback = _answering(node, service, service.callback)
 
 
-def _answering(node: Node, kind: Any, name: str, callback: Callable) -> Callable:
-    def refused(error: Exception) -> str:
-        reason = f"{type(error).__name__}: {error}"[:_LONGEST]
-        node.get_logger().warning(f"{name}: a request was refused: {reason}")
-        return reason
+def _answering(node: Node, service: Service, callback: Callable) -> Callable:
+    kind = service.srv_type
 
-    def one(request: Any, response: Any) -> Any:
+    def answer(request: Any, response: Any) -> Any:
         try:
+            if kind is SetParameters:  # rclpy sets one after the other, those before an odd one too
+                for parameter in request.parameters:
+                    Parameter.from_parameter_msg(parameter)
             return callback(request, response)
         except Exception as error:
-            answer, reason = kind.Response(), refused(error)
+            reason = f"{type(error).__name__}: {error}"[:_LONGEST]
+            node.get_logger().warning(f"{service.srv_name}: a request was refused: {reason}")
+            refused = SetParametersResult(successful=False, reason=reason)
+            if kind is SetParameters:
+                return kind.Response(results=[refused] * len(request.parameters))
             if kind is SetParametersAtomically:
-                answer.result = SetParametersResult(successful=False, reason=reason)
-            return answer
+                return kind.Response(result=refused)
+            return kind.Response()
 
-    def each(request: Any, response: Any) -> Any:
-        """Set parameters one by one, so that an invalid one does not affect the others."""
-        for parameter in request.parameters:
-            try:
-                part = callback(kind.Request(parameters=[parameter]), kind.Response())
-                response.results.append(part.results[0])
-            except Exception as error:
-                reason = f"{parameter.name}: {refused(error)}"
-                response.results.append(SetParametersResult(successful=False, reason=reason))
-        return response
-
-    return each if kind is SetParameters else one
+    return answer

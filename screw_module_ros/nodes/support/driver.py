@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base of the nodes with CAN devices: bus, device locks, slow polls, sensors, torque off."""
+"""Base of the nodes with CAN devices: bus, device locks, sensors, torque off."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState
@@ -24,7 +23,6 @@ from .inbox import Inbox
 from .node import Node
 from .place import Lock, lock_device, runs
 from .states import ERROR, OK, Health, RateMeter, latency_values
-from .timers import Timer, Watch
 from .topics import offered, requested
 
 _SLOW_POLL_S = 5.0
@@ -50,8 +48,6 @@ class DriverNode(Node):
         self.parameters.declare(RateSettings, rate=rate)
         self.port: Port | None = None
         self._device_locks: list[Lock] = []
-        self._polls: list[Timer | Watch] = []
-        self._reported = ""
         self.bus_load = 0.0
 
     # For subclasses ------------------------------------------------------------------------
@@ -75,36 +71,8 @@ class DriverNode(Node):
         if warning:
             self.get_logger().warning(warning)
 
-    def start_polls(self, fault: Callable[[], str] | None = None) -> None:
-        """Begin the slow polls.
-
-        fault: returns the device's latched fault, for a node without a state message. /diagnostics
-        shows a change of it at once: the supervisor must not permit motion meanwhile.
-        """
-        self._polls = [self.periodic.every(self.clock, _SLOW_POLL_S, self.poll_slow)]
-        if fault is not None:
-            self._reported = fault()
-            changed = self.periodic.when(
-                self.clock, lambda: fault() != self._reported, lambda: self._report(fault())
-            )
-            self._polls.append(changed)
-
-    def _report(self, fault: str) -> None:
-        self._reported = fault
-        self.publish_health()
-
-    def stop_polls(self) -> None:
-        """End the slow polls."""
-        for timer in self._polls:
-            self.periodic.cancel(timer)
-        self._polls = []
-
-    def poll_slow(self) -> None:
-        """Read the device's slow values; in the executor's thread."""
-
-    def close_port(self) -> None:
+    def disconnect(self) -> None:
         """Close the bus and release the device locks."""
-        self.stop_polls()
         if self.port is not None:
             self.port.close()
             self.port = None
@@ -141,6 +109,8 @@ class SensorNode(DriverNode):
         self._rate = RateMeter()
         self.device: Any = None
         self.part: PolledSensor | None = None
+        self._reported = ""
+        self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
 
     def add_device(self, device: Any, topic: str, decimated: str) -> None:
         """Configure the device and offer the topics of its readings; raises DeviceError."""
@@ -158,13 +128,12 @@ class SensorNode(DriverNode):
         self.part = PolledSensor(self.device, self.port, self.clock)
         self._parts = Parts(**{parts: self.part})
         self._loop = VerticalLoop(self.clock, self.period_ns, wires)
-        device = self.device  # the loop may still ask while `disconnect` takes it away
-        self.start_polls(lambda: device.fault)
+        self._reported = self.device.fault
 
     def disconnect(self) -> None:
         """Close the bus."""
         self.device = None
-        self.close_port()
+        super().disconnect()
 
     def step(self) -> None:
         """One tick: request out, reading in, sample out."""
@@ -176,9 +145,20 @@ class SensorNode(DriverNode):
         if sequence % self._slow_every == 0:
             self._publish_slow(data)
 
-    def poll_slow(self) -> None:
+    def leaves(self) -> None:
+        """End the step; a fault, or its end, is on /diagnostics at once.
+
+        The supervisor must not permit motion meanwhile.
+        """
+        if self.device.fault != self._reported:
+            self._reported = self.device.fault
+            self.publish_health()
+        super().leaves()
+
+    def _poll_slow(self) -> None:
         """Read the device's slow values, such as alarms or voltages."""
-        self.device.poll_slow()
+        if self.active:
+            self.device.poll_slow()
 
     def sensor_health(self, shown: dict) -> Health:
         """Return rate, faults and counters; shown: further values."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import islice
 from typing import Any
 
@@ -21,12 +20,12 @@ from .driver import DriverNode
 from .inbox import Inbox
 from .node import Node
 from .states import ERROR, OK, WARN, Health, broken_contract
-from .topics import requested, too_many_senders
+from .topics import Senders, requested
 
-_LOOK_S = 0.1
 _CLEARED = "cleared; call ~/enable to enable"
 VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
 """Fields of SafetyState."""
+
 
 class DriveNode(DriverNode):
     """A node with drives. Subclasses define `permit` and override further methods."""
@@ -35,7 +34,6 @@ class DriveNode(DriverNode):
         super().__init__(name, rate)
         self.parameters.declare(PermitSettings, "gate")
         self.drives: tuple[Drive, ...] = ()
-        self._alone: tuple[str, ...] = ()
         self._senders: Senders | None = None
         self._permission: Permission | None = None
         self.serve(SetBool, "~/enable", self._enable)
@@ -48,17 +46,7 @@ class DriveNode(DriverNode):
 
     def enable(self) -> str:
         """Enable; return why it failed, empty when done."""
-        return self.two_senders() or self.permit.enable(self.clock)
-
-    def two_senders(self) -> str:
-        """Return a message if a topic of `want_one_sender` has several now, else empty."""
-        found = (too_many_senders(self, topic) for topic in self._alone)
-        return next(filter(None, found), "")
-
-    def want_one_sender(self, topic: str) -> None:
-        """Refuse to enable, and stop, while more than one node publishes this topic."""
-        self._alone = (topic,)
-        self._senders = Senders(self, self._alone)
+        return self._senders.count() or self.permit.enable(self.clock)
 
     def clear_fault(self) -> str:
         """Recover; return the remaining fault, empty if none."""
@@ -85,33 +73,31 @@ class DriveNode(DriverNode):
         for warning in drive.warnings:
             self.get_logger().warning(warning)
 
-    def follow_permission(self, inbox: Inbox, field: str) -> None:
-        """Follow this field of safety_state."""
+    def follow(self, inbox: Inbox, field: str, alone: str) -> None:
+        """Follow this field of safety_state.
+
+        alone: a topic that only one node may publish; else enabling is refused, and an open gate
+        closes.
+        """
         self._permission = Permission(self, inbox, field)
+        self._senders = self.senders(alone)
 
     def permission(self, permit: Permit, now_ns: int) -> None:
         """Pass the supervisor's permission to the gate; two senders close an open gate."""
         self._permission.pass_on(permit, now_ns)
-        if self._senders is not None and permit.enabled:
+        if permit.enabled:
             permit.fault.set(self._senders.warning)
 
     def end(self) -> None:
         """Switch the torque off and exit cleanly, so that the next start finds no fault."""
-        self.stop_polls()
         problem = self.leave()
         if problem:
             self.get_logger().warning(f"not shut down cleanly: {problem}")
 
     def disconnect(self) -> None:
         """Close the bus."""
-        if self._permission is not None:
-            self._permission.close()
-            self._permission = None
-        if self._senders is not None:
-            self._senders.close()
-            self._senders = None
         self.drives = ()
-        self.close_port()
+        super().disconnect()
 
     def _enable(self, request: SetBool.Request) -> str:
         if request.data:
@@ -141,7 +127,7 @@ class Permission:
     def __init__(self, node: Node, inbox: Inbox, field: str):
         self._field = field
         self._take = inbox.subscribe(*requested(graph.SAFETY_STATE, topics.PERMISSION))
-        self._senders = Senders(node, [graph.SAFETY_STATE])
+        self._senders = node.senders(graph.SAFETY_STATE)
 
     @property
     def warning(self) -> str:
@@ -159,11 +145,6 @@ class Permission:
         if self.warning:
             permit.supervise(False, self.warning, now_ns)
 
-    def close(self) -> None:
-        """Stop counting; the inbox closes the subscription."""
-        self._senders.close()
-
-
 def why_not(safety: SafetyState, field: str) -> str:
     """Return why this field withholds the permission of its axes, empty if it does not.
 
@@ -177,28 +158,3 @@ def why_not(safety: SafetyState, field: str) -> str:
     if safety.vertical_locked and field == VERTICAL:
         return "the vertical axis is locked; pin out, then supervisor/lock_vertical with false"
     return "the supervisor's parameter `required` does not name this node"
-
-
-class Senders:
-    """Counts the publishers of topics that only one node may publish, each 0.1 s.
-
-    Rate and numbers of a second sender's messages may look right, but the middleware knows its
-    publishers. It does not report the sender of a message (rclpy's message info has no publisher
-    gid), so with two senders neither can be trusted. The executor's thread counts.
-
-    warning: message when more than one node publishes a topic, else empty. A killed node counts
-    until the middleware drops it, 20 s later.
-    """
-
-    def __init__(self, node: Node, topics: Iterable[str]):
-        self.warning = ""
-        self._node, self._topics = node, tuple(topics)
-        self._timer = node.periodic.every(node.clock, _LOOK_S, self._count)
-
-    def _count(self) -> None:
-        warnings = (too_many_senders(self._node, topic) for topic in self._topics)
-        self.warning = next(filter(None, warnings), "")
-
-    def close(self) -> None:
-        """Stop counting."""
-        self._node.periodic.cancel(self._timer)

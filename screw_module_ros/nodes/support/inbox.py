@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -24,19 +24,12 @@ _LOST_NS = 900_000_000  # wall clock after which a published message counts as l
 _SLICE_NS = 20_000_000  # the same, of a publisher that has gone
 
 
-class HotGroup(CallbackGroup):
+class HotGroup(ReentrantCallbackGroup):
     """A callback group that no executor serves: the hot loop takes its messages."""
 
     def can_execute(self, entity) -> bool:
         """Return False: the executor ignores the entity."""
         return False
-
-    def beginning_execution(self, entity) -> bool:
-        """Return False: never executed."""
-        return False
-
-    def ending_execution(self, entity) -> None:
-        """Do nothing: never executed."""
 
 
 class Inbox:
@@ -103,7 +96,7 @@ class Subscription:
     """
 
     def __init__(
-        self, node: Node, clock: Clock, group: CallbackGroup, kind: type | Layout, topic: str,
+        self, node: Node, clock: Clock, group: HotGroup, kind: type | Layout, topic: str,
         qos: QoSProfile, wakes: bool,
     ):
         self._node, self._clock, self._wakes = node, clock, wakes

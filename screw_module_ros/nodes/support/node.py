@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Collection, Mapping
+from contextlib import nullcontext
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,14 +20,14 @@ from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
 from screw_module_ros.lockstep.clock import simulated_clock
 
-from .answering import answer_always, offer
-from .command_line import arguments, overrides
+from .answering import Done, answer_always, carried_out
+from .arguments import arguments, overrides
 from .inbox import Inbox, Outlet
 from .parameters import Parameters
 from .scheduling import RealtimeSettings, StartSettings
 from .states import ERROR, OK, WARN, Health
-from .timers import ServiceThread, Timers
-from .topics import offered
+from .threads import ServiceThread, Timers, run_loop
+from .topics import Senders, offered
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = "unconfigured", "inactive", "active", "finalized"
 _LEAVE_STEP_S = 2.0
@@ -48,7 +49,6 @@ class Node(LifecycleNode):
     """
 
     hardware_id = ""
-
     moves_time = False
     """Whether simulated time begins with this node."""
 
@@ -56,7 +56,7 @@ class Node(LifecycleNode):
     """Topics whose content other parts of this process pass by calls (see `Inbox`)."""
 
     def __init__(self, name: str):
-        super().__init__(name, parameter_overrides=overrides(name, arguments()))
+        super().__init__(name, parameter_overrides=overrides(name, arguments().rules))
         self.stopping = threading.Event()
         self.clock = self._chosen_clock()
         answer_always(self)
@@ -64,10 +64,8 @@ class Node(LifecycleNode):
         self._stepping = threading.Lock()
         self.phase, self.failure = UNCONFIGURED, ""
         self.periodic = Timers()
-        self.service = ServiceThread(self, self.periodic)
-        self._outlets: list[Outlet] = []
         self._inboxes: list[Inbox] = []
-        self._inbox: Inbox | None = None  # the newest
+        self._topics: list[Outlet | Senders] = []  # that are closed with the topics
         self.parameters = Parameters(
             self, self.changed, lambda: self.phase in (INACTIVE, ACTIVE), self.refusal
         )
@@ -75,7 +73,7 @@ class Node(LifecycleNode):
         self.parameters.declare(RealtimeSettings, "realtime")
         self._diagnostics = self.create_publisher(*offered(graph.DIAGNOSTICS))
         self.periodic.every(self.clock, 1.0, self.publish_health)
-        self.service.begin()
+        self.service = ServiceThread(self, self.periodic)
 
     def _chosen_clock(self) -> Clock:
         if not self.get_parameter("use_sim_time").value:
@@ -101,6 +99,9 @@ class Node(LifecycleNode):
 
     def end(self) -> None:
         """Stop streaming with the torque off (lifecycle deactivate)."""
+
+    def finish(self) -> None:
+        """Act at an orderly end of the process, in any state, while the topics are still open."""
 
     def disconnect(self) -> None:
         """Close what `connect` opened (lifecycle cleanup), also after a failed `connect`."""
@@ -128,20 +129,26 @@ class Node(LifecycleNode):
     ) -> Callable[[Any], None]:
         """Return the publish function of a topic, valid until `disconnect`; raw: takes bytes."""
         outlet = Outlet(self, self.clock, kind, topic, qos, raw)
-        self._outlets.append(outlet)
+        self._topics.append(outlet)
         return outlet.publish
 
     def new_inbox(self) -> Inbox:
-        """Return a new inbox for subscriptions of the hot loop; `disconnect` closes it."""
-        inbox = self._inbox = Inbox(self, self.clock, self.direct)
+        """Return a new inbox for subscriptions of the hot loop, open until `disconnect`."""
+        inbox = Inbox(self, self.clock, self.direct)
         self._inboxes.append(inbox)
         return inbox
 
+    def senders(self, *topics: str) -> Senders:
+        """Return what counts the publishers of these topics until `disconnect`."""
+        senders = Senders(self, self.periodic, self.clock, topics)
+        self._topics.append(senders)
+        return senders
+
     def close_topics(self) -> None:
-        """Close all outlets and inboxes."""
-        for topics in (*self._inboxes, *self._outlets):
-            topics.close()
-        self._inbox, self._inboxes, self._outlets = None, [], []
+        """Close everything that `outlet`, `new_inbox` and `senders` have returned."""
+        for each in (*self._inboxes, *self._topics):
+            each.close()
+        self._inboxes, self._topics = [], []
 
     def stamp(self, header: Any) -> None:
         """Write the present time into a message's header."""
@@ -157,36 +164,39 @@ class Node(LifecycleNode):
         or `Done` with a message. An exception becomes the answer, and the node continues. done: the
         message for an empty string. always: serve also while the node is not active.
         """
-        offer(self, kind, name, action, done, always)
+
+        def answer(request: Any, response: Any) -> Any:
+            with self.service.answering():
+                said = carried_out(self, action, request, name, always)
+            response.success = not said or isinstance(said, Done)
+            response.message = str(said) or done
+            return response
+
+        self.create_service(kind, name, answer)
 
     # Lifecycle -----------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> Outcome:
         """Lifecycle configure."""
-        try:
-            with self.service.working():
-                self.connect()
-        except Exception as error:  # the sentence is what the user acts on, whatever its type
-            self._fail("configure", error)
+        if not self._done("configure", self.connect, holding=True):
             self._closed()
             return Outcome.FAILURE
         self.phase, self.failure = INACTIVE, ""
         return Outcome.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> Outcome:
-        """Lifecycle activate: what came before it counts no longer."""
-        try:
-            with self.service.working():
-                self.begin()
-                for inbox in self._inboxes:
-                    inbox.discard()
-        except Exception as error:
-            self._fail("activate", error)
-            return self._done("end after it", self.end, Outcome.FAILURE)
+        """Lifecycle activate."""
+        if not self._done("activate", self._begin_afresh, holding=True):
+            return Outcome.FAILURE if self._done("end after it", self.end) else Outcome.ERROR
         self.phase, self.failure = ACTIVE, ""
         self._active.set()
         self.get_logger().info("active")
         return Outcome.SUCCESS
+
+    def _begin_afresh(self) -> None:
+        self.begin()
+        for inbox in self._inboxes:
+            inbox.discard()  # what came before it counts no longer
 
     def on_deactivate(self, state: LifecycleState) -> Outcome:
         """Lifecycle deactivate; the node stays active while its loop waits for simulated time."""
@@ -197,19 +207,17 @@ class Node(LifecycleNode):
             self.get_logger().error(f"cannot deactivate: {error}")
             self._active.set()
             return Outcome.FAILURE
-        result = self._done("deactivate", self._end_working)
-        self.phase = INACTIVE if result == Outcome.SUCCESS else self.phase
-        return result
-
-    def _end_working(self) -> None:
-        with self.service.working():
-            self.end()
+        if not self._done("deactivate", self.end, holding=True):
+            return Outcome.ERROR
+        self.phase = INACTIVE
+        return Outcome.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> Outcome:
         """Lifecycle cleanup."""
-        result = self._closed()
-        self.phase = UNCONFIGURED if result == Outcome.SUCCESS else self.phase
-        return result
+        if not self._closed():
+            return Outcome.ERROR
+        self.phase = UNCONFIGURED
+        return Outcome.SUCCESS
 
     def on_error(self, state: LifecycleState) -> Outcome:
         """After an error in a transition: everything closed, as rcl has the node unconfigured.
@@ -222,24 +230,29 @@ class Node(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> Outcome:
         """Lifecycle shutdown: from any state, torque off, everything closed."""
-        return self._done("shut down", self.close)
+        return Outcome.SUCCESS if self._done("shut down", self.close) else Outcome.ERROR
 
-    def _closed(self) -> Outcome:
-        """Close devices and topics, the topics also when a device fails."""
-        result = self._done("clean up", self.disconnect)
-        topics = self._done("clean up", self.close_topics)
-        return topics if result == Outcome.SUCCESS else result
+    def _closed(self) -> bool:
+        """Close devices and topics, the topics also when a device fails; return whether all was."""
+        devices = self._done("clean up", self.disconnect)
+        return self._done("clean up", self.close_topics) and devices
 
-    def _done(
-        self, doing: str, action: Callable[[], None], result: Outcome = Outcome.SUCCESS
-    ) -> Outcome:
-        """Do a part of a transition; an error is logged, since rclpy drops it without a word."""
+    def _done(self, doing: str, action: Callable[[], None], holding: bool = False) -> bool:
+        """Do a part of a transition; return whether it went well.
+
+        An error is logged, whatever its type: rclpy drops it without a word. holding: simulated
+        time waits for the action.
+        """
         try:
-            action()
+            with self.service.working() if holding else nullcontext():
+                action()
         except Exception as error:
-            self._fail(doing, error)
-            return Outcome.ERROR
-        return result
+            text = str(error) or type(error).__name__
+            if text != self.failure:
+                self.get_logger().error(f"cannot {doing}: {text}")
+            self.failure = text
+            return False
+        return True
 
     def close(self, ended: Callable[[], None] = lambda: None) -> None:
         """Stop and disconnect from any lifecycle state; safe to call twice.
@@ -253,6 +266,7 @@ class Node(LifecycleNode):
                     self.end()
             except TimeStandsStill as error:
                 self.get_logger().warning(f"not left in order: {error}")
+        self.finish()
         ended()
         self.service.close()
         if self.phase != FINALIZED:
@@ -265,28 +279,11 @@ class Node(LifecycleNode):
         if not self.clock.wait_for(lambda: not self._stepping.locked(), _LEAVE_STEP_S):
             self.get_logger().error("the loop did not end its step in time")
 
-    def _fail(self, doing: str, error: Exception) -> None:
-        text = str(error) or type(error).__name__
-        if text != self.failure:
-            self.get_logger().error(f"cannot {doing}: {text}")
-        self.failure = text
-
     # Hot loop ------------------------------------------------------------------------------
 
     def run(self) -> None:
         """Run `step` while active, until `stopping`; an error in it ends the process."""
-        try:
-            while not self.stopping.is_set():
-                if self.enters():
-                    try:
-                        self.step()
-                    finally:
-                        self.leaves()
-                else:
-                    self.clock.idle()
-                    self._active.wait(_IDLE_S)
-        except TimeStandsStill as error:  # only raised here when the process is to end
-            self.get_logger().warning(str(error))
+        run_loop([self], lambda active: self.step())
 
     def enters(self) -> bool:
         """Return whether the loop does a step with this node now; then it calls `leaves` after it.
@@ -303,6 +300,11 @@ class Node(LifecycleNode):
     def leaves(self) -> None:
         """End the step."""
         self._stepping.release()
+
+    def wait_for_activation(self) -> None:
+        """Wait until the node is active, for a moment at most."""
+        self.clock.idle()
+        self._active.wait(_IDLE_S)
 
     # Diagnostics ---------------------------------------------------------------------------
 

@@ -17,17 +17,13 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from screw_module_ros.settings import Field, fields, problem, shown
+from screw_module_ros.settings import Field, SettingError, fields, problem, shown
 
 _OWN_TO_RCLPY = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 _NAMELESS = "a parameter has an empty name: `ros2 param list` shows the names that there are"
 _CLOCK_IS_CHOSEN = "use_sim_time is fixed once a node has started: start it anew with another value"
 _INT64 = 2**63 - 1
 _NONE: Mapping[str, Any] = MappingProxyType({})
-
-
-class ParameterError(ValueError):
-    """A parameter given at start is unknown or out of bounds; the message names it."""
 
 
 class Parameters:
@@ -54,14 +50,15 @@ class Parameters:
     ) -> None:
         """Declare every field of the NamedTuple `kind`, named `prefix.field` or `field`.
 
-        Fields in `without` keep their default and do not become parameters; `defaults` replace the
-        tuple's own. Raises ParameterError for a bad value at start.
+        A name that is declared already is the same parameter: the `rate` of a device is that of its
+        node. Fields in `without` keep their default and do not become parameters; `defaults`
+        replace the tuple's own. Raises SettingError for a bad value at start.
         """
         group = self._defaults[kind, prefix] = kind(**defaults)
         for field in fields(kind).values():
-            if field.name in without or not field.setting.text:
-                continue
             name = _join(prefix, field.name)
+            if field.name in without or not field.setting.text or name in self._fields:
+                continue
             self._fields[name] = (kind, field)
             self._declare_one(name, field, getattr(group, field.name))
 
@@ -71,11 +68,11 @@ class Parameters:
         if override is not None:
             wrong = _problem(name, field, override.value, type(value))
             if wrong:
-                raise ParameterError(f"parameter {wrong}")
+                raise SettingError(f"parameter {wrong}")
         self._node.declare_parameter(name, value, _descriptor(field, value))
 
     def finish(self, shared: Collection[str] = ()) -> list[str]:
-        """End the declarations; raise ParameterError for a given name that was never declared.
+        """End the declarations; raise SettingError for a given name that was never declared.
 
         shared: names that were given to all nodes at once. These may be meant for other nodes, so
         they are no error; a message is returned for each.
@@ -88,7 +85,7 @@ class Parameters:
             if name in shared:
                 warnings.append(f"{name}, given to all nodes, is no parameter of this one")
                 continue
-            raise ParameterError(
+            raise SettingError(
                 f"parameter {name} is unknown to node {self._node.get_name()}; "
                 f"it knows: {', '.join(sorted(self._fields))}"
             )
@@ -111,10 +108,6 @@ class Parameters:
         """Set fields as a client would; return why it was refused, empty when done."""
         changes = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
         return self._node.set_parameters_atomically(changes).reason
-
-    def as_text(self) -> dict[str, str]:
-        """Return every declared name with its value as text, sorted by name."""
-        return {name: str(self._node.get_parameter(name).value) for name in sorted(self._fields)}
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:

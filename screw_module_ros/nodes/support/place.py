@@ -14,10 +14,8 @@ its successor, and no file remains on the disk.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import pwd
 import socket
 from pathlib import Path
 from typing import Any
@@ -34,7 +32,6 @@ PROFILES_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 _PROFILES = (PROFILES_VARIABLE, "FASTDDS_DEFAULT_PROFILES_FILE")
 _PEERS_VARIABLE = "ROS_STATIC_PEERS"
 STATE_VARIABLE = "XDG_STATE_HOME"
-_LARGEST_STATE = 64 * 1024  # bytes
 _LOCALHOST_ONLY_VARIABLE = "ROS_LOCALHOST_ONLY"  # deprecated; would bring shared memory back
 _LOCALHOST_PROFILE = "params/fastdds_localhost.xml"
 # The usual limit for sockets: the recorder may be unable to read for a while. A full buffer loses
@@ -176,48 +173,33 @@ def lock_simulation(interface: str, channel: str, port: int) -> Lock:
 class Kept:
     """A small file with the state that a node needs again after its process has ended in any way.
 
-    It is in $XDG_STATE_HOME/screw_module_ros (else ~/.local/state), so each user has their own. Its
-    name is the one with which `lock_node` locks the node: ROS domain and full node name. The
-    spelling in the environment does not matter: a node that starts from another shell, from a
-    service manager without HOME or with domain 07 finds the file of domain 7. The one process that
-    holds the node's lock writes it.
+    It is in the user's state folder. Its name is the one with which `lock_node` locks the node: ROS
+    domain and full node name. The one process that holds the node's lock writes it.
 
-    path: of the file, None without a folder for it. place: the same as text for messages.
+    path: of the file.
     """
 
     def __init__(self, full_name: str):
         """Use the file of the node `full_name` in the ROS domain of this process."""
-        folder = state_folder()
-        self.path: Path | None = None
-        self.place = f"no place for it: {STATE_VARIABLE} and HOME are unset or no absolute paths"
-        if folder is not None:
-            name = f"{domain_id()}{full_name}.json"
-            self.path = folder / "screw_module_ros" / "node" / name
-            self.place = str(self.path)
+        self.path = state_folder() / "node" / f"{domain_id()}{full_name}.json"
         self._values: Any = None
 
     def read(self) -> Any:
         """Return the values written last, {} when there is no file.
 
-        Raises OSError when the file cannot be read, or its folder cannot be written; ValueError
-        when the content is not valid.
+        Raises OSError when the file cannot be read, or its folder cannot be written: nothing could
+        be kept there then. ValueError when the content is not valid.
         """
-        path = self._known_path()
         try:
-            with path.open("rb") as file:
-                content = file.read(_LARGEST_STATE + 1)
+            self._values = json.loads(self.path.read_text("utf-8"))
         except FileNotFoundError:
-            _check_writable(path.parent)
             self._values = {}
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            if not os.access(self.path.parent, os.W_OK):
+                raise PermissionError("nothing can be written into its folder") from None
             return self._values
-        if len(content) > _LARGEST_STATE:
-            raise ValueError(f"more than {_LARGEST_STATE} bytes")
-        try:
-            self._values = json.loads(content.decode("utf-8"))
-        except RecursionError:
-            raise ValueError("nested too deeply") from None
         if not self._values:  # `write` leaves no file then
-            raise ValueError("it says nothing")
+            raise ValueError("it is empty")
         return self._values
 
     def write(self, values: dict[str, Any]) -> None:
@@ -228,52 +210,21 @@ class Kept:
         if values == self._values:
             return
         self._values = values
-        path = self._known_path()
         if not values:
-            path.unlink(missing_ok=True)
+            self.path.unlink(missing_ok=True)
             return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_suffix(f".{os.getpid()}.tmp")
-        try:
-            # No fsync: it may take longer than the timeout of safety_state. After a power failure
-            # a truncated file is unreadable, and `read` reports that.
-            beside.write_text(json.dumps(values), "utf-8")
-            beside.replace(path)
-        finally:
-            with contextlib.suppress(OSError):
-                beside.unlink()
-
-    def _known_path(self) -> Path:
-        if self.path is None:
-            raise FileNotFoundError("set HOME, or XDG_STATE_HOME, to an absolute path")
-        return self.path
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        # No fsync: it may take longer than the timeout of safety_state. After a power failure
+        # a truncated file is unreadable, and `read` reports that.
+        beside = self.path.with_suffix(".tmp")
+        beside.write_text(json.dumps(values), "utf-8")
+        beside.replace(self.path)
 
 
-def state_folder() -> Path | None:
-    """Return the folder for programs' state, None without an absolute path for it.
-
-    A relative XDG_STATE_HOME counts as unset, as its specification requires (XDG Base Directory
-    0.8): it would depend on the folder in which a node starts. The same holds for a relative HOME.
-    """
-    override = os.environ.get(STATE_VARIABLE, "")
-    if os.path.isabs(override):
-        return Path(override)
-    home = os.environ.get("HOME", "")
-    if not os.path.isabs(home):
-        try:
-            home = pwd.getpwuid(os.getuid()).pw_dir
-        except KeyError:
-            return None
-    return Path(home) / ".local" / "state" if os.path.isabs(home) else None
-
-
-def _check_writable(folder: Path) -> None:
-    """Raise OSError when no file can be written into a folder, which need not exist yet."""
-    there = next(each for each in (folder, *folder.parents) if each.exists())
-    if not there.is_dir():
-        raise NotADirectoryError(f"{there} is no folder")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise PermissionError(f"nothing can be written into {there}")
+def state_folder() -> Path:
+    """Return our folder of $XDG_STATE_HOME, else of ~/.local/state: each user has their own."""
+    above = os.environ.get(STATE_VARIABLE) or Path.home() / ".local" / "state"
+    return Path(above) / "screw_module_ros"
 
 
 def root_folder(text: str) -> Path:

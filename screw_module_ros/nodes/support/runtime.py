@@ -15,30 +15,25 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import rclpy
-from rclpy.exceptions import InvalidHandle
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import DomainError, domain_id
-from screw_module_ros.loop.ticker import BACK_OFF_S
+from screw_module_ros.settings import SettingError
 
-from .command_line import Arguments, arguments, asks_for_help, check_others, usage
+from .arguments import Arguments, arguments, only_for_all, sections
 from .node import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Node
-from .parameter_files import ParameterFile, notices, read_file
-from .parameters import ParameterError
 from .place import AlreadyRunning, Lock, choose_transport, lock_node
 from .scheduling import RealtimeSettings, StartSettings, prepare, take_priority
 
 RCLError = rclpy_implementation.RCLError  # exported nowhere else
 UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_END_S = 2.0
 _TEARDOWN_S = 6  # bringup sends the next signal after 8
 _ACTIVE_POLL_S = 0.005
 _RETRY_S = 1.0
@@ -71,10 +66,6 @@ def run_together(
     the highest priority among the nodes and the cores of the first. name: prefix of the message of
     a refused start.
     """
-    found = arguments()
-    if asks_for_help(found):
-        print(usage(Path(sys.argv[0]).name))
-        return 0
     stopping = threading.Event()
     stop_on_signals(stopping)
     faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
@@ -85,16 +76,18 @@ def run_together(
     nodes: list[Node] = []
     locks: list[Lock] = []
     try:
-        files = _begin(found)
+        files = _begin(arguments())
         nodes += make()
         for node in nodes:
             node.stopping = stopping
-            _finish(node, files)
-            locks.append(lock_node(node.get_fully_qualified_name()))
+            full_name = node.get_fully_qualified_name()
+            for sentence in node.parameters.finish(only_for_all(files, full_name)):
+                node.get_logger().warning(sentence)
+            locks.append(lock_node(full_name))
         if reach:
             nodes[0].get_logger().warning(reach)
         return 0 if _live(nodes, loop) else 1
-    except (ParameterError, DomainError, AlreadyRunning, RCLError) as error:
+    except (SettingError, DomainError, AlreadyRunning, RCLError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return 2
     finally:
@@ -107,37 +100,31 @@ def run_together(
         stopped()
 
 
-def _begin(args: Arguments) -> list[ParameterFile]:
-    """Begin with ROS; return the parameter files.
+def _begin(given: Arguments) -> list[dict[str, set[str]]]:
+    """Begin with ROS; return the sections of the parameter files.
 
-    Raises DomainError, ParameterError for what rcl refuses.
+    Raises DomainError, SettingError also for what rcl refuses.
     """
     domain_id()
-    check_others(args)
-    files = [read_file(path) for path in args.files]
+    if given.others:
+        raise SettingError(
+            f"unknown arguments: {' '.join(given.others)}; a node takes ROS arguments alone, like "
+            "--ros-args -p NAME:=VALUE --params-file FILE"
+        )
+    files = [sections(path) for path in given.files]
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:
-        raise ParameterError(f"the ROS arguments are refused: {error}") from None
+        raise SettingError(f"the ROS arguments are refused: {error}") from None
     return files
-
-
-def _finish(node: Node, files: list[ParameterFile]) -> None:
-    """Refuse parameters that the node does not have; report entries that it does not read."""
-    name = node.get_fully_qualified_name()
-    shared = set().union(*(file.shared(name) for file in files))
-    for sentence in (*node.parameters.finish(shared), *notices(files, name)):
-        node.get_logger().warning(sentence)
 
 
 def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
     """Run until the end; return whether requests were served until then."""
-    ended = threading.Event()
-    served = [_Served(node, ended) for node in nodes]
     first = nodes[0]
+    for node in nodes:
+        node.service.start(partial(_autostart, node))
     try:
-        for one in served:
-            one.executor.create_task(one.start)
         scheduling = _scheduling(nodes)
         refused = prepare(scheduling)
         while not (first.stopping.is_set() or any(node.active for node in nodes)):
@@ -149,15 +136,12 @@ def _live(nodes: list[Node], loop: Callable[[list[Node]], None]) -> bool:
         first.get_logger().fatal(f"the loop failed: {type(error).__name__}: {error}")
         raise
     finally:
-        ended.set()
-        for one in served:
-            one.join()
+        for node in nodes:
+            node.service.end()
         for node in reversed(nodes):  # the drive goes off while its controller still runs
             signal.alarm(0)
             node.close(_end_if_locked_up)
-        for one in served:
-            one.executor.shutdown(timeout_sec=0.0)
-    return not any(one.failed for one in served)
+    return not any(node.service.failed for node in nodes)
 
 
 def _end_if_locked_up() -> None:
@@ -176,79 +160,31 @@ def _scheduling(nodes: list[Node]) -> RealtimeSettings:
     return asked[0]._replace(priority=max(settings.priority for settings in asked))
 
 
-class _Served:
-    """A node with the thread that serves its services, timers and parameters.
+def _autostart(node: Node) -> None:
+    """Configure and activate if `autostart` is set; try again each second until it works."""
 
-    failed: whether that thread ended with an error, which ends the node.
-    """
-
-    def __init__(self, node: Node, ended: threading.Event):
-        self.node = node
-        self.failed = False
-        self.executor = SingleThreadedExecutor()
-        self.executor.add_node(node)
-        self._runs = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(ended,), daemon=True)
-        self._thread.start()
-        self._runs.wait(_END_S)  # from then on the loop may hold simulated time for this thread
-
-    def start(self) -> None:
-        """Configure and activate if `autostart` is set; try again each second until it works."""
-        if self.node.parameters.read(StartSettings).autostart:
-            self._timer = self.node.periodic.every(WallClock(), _RETRY_S, self._try_start)
-            self._try_start()
-
-    def _try_start(self) -> None:
-        node = self.node
-        if node.phase == UNCONFIGURED and not self._time_moves():
-            return
-        if node.phase == UNCONFIGURED:
+    def attempt() -> None:
+        if node.phase == UNCONFIGURED and _time_moves(node):
             node.trigger_configure()
         if node.phase == INACTIVE:
             node.trigger_activate()
         if node.phase in (ACTIVE, FINALIZED):
-            node.periodic.cancel(self._timer)
+            node.periodic.cancel(timer)
 
-    def _time_moves(self) -> bool:
-        """Return whether the clock runs; report it if not."""
-        node = self.node
-        if node.moves_time or not node.clock.simulated or node.clock.page.conductor:
-            return True
-        text = _NO_TIME.format(domain_id())
-        if node.failure != text:
-            node.failure = text
-            node.get_logger().info(text)
-        return False
-
-    def _run(self, ended: threading.Event) -> None:
-        try:
-            self.node.service.make_calls()
-            self._runs.set()
-            _serve(self.executor, self.node, ended)
-        except Exception as error:
-            self.failed = True
-            self.node.get_logger().fatal(
-                f"the node ends, what serves its requests failed: {type(error).__name__}: {error}"
-            )
-
-    def join(self) -> None:
-        """Wait until the thread has ended."""
-        self.node.service.wake()
-        self._thread.join(timeout=_END_S)
+    if node.parameters.read(StartSettings).autostart:
+        timer = node.periodic.every(WallClock(), _RETRY_S, attempt)
+        attempt()
 
 
-def _serve(executor: SingleThreadedExecutor, node: Node, ended: threading.Event) -> None:
-    # Not `spin`: an executor that is shut down while it spins fails on its own guard condition.
-    try:
-        while not ended.is_set():
-            try:
-                executor.spin_once(timeout_sec=node.periodic.left_s())
-                if node.periodic.due():
-                    node.service.make_calls()
-            except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
-                ended.wait(BACK_OFF_S)
-    finally:
-        node.stopping.set()  # without services and diagnostics the node is useless
+def _time_moves(node: Node) -> bool:
+    """Return whether the clock runs; report it if not."""
+    if node.moves_time or not node.clock.simulated or node.clock.page.conductor:
+        return True
+    text = _NO_TIME.format(domain_id())
+    if node.failure != text:
+        node.failure = text
+        node.get_logger().info(text)
+    return False
 
 
 def stop_on_signals(stopping: threading.Event) -> None:

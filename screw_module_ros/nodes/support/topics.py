@@ -10,7 +10,7 @@ For `Node.outlet` and `Inbox.subscribe`::
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from rclpy.client import Client
@@ -19,11 +19,13 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from screw_module_msgs.msg import TherapySlot
 
+from screw_module_ros.clock import Clock
 from screw_module_ros.control.slot import Slot
 from screw_module_ros.graph import THERAPY_SLOT, TOPICS
 from screw_module_ros.loop.inputs import Guide
 
 from .inbox import Inbox
+from .threads import Timers
 from .wire import LAYOUTS, Layout
 
 
@@ -56,6 +58,7 @@ PERMISSION = _keep_last(10, ReliabilityPolicy.RELIABLE)
 
 _OFFERED = {"sample": SAMPLE, "command": COMMAND, "state": STATE}
 _REQUESTED = {"sample": SAMPLE, "command": COMMAND, "state": NEWEST}
+_LOOK_S = 0.1
 _PREFIX = 12  # bytes of an endpoint's GUID that name its participant (DDSI-RTPS 2.5, 8.2.4)
 
 
@@ -162,6 +165,33 @@ def too_many_senders(node: Node, topic: str) -> str:
     found = node.get_publishers_info_by_topic(name)
     names = sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found})
     return f"{count} nodes publish {topic}: one is allowed ({', '.join(names)})"
+
+
+class Senders:
+    """Counts the publishers of topics that only one node may publish, each 0.1 s.
+
+    Rate and numbers of a second sender's messages may look right, but the middleware knows its
+    publishers. It does not report the sender of a message (rclpy's message info has no publisher
+    gid), so with two senders neither can be trusted. The service thread counts.
+
+    warning: message when more than one node publishes a topic, else empty. A killed node counts
+    until the middleware drops it, 20 s later.
+    """
+
+    def __init__(self, node: Node, timers: Timers, clock: Clock, topics: Iterable[str]):
+        self.warning = ""
+        self._node, self._timers, self._topics = node, timers, tuple(topics)
+        self._timer = timers.every(clock, _LOOK_S, self.count)
+
+    def count(self) -> str:
+        """Count now; return the warning."""
+        warnings = (too_many_senders(self._node, topic) for topic in self._topics)
+        self.warning = next(filter(None, warnings), "")
+        return self.warning
+
+    def close(self) -> None:
+        """Stop counting."""
+        self._timers.cancel(self._timer)
 
 
 class SlotInbox:
