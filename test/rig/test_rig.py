@@ -2,11 +2,17 @@
 """One loop over all buses: time, order, requests from other threads, broken buses."""
 
 import threading
+import uuid
 
 import can
 import pytest
 
+from screw_module_ros.can_io.rig_bus import RigBus
+from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.clock import ManualClock
+from screw_module_ros.lockstep.clock import SimulatedClock
+from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.lockstep.page import Page
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.rig import Rig
@@ -210,3 +216,31 @@ def test_short_steps_are_saved_up(world):
     for now_ns in range(0, 200_000, 10_000):
         physics.advance(now_ns)
     assert world.steps == pytest.approx([50e-6] * 3)
+
+
+def test_a_bus_is_joined_by_who_holds_simulated_time(world):
+    """Time stands still until the driver goes on, and he goes on when the rig has admitted him."""
+    clock = SimulatedClock(Page(f"test_{uuid.uuid4().hex}"), "test")
+    hub = RigHub(f"bus_{uuid.uuid4().hex[:8]}")
+    conductor = Conductor(clock.page, 0.0, pytest.fail)
+    rig = Rig({"encoder": hub}, world, clock)
+    stop = threading.Event()
+
+    def serve():
+        rig.run_in_steps(conductor, stop.is_set, lambda now_ns: None)
+
+    thread = threading.Thread(target=serve)
+    begin_ns = clock.now_ns()
+    try:
+        with clock.working():
+            thread.start()
+            driver = RigBus(hub.channel_info.removeprefix("rig "))
+            driver.shutdown()
+            assert clock.now_ns() == begin_ns
+    finally:
+        stop.set()
+        thread.join(5.0)
+        hub.shutdown()
+        conductor.close()
+    clock.leave()
+    clock.page.close()
