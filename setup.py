@@ -56,5 +56,8 @@ setup(
     ],
     zip_safe=False,
     extras_require={"test": ["hypothesis", "pytest", "pytest-timeout"]},  # colcon looks for pytest
-    entry_points={"console_scripts": EXECUTABLES},
+    entry_points={
+        "console_scripts": EXECUTABLES,
+        "can.interface": [f"rig = {NAME}.can_io.rig_bus:RigBus"],
+    },
 )

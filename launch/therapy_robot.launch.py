@@ -31,8 +31,6 @@ ARGUMENTS = (
     _argument("wall_clock", "false", "The simulated rig runs in real time."),
     _argument("params", "", "Parameter file, in place of the packaged one."),
     _argument("namespace", "", "For a second robot."),
-    _argument("first_port", "",
-              "First of the simulated rig's four CAN ports; a second robot needs its own."),
     _argument("without", "", "Nodes to leave out, by comma."),
     _argument("network", "false", "Let other machines take part (see docs/security.md)."),
     _argument("rviz", "false", "Show the robot in RViz."),
@@ -54,7 +52,6 @@ def nodes(context):
         without=[name.strip() for name in value["without"].split(",") if name.strip()],
         composed=composed,
         wall_clock=wall_clock,
-        first_port=_port(value["first_port"]),
     )
     told = [*planned.warnings, *_unknown(context)]
     before = dict(os.environ)
@@ -126,14 +123,6 @@ def _is_true(name, text):
     if text.lower() not in _YES + _NO:
         raise ValueError(f"{name}:={text}: true or false is wanted")
     return text.lower() in _YES
-
-
-def _port(text):
-    if not text:
-        return None
-    if not (text.isdecimal() and 1024 <= int(text) <= 65532):
-        raise ValueError(f"first_port:={text}: a number from 1024 to 65532 is wanted")
-    return int(text)
 
 
 def generate_launch_description():

@@ -62,12 +62,11 @@ class Topic(NamedTuple):
 class Bus(NamedTuple):
     """One CAN bus of the simulated robot.
 
-    name: prefix of the rig's parameters. node: the driver node. port: default UDP port.
+    name: its channel, and prefix of the rig's parameters. node: the driver node.
     """
 
     name: str
     node: str
-    port: int
 
 
 # Executables, in the order they start ---------------------------------------------------------
@@ -169,21 +168,17 @@ TOPICS = {topic.name: topic for topic in _TOPICS}
 
 # Buses ----------------------------------------------------------------------------------------
 
-FIRST_PORT = 43113
-BUSES = tuple(
-    Bus(name, node, FIRST_PORT + number)
-    for number, (name, node) in enumerate((
-        ("encoder", "encoder"),
-        ("drive", "amplifier"),
-        ("force_sensor", "force_sensor"),
-        ("planar", "manus"),
-    ))
-)  # fmt: skip
+BUSES = (
+    Bus("encoder", "encoder"),
+    Bus("drive", "amplifier"),
+    Bus("force_sensor", "force_sensor"),
+    Bus("planar", "manus"),
+)
 
 
-def port_of(node: str) -> int:
-    """Return the default UDP port of a driver node's bus. Raises KeyError for another node."""
-    return {bus.node: bus.port for bus in BUSES}[node]
+def bus_of(node: str) -> str:
+    """Return the simulated bus of a driver node. Raises KeyError for another node."""
+    return {bus.node: bus.name for bus in BUSES}[node]
 
 
 def subscribed_by(node: str) -> list[Topic]:

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fixtures for all tests: a ROS domain and CAN ports of their own, waiting, and no leaked bus.
+"""Fixtures for all tests: a ROS domain of their own, waiting, and no leaked bus.
 
-`make test` gives the run its domain and ports; pytest started by hand takes them here, and so does
-each of several workers.
+`make test` gives the run its domain; pytest started by hand takes one here, and so does each of
+several workers.
 """
 
 from __future__ import annotations
 
 import gc
-import itertools
 import os
 import threading
 import time
@@ -24,7 +23,6 @@ import isolation
 import leftovers
 import prerequisites
 
-PORTS_PER_TEST = 8
 SECONDS_BETWEEN_POLLS = 0.005
 
 # How long an example takes is no property of the code. `make fuzz` looks deeper.
@@ -35,7 +33,6 @@ GRAPH_ENDS_S = 900
 """Wall clock after which a test with a whole graph hangs: simulated time waits for the machine."""
 
 _buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
-_blocks = itertools.cycle(range(0, isolation.CAN_PORTS_PER_RUN, PORTS_PER_TEST))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -51,7 +48,7 @@ def ros_domain_id(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        if isolation.PORT_VARIABLE in os.environ and "PYTEST_XDIST_WORKER" not in os.environ:
+        if leftovers.MARK in os.environ and "PYTEST_XDIST_WORKER" not in os.environ:
             yield int(os.environ[isolation.DOMAIN_VARIABLE])
             return
         with isolation.own_domain() as domain:
@@ -68,18 +65,6 @@ def no_node_of_earlier_tests(request: pytest.FixtureRequest) -> None:
     """
     if request.node.get_closest_marker("graph"):
         gc.collect()
-
-
-@pytest.fixture(scope="module")
-def module_ports(ros_domain_id: int) -> int:
-    """Return the first of eight UDP ports that a module's fixtures have to themselves."""
-    return int(os.environ[isolation.PORT_VARIABLE]) + next(_blocks)
-
-
-@pytest.fixture
-def can_port_base(ros_domain_id: int) -> int:
-    """Return the first of eight UDP ports for `udp_multicast` that this test has to itself."""
-    return int(os.environ[isolation.PORT_VARIABLE]) + next(_blocks)
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps runs side by side apart: each has a ROS domain and a range of CAN ports of its own.
+"""Keeps runs side by side apart: each has a ROS domain of its own, and its simulated buses.
 
 A run holds a lock on its domain number, so that no other run on this machine takes it.
 """
@@ -18,17 +18,12 @@ from typing import IO
 
 DOMAINS = range(1, 101)  # 101 is the last one whose ports are not Linux's ephemeral ones
 DDS_PORT_BASE, PORTS_PER_DOMAIN = 7400, 250  # DDSI-RTPS 2.5, section 9.6.2.3
-CAN_PORT_BASE, CAN_PORTS_PER_RUN = 61000, 40  # above the ephemeral ports
-DOMAIN_VARIABLE, PORT_VARIABLE = "ROS_DOMAIN_ID", "SCREW_MODULE_TEST_PORT_BASE"
+DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
 
 def variables(domain: int) -> dict[str, str]:
     """Return the environment variables of a run with this domain."""
-    return {
-        DOMAIN_VARIABLE: str(domain),
-        PORT_VARIABLE: str(CAN_PORT_BASE + CAN_PORTS_PER_RUN * domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+    return {DOMAIN_VARIABLE: str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
 def dds_ports(domain: int) -> range:

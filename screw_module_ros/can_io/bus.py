@@ -1,48 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """Opens one CAN bus through python-can on any interface (parameters `can.*`).
 
-`udp_multicast` connects processes of one machine: the hop limit is 0, so no frame leaves it. The
-receive buffer is enlarged, because bursts overflow the default one, and the socket receives its own
-group only. `virtual` works inside one process only (tests). Every other interface is hardware.
+`rig` is a bus of the simulated rig (`rig_bus`). `virtual` works inside one process only (tests).
+Every other interface works by wall clock only; all but `udp_multicast` are hardware.
 """
 
 from __future__ import annotations
 
-import errno
-import os
-import socket
+from collections import deque
 from typing import Annotated, NamedTuple
 
 import can
 from can.interfaces.udp_multicast import UdpMulticastBus
 
 from ..clock import Clock
+from ..domain import domain_id
 from ..settings import Setting, validated
 from .port import BusError, Port
-from .udp_bus import LeanUdpBus
+from .rig_bus import RigBus
+from .rig_hub import RigHub
 
-__all__ = ["BusSettings", "Port", "open_bus", "open_port"]
-
-SIMULATED_INTERFACES = ("virtual", "udp_multicast")
-MULTICAST_ROUTE = "sudo ip route add 239.0.0.0/8 dev lo"
-"""What a machine without any network lacks."""
-RECEIVE_BUFFER_BYTES = 4 * 1024 * 1024
+RIG = "rig"
+SIMULATED_INTERFACES = (RIG, "virtual")
+_UDP_PORT = 43113  # python-can's
+_MOST_ECHOES = 256
 _BITRATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
-# Linux numbers that the socket module does not name.
-_SO_RCVBUFFORCE = 33
-_IP_MULTICAST_ALL = 49
 
 
 class BusSettings(NamedTuple):
     """One CAN bus and this process's role on it; the same names in every driver node."""
 
     interface: Annotated[
-        str, Setting("python-can interface: udp_multicast, socketcan, virtual, pcan, ...")
-    ] = "udp_multicast"
+        str, Setting("python-can interface: rig (simulated), socketcan, udp_multicast, pcan, ...")
+    ] = RIG
     channel: Annotated[
-        str, Setting("channel of the interface, like can0, or the multicast group")
-    ] = "239.74.163.2"
-    port: Annotated[int, Setting("UDP port (udp_multicast only)", "", 1, 65535)] = 43113
+        str, Setting("channel of the interface, like can0; for rig the name of a simulated bus")
+    ] = "encoder"
+    port: Annotated[int, Setting("UDP port (udp_multicast only)", "", 1, 65535)] = _UDP_PORT
     bitrate: Annotated[int, Setting("bit rate of the bus", "bit/s", choices=_BITRATES)] = 1_000_000
     fd: Annotated[bool, Setting("the bus also carries CAN FD frames; ours are classical")] = False
     sync_producer: Annotated[
@@ -50,83 +44,114 @@ class BusSettings(NamedTuple):
     ] = True
 
 
-def open_bus(settings: BusSettings) -> can.BusABC:
+def within(settings: BusSettings, namespace: str) -> BusSettings:
+    """Return the settings of a bus of the robot in `namespace`: each has its own simulated ones."""
+    if settings.interface != RIG:
+        return settings
+    return settings._replace(channel=f"{namespace}/{settings.channel}".strip("/"))
+
+
+def open_bus(
+    settings: BusSettings, clock: Clock | None = None, served: bool = False
+) -> can.BusABC:
     """Open the bus described by `settings`.
+
+    clock: of those who use it. Simulated time works with simulated buses only, because stopped time
+    would disarm every guard of a real robot. served: open the rig's end of a simulated bus; the
+    caller makes sure that no other process does.
 
     Raises BusError naming interface and channel, with the way out; ValueError for a value out of
     range.
     """
     validated(settings)
+    if clock is not None and clock.simulated and settings.interface not in SIMULATED_INTERFACES:
+        raise BusError(
+            f"{where(settings)} works by wall clock only: for the simulated robot set "
+            f"can.interface to {RIG} and can.channel to the name of a bus such as encoder, for any "
+            "other set use_sim_time to false"
+        )
     try:
-        bus = _opened(settings)
+        return _opened(settings, served)
     except Exception as error:  # each backend raises what its vendor's library does
         raise BusError(_cannot_open(settings, error)) from error
-    if settings.interface == "udp_multicast":
-        _tune_multicast(bus)
-    return bus
 
 
 def open_port(settings: BusSettings, clock: Clock | None = None) -> Port:
-    """Open the bus described by `settings` and return its `Port`; raises as `open_bus`.
-
-    Simulated time works with simulated buses only, because stopped time would disarm every guard of
-    a real robot. With any other bus it raises BusError.
-    """
-    if clock is not None and clock.simulated and settings.interface not in SIMULATED_INTERFACES:
-        raise BusError(
-            f"{where(settings)} is no simulated bus: set use_sim_time to false for this node, or "
-            f"can.interface to one of {', '.join(SIMULATED_INTERFACES)}"
-        )
-    return Port(open_bus(settings), settings.sync_producer, where(settings), clock)
+    """Open the bus described by `settings` and return its `Port`; raises as `open_bus`."""
+    return Port(open_bus(settings, clock), settings.sync_producer, where(settings), clock)
 
 
 def where(settings: BusSettings) -> str:
-    """Return the name of the bus for messages to the user."""
-    tail = f":{settings.port}" if settings.interface == "udp_multicast" else ""
-    return f"{settings.interface} {settings.channel}{tail}"
+    """Return the name of the bus, unique on this machine, for messages to the user."""
+    name = f"{settings.interface} {settings.channel}"
+    if settings.interface == RIG:
+        return f"{name} in ROS domain {domain_id()}"
+    return f"{name}:{settings.port}" if settings.interface == "udp_multicast" else name
 
 
-def _opened(settings: BusSettings) -> can.BusABC:
+def _opened(settings: BusSettings, served: bool) -> can.BusABC:
     interface, channel, fd = settings.interface, settings.channel, settings.fd
+    if interface == RIG:
+        if settings.port != _UDP_PORT:
+            raise ValueError("simulated buses have names (can.channel): remove can.port")
+        return RigHub(channel) if served else RigBus(channel)
     if interface == "udp_multicast":
-        lean = not fd and ":" not in channel  # classical frames, IPv4
-        kind = LeanUdpBus if lean else UdpMulticastBus
-        return kind(channel=channel, port=settings.port, hop_limit=0, fd=fd)
+        return MulticastBus(channel=channel, port=settings.port, hop_limit=0, fd=fd)
     more = {} if interface == "virtual" else {"bitrate": settings.bitrate, "fd": fd}
     return can.Bus(interface=interface, channel=channel, ignore_config=True, **more)
 
 
-def _tune_multicast(bus: can.BusABC) -> None:
-    """Enlarge the receive buffer and receive only our own group; both are best effort."""
-    # A duplicate descriptor reaches the socket without touching python-can's private fields.
-    with socket.socket(fileno=os.dup(bus.fileno())) as duplicate:
-        for level, option, value in (
-            (socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES),
-            (socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES),
-            (socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0),
-        ):
-            try:
-                duplicate.setsockopt(level, option, value)
-            except OSError:
-                continue
-
-
 def _cannot_open(settings: BusSettings, error: BaseException) -> str:
     cause = error.__cause__ or error
+    text = f"cannot open CAN bus {where(settings)}: {cause}"
+    if settings.interface == RIG:
+        return text  # it names the way out
     way_out = "see the python-can manual for the names of interfaces and channels"
     if settings.interface == "socketcan":
         way_out = (
             f"is it there and up? sudo ip link set {settings.channel} up type can "
             f"bitrate {settings.bitrate}"
         )
-    elif getattr(cause, "errno", None) == errno.EADDRINUSE:
-        way_out = (
-            "another program's socket has this UDP port: start again, or give sim_rig and the "
-            "nodes other ports (bringup --first-port)"
-        )
     elif settings.interface == "udp_multicast":
         way_out = (
-            "the channel must be a multicast group such as 239.74.163.2 and the machine needs a "
-            f"route to it, if need be: {MULTICAST_ROUTE}"
+            "the channel must be a multicast group such as 239.74.163.2, to which this machine has "
+            f"a route; sim_rig's buses are now can.interface: {RIG}, can.channel: their name"
         )
-    return f"cannot open CAN bus {where(settings)}: {cause}; {way_out}"
+    return f"{text}; {way_out}"
+
+
+class MulticastBus(UdpMulticastBus):
+    """python-can's `udp_multicast` without our own frames, which it returns to their sender.
+
+    They would pass for those of a second master. For each frame sent, the first equal one that
+    comes is the echo, so a device's reply that copies our frame is still received. Datagrams that
+    are no frames are left out.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self._echoes: deque[tuple[int, bytes]] = deque(maxlen=_MOST_ECHOES)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame; raises can.CanOperationError."""
+        self._echoes.append((msg.arbitration_id, bytes(msg.data)))
+        super().send(msg, timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        while True:
+            try:
+                message, is_filtered = super()._recv_internal(timeout)
+            except can.CanOperationError as error:
+                if error.__cause__ is None or isinstance(error.__cause__, OSError):
+                    raise
+            else:
+                if message is None or not self._is_echo(message):
+                    return message, is_filtered
+            timeout = 0.0
+
+    def _is_echo(self, message: can.Message) -> bool:
+        try:
+            self._echoes.remove((message.arbitration_id, bytes(message.data)))
+        except ValueError:
+            return False
+        return True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One CAN bus with one reader: dispatches frames by identifier, sends frames, drops echoes.
+"""One CAN bus with one reader: dispatches frames by identifier, sends frames.
 
 A realtime loop reads the bus with `pump`. Blocking transfers (SDO) run in other threads and get
 their answers through the same loop; if no loop pumps, `wait_for` pumps itself.
@@ -12,12 +12,8 @@ from collections import Counter
 from collections.abc import Callable
 
 import can
-from can.interfaces.socketcan import SocketcanBus
-from can.interfaces.udp_multicast import UdpMulticastBus
-from can.interfaces.virtual import VirtualBus
 
 from ..clock import Clock, WallClock
-from .echo import EchoFilter
 
 Callback = Callable[[bytes, int], None]
 
@@ -26,7 +22,6 @@ SYNC_ID = 0x80
 MAX_FRAMES_PER_PUMP = 256
 _BUS_OFF_FLAG = 0x40  # Linux CAN error frames: CAN_ERR_BUSOFF in the identifier
 _RESTARTED_FLAG = 0x100  # and CAN_ERR_RESTARTED
-_SENDS_FROM_ANY_THREAD = (UdpMulticastBus, SocketcanBus, VirtualBus)
 _LOOP_IS_ALIVE_NS = 5_000_000
 _SLICE_NS = 1_000_000
 _LOCK_S = 0.001
@@ -45,8 +40,8 @@ class Port:
 
     bus: an open python-can bus. sync_producer: this process sends SYNC here, so any other SYNC is
     an error. name: name of the bus in messages. clock: clock of arrival stamps and waits. counters:
-    frames since it was opened, by kind: sent, received, echoes, unclaimed, malformed, ignored,
-    error_frames, send_errors, receive_errors, foreign_sync.
+    frames since it was opened, by kind: sent, received, echoes, unclaimed, ignored, error_frames,
+    send_errors, receive_errors, foreign_sync.
     """
 
     def __init__(
@@ -67,10 +62,6 @@ class Port:
         self._reading = threading.Lock()
         self._loop_waits = False
         self._sending = threading.Lock()
-        self._locked_send = not isinstance(bus, _SENDS_FROM_ANY_THREAD)
-        self._echo = EchoFilter(bus)
-        self._marks = self._echo.marks
-        self._may_echo = self._marks and not self._echo.in_kernel
         self._pumped_ns = 0
 
     # -- sending ---------------------------------------------------------------------------------
@@ -81,16 +72,15 @@ class Port:
         Raises BusError when the bus does not accept it (bus off, cable, full buffer).
         """
         message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
-        if self._marks:
-            self._echo.mark(message)
         try:
-            if self._locked_send:
-                with self._sending:
-                    self.bus.send(message)
-            else:
+            with self._sending:  # not every backend of python-can takes sends from two threads
                 self.bus.send(message)
         except (can.CanError, OSError) as error:
-            self._send_failed(can_id, error)
+            self.counters["send_errors"] += 1
+            raise BusError(
+                f"cannot send on {self.name}: {error.__cause__ or error}; check cable, termination "
+                "and bit rate"
+            ) from error
         self._arrivals.sent()
         self.counters["sent"] += 1
 
@@ -102,15 +92,6 @@ class Port:
         self.send(SYNC_ID, b"")
         for callback in self._callbacks.get(SYNC_ID, ()):
             callback(b"", now_ns)
-
-    def _send_failed(self, can_id: int, error: Exception) -> None:
-        self.counters["send_errors"] += 1
-        if self._marks:
-            self._echo.unmark(can_id)
-        cause = error.__cause__ or error
-        raise BusError(
-            f"cannot send on {self.name}: {cause}; check cable, termination and bit rate"
-        ) from error
 
     # -- receiving -------------------------------------------------------------------------------
 
@@ -145,8 +126,11 @@ class Port:
             try:
                 message = receive(0 if handled else until_ns)
             except (can.CanError, OSError) as error:
-                self._receive_failed(error)
-                continue
+                self.counters["receive_errors"] += 1
+                raise BusError(
+                    f"cannot receive on {self.name}: {error.__cause__ or error}; check cable and "
+                    "driver"
+                ) from error
             if message is None:
                 break
             handled += dispatch(message, now_ns())
@@ -158,7 +142,7 @@ class Port:
         if odd or message.is_fd:  # no device of ours sends CAN FD
             self._note_odd(message)
             return 1
-        if not message.is_rx or (self._may_echo and self._echo.is_echo(message)):
+        if not message.is_rx:
             self.counters["echoes"] += 1
             return 0
         self.counters["received"] += 1
@@ -181,15 +165,6 @@ class Port:
             self.bus_off = True
         elif message.arbitration_id & _RESTARTED_FLAG:
             self.bus_off = False
-
-    def _receive_failed(self, error: Exception) -> None:
-        if isinstance(self.bus, UdpMulticastBus) and not isinstance(error.__cause__, OSError):
-            if isinstance(error, can.CanOperationError):
-                self.counters["malformed"] += 1  # a datagram of somebody else's, no CAN frame
-                return
-        self.counters["receive_errors"] += 1
-        cause = error.__cause__ or error
-        raise BusError(f"cannot receive on {self.name}: {cause}; check cable and driver") from error
 
     # -- waiting: not for the realtime loop ------------------------------------------------------
 
@@ -236,13 +211,6 @@ class Port:
         if self.counters["foreign_sync"] > before:
             return SYNC_ID
         return found[0] if found else None
-
-    def fileno(self) -> int:
-        """Return the file descriptor to wait on, -1 if the interface has none."""
-        try:
-            return self.bus.fileno()
-        except NotImplementedError:
-            return -1
 
     def close(self) -> None:
         """Close the bus."""

@@ -18,7 +18,7 @@ from .member import Member
 from .page import Page, alive, page_name
 
 _STANDS_STILL_S = 2.0
-_LOST_S = 0.2  # wall clock after which a sent frame counts as lost
+_PASSED_ON_S = 0.2  # wall clock after which a frame is not on its way through the rig
 
 
 class SimulatedClock(Clock):
@@ -69,8 +69,7 @@ class SimulatedClock(Clock):
 
     def arrivals(self, bus: Any) -> Arrivals:
         """Return the arrivals of a bus that counts its members' frames."""
-        counts = hasattr(bus, "members_frames")
-        return _CountedArrivals(self, bus) if counts else PlainArrivals(self, bus)
+        return (_CountedArrivals if hasattr(bus, "frames_counted") else PlainArrivals)(self, bus)
 
     def publisher(self, topic: str) -> End:
         """Return the publishing end of a topic (full name)."""
@@ -124,8 +123,9 @@ class _CountedArrivals:
 
     def __init__(self, clock: SimulatedClock, bus: Any):
         self._clock, self._bus = clock, bus
-        self._end = End(clock.page, f"bus {bus.members_bus}", sends=True, follows=True)
-        self._read = bus.members_frames
+        self._end = End(clock.page, f"bus {bus.channel_info}", sends=True, follows=True)
+        bus.counted = True
+        self._read = bus.frames_counted
         self.close = self._end.close
 
     def receive(self, until_ns: int) -> Any:
@@ -135,12 +135,12 @@ class _CountedArrivals:
         message = self._bus.recv(0.0)
         lost = not self._end.follows  # it was given up, and has now read everything
         if message is None and self._end.pending:
-            message = self._bus.recv(_LOST_S)  # the kernel may take a moment
+            message = self._bus.recv(_PASSED_ON_S)  # of another driver: the rig passes it on
             lost = True
         if message is None and lost:
             self._end.catch_up()
-        if self._bus.members_frames != self._read:
-            self._read = self._bus.members_frames
+        if self._bus.frames_counted != self._read:
+            self._read = self._bus.frames_counted
             self._end.take_next()
         return message
 

@@ -144,11 +144,14 @@ class Conductor:
                 until[thread] = BUSY
                 page.wake_thread(thread)
 
-    def sleep(self, longest_s: float) -> None:
-        """Sleep until a member has changed its state since `look`, for `longest_s` at most."""
-        page = self._page
-        page.sleep_conductor(self._seen, min(longest_s, _LOOK_S))
+    def sleep(self, longest_s: float) -> bool:
+        """Sleep until a member has changed its state since `look`, for `longest_s` at most.
+
+        Return whether one has.
+        """
+        self._page.sleep_conductor(self._seen, min(longest_s, _LOOK_S))
         self._check_members()
+        return self._page.header[4] != self._seen
 
     def look(self) -> None:
         """Record the changes so far; call it before `quiet`, so that `sleep` misses none."""

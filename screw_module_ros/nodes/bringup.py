@@ -21,7 +21,7 @@ from typing import NamedTuple
 import click
 
 from screw_module_ros.domain import domain_id, end_without_domain
-from screw_module_ros.graph import BESIDE, BUSES, Entry, chosen, table
+from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.resources import resource_path
 
@@ -70,20 +70,16 @@ def plan(
     extra: Sequence[str] = (),
     composed: bool = False,
     wall_clock: bool = False,
-    first_port: int | None = None,
 ) -> Plan:
     """Return the plan that starts the robot.
 
     simulation: with the simulated rig. params: a file that replaces the packaged one. only,
     without: names of the table. extra: arguments for every node. composed: `module` replaces its
-    four parts. wall_clock: the simulated rig runs in real time. first_port: of the rig's four CAN
-    ports, None for those of the file.
+    four parts. wall_clock: the simulated rig runs in real time.
 
     Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
-    table and for ports without a simulated rig.
+    table.
     """
-    if first_port is not None and not simulation:
-        raise ValueError("the first port is one of the simulated rig: hardware has none")
     default = SIMULATION_PARAMETERS if simulation else BENCH_PARAMETERS
     path = params or str(resource_path(default))
     above = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
@@ -91,8 +87,6 @@ def plan(
     words = ["--params-file", path]
     if simulation:
         words += simulated_arguments(composed, wall_clock)
-    if first_port is not None:
-        words += port_arguments(first_port)
     return Plan(
         chosen(simulation, only, without, composed),
         [*words, *extra],
@@ -142,16 +136,6 @@ def placement(cores: int, composed: bool = False) -> list[str]:
             for node in entry.nodes:
                 words += ["-p", f"{node}:realtime.cores:=[{entry.core}]"]
     return words
-
-
-def port_arguments(first_port: int) -> list[str]:
-    """Return the --ros-args that put the simulated rig and every node on four CAN ports."""
-    options = []
-    for number, bus in enumerate(BUSES):
-        port = first_port + number
-        options += ["-p", f"{bus.node}:can.port:={port}"]
-        options += ["-p", f"sim_rig:{bus.name}.can.port:={port}"]
-    return options
 
 
 class Process:
@@ -258,10 +242,6 @@ def stop(processes: list[Process]) -> dict[str, int]:
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
 @click.option("--namespace", default="", help="For a second robot, like /second.")
-@click.option(
-    "--first-port", type=click.IntRange(1024, 65532),
-    help="First of the simulated rig's four CAN ports; a second robot needs its own.",
-)
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")
 @click.option("--without", multiple=True, help="Leave this node out (repeat for more).")
 @click.option(

@@ -16,7 +16,7 @@ from screw_module_msgs.msg import SimTruth
 from screw_module_msgs.srv import InjectFault, SetArm, SetFixture
 
 from screw_module_ros import graph
-from screw_module_ros.can_io.bus import BusSettings, open_bus
+from screw_module_ros.can_io.bus import BusSettings, open_bus, where, within
 from screw_module_ros.lockstep.conductor import Conductor
 from screw_module_ros.plant.world import ArmSettings, World, load_world
 from screw_module_ros.rig.rig import ALL, Rig, RigSettings
@@ -91,11 +91,12 @@ class SimRigNode(Node):
         self.parameters.declare(SimulationSettings)
         self.parameters.declare(RigSettings, "devices")
         for bus in graph.BUSES:
-            self.parameters.declare(BusSettings, f"{bus.name}.can", port=bus.port)
+            self.parameters.declare(BusSettings, f"{bus.name}.can", channel=bus.name)
         self._rig: Rig | None = None
         self._buses: dict[BusSettings, can.BusABC] = {}
         self._bus_locks: list[Lock] = []
         self._slipped = 0
+        self._has_told_of_loss = False
         self._truth = SimTruth()
         self._truth.header.frame_id = "manus_base"
         self._time: Conductor | None = None
@@ -127,10 +128,10 @@ class SimRigNode(Node):
             self._time = Conductor(self.clock.page, settings.speed, self.get_logger().warning)
 
     def _open(self, settings: BusSettings) -> can.BusABC:
+        settings = within(settings, self.get_namespace())
         if settings not in self._buses:
-            where = (settings.interface, settings.channel, settings.port)
-            self._bus_locks.append(lock_simulation(*where))
-            self._buses[settings] = open_bus(settings)
+            self._bus_locks.append(lock_simulation(where(settings)))
+            self._buses[settings] = open_bus(settings, self.clock, served=True)
         return self._buses[settings]
 
     def changed(self, kind: type) -> None:
@@ -233,6 +234,9 @@ class SimRigNode(Node):
     def health(self) -> Health:
         """Frames, slips."""
         counters = self._rig.counters._asdict()
+        if counters["lost"] and not self._has_told_of_loss:
+            self._has_told_of_loss = True
+            self.get_logger().warning("a process that reads no frames of its bus loses them")
         if self._time is not None:
             if told := self._slowness.told(self.clock.page.factor, self._time.speed):
                 self.get_logger().info(told)

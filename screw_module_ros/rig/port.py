@@ -12,9 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 import can
-from can.interfaces.udp_multicast import UdpMulticastBus
 
-from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
 from screw_module_ros.clock import Clock
 
 Handler = Callable[[bytes, int], None]
@@ -78,12 +76,8 @@ class RigPort:
         self.links: list[Link] = []
         self.around: dict[int, tuple[Handler | None, Handler | None]] = {}
         self.now_ns = 0
-        self.frames_in = self.frames_out = self.ignored = self.own_echoes = 0
+        self.frames_in = self.frames_out = self.ignored = 0
         self.receive_errors = self.send_errors = 0
-        self._stamp = bus.own_stamp = own_stamp()
-        self._tag: str | None = None
-        if isinstance(bus, UdpMulticastBus) and not drop_own_frames(bus, self._stamp):
-            self._tag = f"rig {self._stamp!r}"
         self._table: dict[int, tuple[Handler, ...]] = {}
         self._messages: dict[int, can.Message] = {}
 
@@ -109,6 +103,11 @@ class RigPort:
             table[can_id] = _present((before, *devices, after))
         self._table = table
 
+    @property
+    def lost(self) -> int:
+        """Frames that members of the bus have lost because they did not read."""
+        return getattr(self.bus, "lost", 0)
+
     def expects(self) -> bool:
         """Return whether a frame may be waiting; lock step does not foresee frames of foreign
         processes.
@@ -125,9 +124,6 @@ class RigPort:
             return False
         if message is None:
             return False
-        if self._tag is not None and message.channel == self._tag:
-            self.own_echoes += 1
-            return True
         self.frames_in += 1
         handlers = self._table.get(message.arbitration_id)
         if handlers is None or _unsupported(message):
@@ -142,7 +138,7 @@ class RigPort:
         """Send one frame now; a bus that refuses it is counted, as on a real device."""
         message = self._messages.get(can_id)
         if message is None:
-            message = can.Message(self._stamp, can_id, is_extended_id=False, channel=self._tag)
+            message = can.Message(arbitration_id=can_id, is_extended_id=False)
             self._messages[can_id] = message
         message.data = bytearray(data)
         message.dlc = len(data)

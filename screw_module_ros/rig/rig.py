@@ -49,14 +49,14 @@ _PAUSE_S = 0.0002
 class RigCounters(NamedTuple):
     """Counters of the rig, over all buses.
 
-    ignored: frames that no device here answers. own_echoes: our own frames, returned by an
-    interface without a filter. slipped: periods of wall clock skipped because the machine was busy.
+    ignored: frames that no device here answers. lost: frames that processes which do not read have
+    lost. slipped: periods of wall clock skipped because the machine was busy.
     """
 
     frames_in: int
     frames_out: int
     ignored: int
-    own_echoes: int
+    lost: int
     receive_errors: int
     send_errors: int
     slipped: int
@@ -156,16 +156,15 @@ class Rig:
             self._serve_expected(now_ns)
             content_ns = conductor.quiet()
             if content_ns is None:
-                conductor.sleep(_LOOK_S)
+                if not conductor.sleep(_LOOK_S):
+                    self._serve_uncounted(now_ns)  # whoever holds time may be joining a bus
             elif (early_s := conductor.too_early()) > 0.0:
                 conductor.sleep(early_s)
             else:
                 now_ns = min(content_ns, (now_ns // self._period_ns + 1) * self._period_ns)
                 conductor.move(now_ns)
                 self._housekeep(now_ns)
-                for port in self._distinct:  # frames of foreign processes are read once per step
-                    while port.receive(now_ns):
-                        pass
+                self._serve_uncounted(now_ns)
                 stepped(now_ns)
                 conductor.release()
 
@@ -175,6 +174,12 @@ class Rig:
             waiting = [port for port in self._distinct if port.expects()]
             if not sum(port.receive(now_ns) for port in waiting):
                 return
+
+    def _serve_uncounted(self, now_ns: int) -> None:
+        """Admit new members of the buses and handle the frames of foreign ones: once per step."""
+        for port in self._distinct:
+            while port.receive(now_ns):
+                pass
 
     def call(self, function: Callable[[], object]) -> None:
         """Call `function` between two frames, in the thread that runs the rig.

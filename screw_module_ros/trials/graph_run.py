@@ -67,7 +67,7 @@ class GraphRun:
                 self._params,
                 only=self._only,
                 without=self._without,
-                extra=[*self._place.arguments(), *self._extra],
+                extra=self._extra,
                 composed=self._composed,
                 wall_clock=self.wall_clock,
             )
@@ -107,7 +107,7 @@ class GraphRun:
 
     @property
     def place(self) -> Place:
-        """The ROS domain and CAN ports of this run."""
+        """The ROS domain of this run."""
         return self._place
 
     def signal(self, name: str, number: signal.Signals, ends: bool = True) -> None:

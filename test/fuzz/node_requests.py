@@ -50,7 +50,7 @@ class NodeRequests:
 
     def _make_nodes(self, folder: Path) -> None:
         for name in (*WITHOUT_DEVICE, *DRIVERS):
-            node = _made(name, folder, self._place.arguments())
+            node = _made(name, folder, [])
             self._nodes.append(node)
             node.get_logger().set_level(LoggingSeverity.FATAL)
             node.parameters.finish()

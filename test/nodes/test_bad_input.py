@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from screw_module_msgs.msg import ForceCommand
 from screw_module_msgs.srv import SetControlMode, SetImpedance
 
-from screw_module_ros.graph import BUSES
+from screw_module_ros.can_io.bus import BusSettings, where, within
+from screw_module_ros.graph import bus_of
 from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.nodes.support.place import AlreadyRunning, lock_device, lock_simulation
 
@@ -21,10 +25,18 @@ def refused(node) -> str:
 
 
 @pytest.mark.parametrize("name", ["encoder", "force_sensor", "amplifier", "manus"])
-def test_nobody_answers(make_node, can_port_base, name):
-    """Without rig or hardware each driver node says which device is silent, and where."""
-    told = refused(make_node(name, "-p", f"can.port:={can_port_base}"))
-    assert "does not answer" in told and str(can_port_base) in told and "rig" in told
+def test_no_rig(make_node, ros_domain_id, name):
+    """Without the rig each driver node says which bus is missing, and where; it tries again."""
+    told = refused(make_node(name, "-r", "__ns:=/left"))
+    assert f"rig left/{bus_of(name)} in ROS domain {ros_domain_id}: no sim_rig serves" in told
+    assert "start it in this ROS domain and namespace" in told
+
+
+@pytest.mark.parametrize("name", ["encoder", "force_sensor", "amplifier", "manus"])
+def test_nobody_answers(make_node, name):
+    """On a silent bus each driver node says which device is silent, and where."""
+    told = refused(make_node(name, "-p", "can.interface:=virtual", "-p", "can.channel:=silent"))
+    assert "does not answer" in told and "virtual silent" in told
 
 
 @pytest.mark.parametrize(
@@ -33,6 +45,7 @@ def test_nobody_answers(make_node, can_port_base, name):
         ("socketcan", "can_not_there", "is it there and up"),
         ("udp_multicast", "127.0.0.1", "multicast group"),
         ("no_such_interface", "x", "no_such_interface"),
+        ("rig", "239.74.163.2", "names such as encoder"),
     ],
 )
 def test_a_wrong_bus(make_node, interface, channel, told):
@@ -80,44 +93,66 @@ def test_required_nodes_that_do_not_exist(make_node):
     assert "encodr" in told and "encoder" in told
 
 
-def test_a_device_is_driven_once(make_node, can_port_base):
-    """A second process on the same device is refused, whatever its ROS domain."""
-    held = lock_device("udp_multicast", "239.74.163.2", can_port_base, "encoder node 2")
-    told = refused(make_node("encoder", "-p", f"can.port:={can_port_base}"))
+def test_a_device_is_driven_once(make_node, ros_domain_id):
+    """A second process on the same device is refused."""
+    held = lock_device(f"rig encoder in ROS domain {ros_domain_id}", "encoder node 2")
+    told = refused(make_node("encoder"))
     held.release()
     assert "already driven by another process" in told
 
 
-def test_a_bus_is_simulated_once(make_node, can_port_base):
+def test_a_bus_is_simulated_once(make_node, ros_domain_id):
     """Two simulations on one bus would both answer: the second is refused until the first ends."""
-    held = lock_simulation("udp_multicast", "239.74.163.2", can_port_base + 3)
-    ports = [word for number, bus in enumerate(BUSES)
-             for word in ("-p", f"{bus.name}.can.port:={can_port_base + number}")]  # fmt: skip
-    node = make_node("sim_rig", *ports)
+    planar = f"rig planar in ROS domain {ros_domain_id}"
+    held = lock_simulation(planar)
+    node = make_node("sim_rig")
     told = refused(node)
-    assert f"port {can_port_base + 3} are already simulated" in told and "--first-port" in told
+    assert f"{planar} are already simulated" in told and "another namespace" in told
     held.release()
     assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
     with pytest.raises(AlreadyRunning, match="already simulated"):
-        lock_simulation("udp_multicast", "239.74.163.2", can_port_base)
+        lock_simulation(planar)
     assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
-    lock_simulation("udp_multicast", "239.74.163.2", can_port_base).release()
+    lock_simulation(planar).release()
+
+
+def test_simulated_buses_cannot_be_reached_from_the_network(make_node):
+    """Frames from other computers reached them, while they were UDP multicast groups."""
+    node = make_node("sim_rig")
+    before = udp_sockets()
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    assert udp_sockets() == before
+    assert all(bus.fileno() >= 0 for bus in node._buses.values()) and len(node._buses) == 4
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+
+
+def udp_sockets() -> set[str]:
+    """Return this process's UDP sockets as the kernel lists them."""
+    links = (os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink())
+    ours = {link[len("socket:[") : -1] for link in links if link.startswith("socket:[")}
+    rows = [
+        line.split()
+        for name in ("udp", "udp6")
+        for line in Path("/proc/net", name).read_text().splitlines()[1:]
+    ]
+    return {row[1] for row in rows if row[9] in ours}
 
 
 def test_the_lock_goes_with_its_holder():
     """A device can be taken again once it was let go."""
-    lock_device("virtual", "x", 1, "drive").release()
-    held = lock_device("virtual", "x", 1, "drive")
-    with pytest.raises(AlreadyRunning, match="drive on virtual x"):
-        lock_device("virtual", "x", 1, "drive")
+    lock_device("virtual x", "drive").release()
+    held = lock_device("virtual x", "drive")
+    with pytest.raises(AlreadyRunning, match="drive on virtual x is already driven"):
+        lock_device("virtual x", "drive")
     held.release()
 
 
-def test_a_device_is_locked_whatever_udp_port_its_bus_does_not_use():
-    held = lock_device("socketcan", "can0", 43114, "drive node 1")
-    with pytest.raises(AlreadyRunning, match="drive node 1 on socketcan can0 is already driven"):
-        lock_device("socketcan", "can0", 43214, "drive node 1")
-    held.release()
-    held = lock_device("udp_multicast", "239.74.163.9", 43114, "drive node 1")
-    lock_device("udp_multicast", "239.74.163.9", 43214, "drive node 1").release()
-    held.release()
+def test_the_name_of_a_bus_is_unique_on_this_machine(ros_domain_id):
+    """Only a bus of udp_multicast has a port; a simulated one is of a domain."""
+    can0 = BusSettings("socketcan", "can0")
+    assert where(can0) == where(can0._replace(port=43214)) == "socketcan can0"
+    group = BusSettings("udp_multicast", "239.74.163.9")
+    assert where(group) != where(group._replace(port=43214))
+    rig = BusSettings(channel="drive")
+    assert where(within(rig, "/left")) == f"rig left/drive in ROS domain {ros_domain_id}"
+    assert where(within(rig, "/")) == f"rig drive in ROS domain {ros_domain_id}"

@@ -34,12 +34,15 @@ def test_a_section_for_every_node_and_no_other(file):
     assert set(read(file)) - {EVERY_NODE} == set(FILES[file])
 
 
-def test_both_ends_of_a_bus_are_on_the_port_of_the_table():
+def test_both_ends_of_a_bus_have_the_name_of_the_table(make_node):
     """The file says what the nodes declare anyway, for who wants to change it."""
     sections = read(SIMULATION_PARAMETERS)
     for bus in BUSES:
-        assert sections[bus.node]["can.port"] == bus.port
-        assert sections["sim_rig"][f"{bus.name}.can.port"] == bus.port
+        assert sections[bus.node]["can.interface"] == "rig"
+        assert sections[bus.node]["can.channel"] == bus.name
+    rig = make_node("sim_rig")
+    for bus in BUSES:
+        assert rig.get_parameter(f"{bus.name}.can.channel").value == bus.name
 
 
 @pytest.mark.parametrize("namespace", ["/", "/left"])

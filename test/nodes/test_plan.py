@@ -39,11 +39,8 @@ def test_one_way_to_write_a_namespace(namespace):
 
 
 @pytest.mark.parametrize("composed", [False, True])
-def test_rig_and_driver_meet_on_the_ports_that_are_given(composed):
-    planned = plan(first_port=5000, namespace="left", composed=composed)
-    rig = given(planned, "sim_rig")
-    assert rig["encoder.can.port"] == given(planned, "encoder")["can.port"] == 5000
-    assert rig["planar.can.port"] == given(planned, "manus")["can.port"] == 5003
+def test_the_rig_has_the_latency_of_the_processes(composed):
+    rig = given(plan(namespace="left", composed=composed), "sim_rig")
     assert rig["devices.command_latency"] == (0.3e-3 if composed else 0.6e-3)
 
 
@@ -55,11 +52,6 @@ def test_an_enclave_for_each_where_security_is_in_force(monkeypatch):
     assert plan().arguments(entry)[-2:] == ["--enclave", "/therapy_robot/sim_rig"]
 
 
-def test_ports_are_the_rig_s():
-    with pytest.raises(ValueError, match="hardware has none"):
-        plan(simulation=False, first_port=5000)
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -67,7 +59,7 @@ def test_ports_are_the_rig_s():
         (["foo"], "unexpected extra argument"),
         (["-p", "encodr:rate:=1.0"], "no node 'encodr'; there are amplifier"),
         (["-p", "rate"], "NODE:NAME:=VALUE is wanted"),
-        (["--bench", "--first-port", "5000"], "hardware has none"),
+        (["--first-port", "5000"], "No such option: --first-port"),
         (["--params", "/nonexistent.yaml"], "/nonexistent.yaml"),
         (["--without", "encodr"], "no node 'encodr'"),
         (["--only", "encoder", "--without", "encoder"], "no node to start"),

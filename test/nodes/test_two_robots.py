@@ -33,7 +33,7 @@ def bags(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def robots(bags, ros_domain_id, module_ports):
+def robots(bags, ros_domain_id):
     """Return an operator of each robot, both robots ready; all must end in good order.
 
     The operators take no part in the simulated times: one thread cannot keep up with two of them.
@@ -48,11 +48,10 @@ def robots(bags, ros_domain_id, module_ports):
                     raise RobotError(f"{name}/{process.name} ended by itself")
 
     try:
-        for number, name in enumerate(NAMES):
+        for name in NAMES:
             extra = ["-p", PLANE_IS_NOT_NEEDED, "-p", f"session_recorder:folder:={bags}"]
             processes[name] = bringup.start(
-                namespace=name, first_port=module_ports + 4 * number, only=ONE_ROBOT, extra=extra,
-                composed=True,
+                namespace=name, only=ONE_ROBOT, extra=extra, composed=True
             )
         with ExitStack() as stack:
             found = {
@@ -69,12 +68,10 @@ def robots(bags, ros_domain_id, module_ports):
     assert set(codes) == {0}
 
 
-def test_each_has_the_values_of_the_file(robots, module_ports):
-    for number, robot in enumerate(robots.values()):
-        encoder = parameters(robot, "encoder", ("home_position", "can.port", "use_sim_time"))
-        assert encoder == {
-            "home_position": 0.25, "can.port": module_ports + 4 * number, "use_sim_time": True,
-        }  # fmt: skip
+def test_each_has_the_values_of_the_file(robots):
+    for robot in robots.values():
+        encoder = parameters(robot, "encoder", ("home_position", "can.channel", "use_sim_time"))
+        assert encoder == {"home_position": 0.25, "can.channel": "encoder", "use_sim_time": True}
         assert parameters(robot, "amplifier", ["module_serial"]) == {"module_serial": "SIM-0001"}
         rig = parameters(robot, "sim_rig", ["devices.command_latency"])
         assert rig == {"devices.command_latency": 0.3e-3}  # composed

@@ -56,7 +56,7 @@ class Operator:
 
 
 @pytest.fixture(scope="module")
-def started(tmp_path_factory, ros_domain_id, module_ports):
+def started(tmp_path_factory, ros_domain_id):
     """Return the operators by name, the bridge's address, and its tokens."""
     tokens = tmp_path_factory.mktemp("bridge") / "state" / "tokens.json"
     required = f"supervisor:required:=[{', '.join(PARTS)}]"
@@ -68,11 +68,10 @@ def started(tmp_path_factory, ros_domain_id, module_ports):
                 raise RobotError(f"{process.name} ended by itself")
 
     try:
-        for number, name in enumerate(NAMES):
+        for name in NAMES:
             processes += bringup.start(
-                namespace=name, first_port=module_ports + 4 * number, only=ONE_ROBOT,
-                composed=True, extra=["-p", required],
-            )  # fmt: skip
+                namespace=name, only=ONE_ROBOT, composed=True, extra=["-p", required]
+            )
             simulated = ["-p", "use_sim_time:=true", "-r", f"__ns:=/{name}"]
             processes.append(bringup.Process(SESSION, ["--ros-args", *simulated]))
         bridge = ["-p", "robots:=[left, right]", "-p", "port:=0", "-p", f"token_file:={tokens}"]

@@ -2,13 +2,17 @@
 """One loop over all buses: time, order, requests from other threads, broken buses."""
 
 import threading
+import uuid
 
 import can
 import pytest
 
-from screw_module_ros.can_io.echo import drop_own_frames, own_stamp
+from screw_module_ros.can_io.rig_bus import RigBus
+from screw_module_ros.can_io.rig_hub import RigHub
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.rig import port as port_module
+from screw_module_ros.lockstep.clock import SimulatedClock
+from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.lockstep.page import Page
 from screw_module_ros.rig.build import RigSettings
 from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.rig import Rig
@@ -145,82 +149,6 @@ def test_run_serves_until_it_is_told_to_stop(make_bench, wait_until):
     assert not thread.is_alive()
 
 
-@pytest.fixture
-def multicast(can_port_base):
-    """Return a function that opens one more bus on this test's own port."""
-    pytest.importorskip("msgpack")
-    opened = []
-
-    def open_bus() -> can.BusABC:
-        settings = {"interface": "udp_multicast", "channel": "239.74.163.2", "hop_limit": 0}
-        opened.append(can.Bus(port=can_port_base, fd=False, **settings))
-        return opened[-1]
-
-    yield open_bus
-    for bus in opened:
-        bus.shutdown()
-
-
-@pytest.mark.parametrize("kernel_helps", [True, False])
-def test_over_udp_multicast_the_rig_does_not_answer_itself(
-    world, multicast, wait_until, monkeypatch, kernel_helps
-):
-    near, far = multicast(), multicast()
-    if not kernel_helps:
-        monkeypatch.setattr(port_module, "drop_own_frames", lambda _bus, _stamp: False)
-    rig = Rig({"force_sensor": far, "encoder": far}, world)
-    stop = threading.Event()
-    thread = threading.Thread(target=rig.run, args=(stop.is_set,))
-    thread.start()
-    frames = []
-
-    def heard(can_id: int, count: int) -> bool:
-        while (message := near.recv(0)) is not None:
-            frames.append((message.arbitration_id, bytes(message.data).hex()))
-        return len([f for f in frames if f[0] == can_id]) >= count
-
-    def send(can_id: int, payload: str) -> None:
-        data = bytes.fromhex(payload)
-        near.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-
-    try:
-        wait_until(lambda: heard(0x702, 1), what="boot-up")
-        send(0x126, "00")
-        wait_until(lambda: heard(0x126, 2), what="our own request and its reply")
-        send(0x128, "")
-        wait_until(lambda: heard(0x128, 2))
-        send(0x128, "")
-        wait_until(lambda: heard(0x128, 4))
-    finally:
-        stop.set()
-        thread.join(5.0)
-    # had the rig answered its own reply, there would be more
-    assert frames.count((0x126, "00")) == 2
-    counters = rig.counters
-    assert counters.frames_in == 3
-    # boot-up and the first two replies; the last one may still be on its way
-    assert counters.own_echoes >= 3 if not kernel_helps else counters.own_echoes == 0
-
-
-def test_the_kernel_drops_the_frames_of_one_bus_only(multicast):
-    one, other = multicast(), multicast()
-    stamp = own_stamp()
-    if not drop_own_frames(one, stamp):
-        pytest.skip("this system has no socket filters")
-    for bus, can_id, sent in ((one, 0x181, stamp), (one, 0x182, 0.0), (other, 0x183, own_stamp())):
-        bus.send(can.Message(sent, arbitration_id=can_id, is_extended_id=False))
-    heard = [iter(lambda bus=bus: bus.recv(0.2), None) for bus in (one, other)]
-    assert [[m.arbitration_id for m in frames] for frames in heard] == [
-        [0x182, 0x183],
-        [0x181, 0x182, 0x183],
-    ]
-
-
-def test_other_interfaces_need_no_help(make_bench):
-    bench = make_bench("encoder")
-    assert not drop_own_frames(bench.bus, own_stamp())
-
-
 def test_a_bus_that_refuses_frames_is_counted(make_bench):
     bench = make_bench("encoder")
 
@@ -288,3 +216,31 @@ def test_short_steps_are_saved_up(world):
     for now_ns in range(0, 200_000, 10_000):
         physics.advance(now_ns)
     assert world.steps == pytest.approx([50e-6] * 3)
+
+
+def test_a_bus_is_joined_by_who_holds_simulated_time(world):
+    """Time stands still until the driver goes on, and he goes on when the rig has admitted him."""
+    clock = SimulatedClock(Page(f"test_{uuid.uuid4().hex}"), "test")
+    hub = RigHub(f"bus_{uuid.uuid4().hex[:8]}")
+    conductor = Conductor(clock.page, 0.0, pytest.fail)
+    rig = Rig({"encoder": hub}, world, clock)
+    stop = threading.Event()
+
+    def serve():
+        rig.run_in_steps(conductor, stop.is_set, lambda now_ns: None)
+
+    thread = threading.Thread(target=serve)
+    begin_ns = clock.now_ns()
+    try:
+        with clock.working():
+            thread.start()
+            driver = RigBus(hub.channel_info.removeprefix("rig "))
+            driver.shutdown()
+            assert clock.now_ns() == begin_ns
+    finally:
+        stop.set()
+        thread.join(5.0)
+        hub.shutdown()
+        conductor.close()
+    clock.leave()
+    clock.page.close()

@@ -88,7 +88,7 @@ def test_a_violation_is_caught(tmp_path: Path, file: str, source: str) -> None:
         ("devices/drive.py", "from ..can_io import bus\nfrom ..samples import DriveReading"),
         ("control/vertical.py", "import math\nfrom .impedance import force"),
         ("plant/world.py", "from screw_module_ros.compiled import compiled"),
-        ("rig/port.py", "from screw_module_ros.can_io.echo import EchoFilter"),
+        ("rig/port.py", "from screw_module_ros.can_io.port import Port"),
         ("__init__.py", "from . import clock"),
     ],
 )

@@ -29,9 +29,3 @@ def test_a_domain_that_somebody_uses_is_left_alone(monkeypatch: pytest.MonkeyPat
         somebody.bind(("", 7400 + 250 * domain + 10))
         with pytest.raises(RuntimeError, match="in use"), isolation.own_domain():
             pass
-
-
-def test_ports_of_two_runs_do_not_overlap_nor_exceed_the_last() -> None:
-    bases = [int(isolation.variables(d)[isolation.PORT_VARIABLE]) for d in isolation.DOMAINS]
-    assert all(b - a == isolation.CAN_PORTS_PER_RUN for a, b in zip(bases, bases[1:], strict=False))
-    assert bases[-1] + isolation.CAN_PORTS_PER_RUN <= 65536

@@ -68,7 +68,7 @@ class CharacterizeNode(Node):
         super().__init__("characterize")
         self.parameters.declare(ResultsSettings)
         self.parameters.declare(WatchSettings, "watch")
-        self.parameters.declare(BusSettings, "can", port=graph.FIRST_PORT)
+        self.parameters.declare(BusSettings, "can", channel=graph.bus_of("encoder"))
         self.parameters.declare(RigBusSettings)
         self._loop: LiveLoop | None = None
         self._robot: Robot | None = None  # of the experiment's thread

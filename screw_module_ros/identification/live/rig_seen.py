@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from screw_module_ros.can_io.bus import SIMULATED_INTERFACES, BusSettings, open_bus
+from screw_module_ros.can_io.bus import SIMULATED_INTERFACES, BusSettings, open_bus, within
 from screw_module_ros.clock import WallClock
 from screw_module_ros.devices.errors import BusError
 from screw_module_ros.operator.client import RobotError
@@ -35,7 +35,7 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
 
     In simulated time: the rig's process on this machine has answered on a bus; a driver on real
     hardware refuses simulated time. By wall clock: positions arrive on `bus`, which must be the bus
-    of the node `encoder` and an interface without hardware and without other machines.
+    of the node `encoder`, and a simulated one: no hardware and no other machine has that.
     """
     if robot.clock.simulated:
         page = robot.clock.page
@@ -45,14 +45,15 @@ def sees_rig(robot: Robot, bus: BusSettings, device: RigBusSettings) -> bool:
     wanted = {
         "can.interface": bus.interface,
         "can.channel": bus.channel,
-        "can.port": bus.port,
         "node_id": device.encoder_node_id,
     }
     try:
         answer = parameters(robot, "encoder", wanted)
     except RobotError:  # the experiment says what is missing
         return False
-    return answer == wanted and _hears(bus, _TPDO1 + device.encoder_node_id)
+    return answer == wanted and _hears(
+        within(bus, robot.node.get_namespace()), _TPDO1 + device.encoder_node_id
+    )
 
 
 def _hears(settings: BusSettings, identifier: int) -> bool:

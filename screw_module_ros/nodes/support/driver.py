@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros import graph
-from screw_module_ros.can_io.bus import BusSettings, open_port, where
+from screw_module_ros.can_io.bus import BusSettings, open_port, where, within
 from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
@@ -44,7 +44,7 @@ class DriverNode(Node):
 
     def __init__(self, name: str, rate: float = 1000.0):
         super().__init__(name)
-        self.parameters.declare(BusSettings, "can", port=graph.port_of(name))
+        self.parameters.declare(BusSettings, "can", channel=graph.bus_of(name))
         self.parameters.declare(RateSettings, rate=rate)
         self.port: Port | None = None
         self._device_locks: list[Lock] = []
@@ -54,14 +54,12 @@ class DriverNode(Node):
 
     def open_port(self, *devices: str) -> Port:
         """Open the bus and lock `devices` for this process; raises BusError, AlreadyRunning."""
-        bus = self.parameters.read(BusSettings, "can")
+        bus = within(self.parameters.read(BusSettings, "can"), self.get_namespace())
+        self.bus_name = where(bus)
         self.period_ns = period_of(self.parameters.read(RateSettings).rate)
         for device in devices:
-            self._device_locks.append(
-                lock_device(bus.interface, bus.channel, bus.port, device)
-            )
+            self._device_locks.append(lock_device(self.bus_name, device))
         self.port = open_port(bus, self.clock)
-        self.bus_name = where(bus)
         return self.port
 
     def check_bus_load(self, traffic: list) -> None:

@@ -147,12 +147,11 @@ def lock_node(full_name: str) -> Lock:
     )
 
 
-def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
+def lock_device(bus: str, device: str) -> Lock:
     """Lock one device of one bus: two SDO clients on a device would disturb each other.
 
-    port: of UDP; any other interface is one bus, whatever the parameter says there.
+    bus: its name, unique on this machine.
     """
-    bus = f"{interface} {channel}" + (f" port {port}" if interface == "udp_multicast" else "")
     return Lock(
         f"device/{bus}/{device}",
         f"{device} on {bus} is already driven by another process of this machine: stop that one "
@@ -160,13 +159,12 @@ def lock_device(interface: str, channel: str, port: int, device: str) -> Lock:
     )
 
 
-def lock_simulation(interface: str, channel: str, port: int) -> Lock:
+def lock_simulation(bus: str) -> Lock:
     """Lock the simulated devices of one bus: two simulations would both answer every request."""
     return Lock(
-        f"rig/{interface}/{channel}/{port}",
-        f"the devices on {interface} {channel} port {port} are already simulated by another "
-        "process of this machine: stop that one first, or give this one ports of its own "
-        "(bringup --first-port)",
+        f"rig/{bus}",
+        f"the devices on {bus} are already simulated by another process of this machine: stop that "
+        "one first, or start this one in another namespace or ROS domain",
     )
 
 

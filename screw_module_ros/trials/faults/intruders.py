@@ -13,9 +13,10 @@ from typing import Any
 from rclpy.context import Context
 from rclpy.node import Node
 
-from screw_module_ros.can_io.bus import BusSettings, Port, open_port
+from screw_module_ros.can_io.bus import BusSettings, open_port
+from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
-from screw_module_ros.graph import BUSES
+from screw_module_ros.graph import bus_of
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.nodes import bringup
 from screw_module_ros.nodes.support import topics
@@ -30,7 +31,6 @@ _SETTLED_S = 0.05  # the subscriber may see the match a moment later
 _TICK_NS = 1_000_000
 _OFF_TICK_NS = 300_000
 """Intruders publish between the ticks, when a node is idle."""
-_NUMBER_OF_BUS = {bus.node: number for number, bus in enumerate(BUSES)}
 
 
 class Intruders:
@@ -50,7 +50,7 @@ class Intruders:
         self._guests: list[bringup.Process] = []
 
     def start(self, node: str, *arguments: str) -> int:
-        """Start one more process of an executable, with the same CAN ports; return its id."""
+        """Start one more process of an executable, with the same parameters; return its id."""
         own = f"{node}:"
         inherited = [word.removeprefix(own) for word in self._graph.arguments("sim_rig")]
         guest = bringup.Process(node, ["--ros-args", *inherited, *arguments])
@@ -103,8 +103,8 @@ class Intruders:
 
     def port(self, node: str) -> Port:
         """Return a foreign master's access to the CAN bus of a driver node, until `dismiss`."""
-        number = self._graph.place.first_port + _NUMBER_OF_BUS[node]
-        port = open_port(BusSettings(port=number, sync_producer=False), self._clock)
+        bus = BusSettings(channel=bus_of(node), sync_producer=False)
+        port = open_port(bus, self._clock)
         self._ports.append(port)
         return port
 

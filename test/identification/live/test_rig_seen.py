@@ -13,15 +13,16 @@ from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.identification.live import rig_seen
 from screw_module_ros.identification.live.rig_seen import RigBusSettings, sees_rig
 
-ROBOT = SimpleNamespace(clock=SimpleNamespace(simulated=False))
+ROBOT = SimpleNamespace(
+    clock=SimpleNamespace(simulated=False), node=SimpleNamespace(get_namespace=lambda: "/")
+)
 
 
 @pytest.fixture
-def bus(can_port_base, monkeypatch):
+def bus(request, monkeypatch):
     """Return the bus in the parameters of the node `encoder`."""
-    settings = BusSettings(interface="virtual", channel=f"rig{can_port_base}")
-    told = {"can.interface": "virtual", "can.channel": settings.channel,
-            "can.port": settings.port, "node_id": 2}  # fmt: skip
+    settings = BusSettings(interface="virtual", channel=request.node.name)
+    told = {"can.interface": "virtual", "can.channel": settings.channel, "node_id": 2}
     monkeypatch.setattr(rig_seen, "parameters", lambda robot, node, names: told)
     return settings
 
@@ -62,12 +63,13 @@ def test_another_device_shows_no_rig(bus, talking):
 
 def test_an_encoder_on_another_bus_shows_no_rig(bus, talking):
     talking(0x182)
-    assert not sees_rig(ROBOT, bus._replace(port=bus.port + 1), RigBusSettings())
+    assert not sees_rig(ROBOT, bus._replace(channel="another"), RigBusSettings())
 
 
-def test_hardware_is_no_rig(monkeypatch):
+@pytest.mark.parametrize("interface", ["socketcan", "udp_multicast"])
+def test_hardware_is_no_rig(monkeypatch, interface):
     monkeypatch.setattr(rig_seen, "open_bus", None)  # nor is it listened to
-    assert not sees_rig(ROBOT, BusSettings(interface="socketcan"), RigBusSettings())
+    assert not sees_rig(ROBOT, BusSettings(interface=interface), RigBusSettings())
 
 
 @pytest.mark.parametrize(

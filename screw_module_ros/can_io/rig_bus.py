@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated CAN bus: a UNIX socket of the rig (python-can interface `rig`).
+
+The channel is the name of a bus such as `encoder`, for a robot in a namespace with it in front:
+`left/encoder`. A packet is one `struct can_frame` of Linux. `rig_hub` is the rig's end.
+
+    python -m can.viewer -i rig -c encoder
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import socket
+import stat
+import struct
+import time
+from pathlib import Path
+
+import can
+
+from ..domain import domain_id
+
+WELCOME = b"\0"
+"""The first packet to a new member: from now on it gets every frame."""
+_WELCOME_S = 1.0  # wall clock; a rig that holds simulated time looks for new members each 50 ms
+# Identifier and flags, length, padding that carries whether simulated time waits for it, data.
+_FRAME = struct.Struct("=IBB2x8s")
+PACKET_BYTES = _FRAME.size + 1  # one more: longer packets are no frames
+_EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_STANDARD_ID, _EXTENDED_ID = 0x7FF, 0x1FFF_FFFF
+_ENDED = "sim_rig has ended"
+_CHANNEL = re.compile(r"(\w+/)*\w+", re.ASCII)
+
+
+def address(channel: str) -> Path:
+    """Return the socket of a bus: of this user, the process's ROS domain and the namespace.
+
+    Raises ValueError for a channel that is no name, OSError when the folder is not ours alone.
+    """
+    if not _CHANNEL.fullmatch(channel):
+        raise ValueError(f"{channel!r} is no bus of sim_rig, which have names such as encoder")
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    above = Path(runtime if os.path.isabs(runtime) else "/tmp")
+    folder = above / f"screw_module_ros_{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = folder.lstat()
+    ours = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+    if not ours or found.st_mode & 0o077:
+        raise PermissionError(f"{folder} is not a folder of yours alone (mode 0700): remove it")
+    return folder / f"{domain_id()}.{channel.replace('/', '.')}"
+
+
+class SimulatedBus(can.BusABC):
+    """What both ends of a simulated bus share.
+
+    counted: simulated time waits for the frames that are sent here. frames_counted: number of
+    frames read for which it does.
+    """
+
+    def __init__(self, channel: str, **kwargs):
+        self.channel_info = f"rig {channel}"
+        self.counted = False
+        self.frames_counted = 0
+        super().__init__(channel, **kwargs)
+
+    def packed(self, message: can.Message) -> bytes:
+        """Return the packet of a classical frame; raises CanOperationError for any other."""
+        if message.is_fd:
+            raise can.CanOperationError(f"{self.channel_info} carries no CAN FD frames")
+        flags = (
+            _EXTENDED * message.is_extended_id
+            | _REMOTE * message.is_remote_frame
+            | _ERROR * message.is_error_frame
+        )
+        can_id = message.arbitration_id | flags
+        return _FRAME.pack(can_id, message.dlc, self.counted, message.data)
+
+    def unpacked(self, packet: bytes) -> can.Message:
+        """Return the frame in a packet that was read, and count it."""
+        flags, length, counted, data = _FRAME.unpack(packet)
+        self.frames_counted += counted
+        extended, remote = bool(flags & _EXTENDED), bool(flags & _REMOTE)
+        return can.Message(
+            timestamp=time.time(),
+            arbitration_id=flags & (_EXTENDED_ID if extended else _STANDARD_ID),
+            is_extended_id=extended,
+            is_remote_frame=remote,
+            is_error_frame=bool(flags & _ERROR),
+            dlc=min(length, len(data)),
+            data=None if remote else data[:length],
+        )
+
+
+class RigBus(SimulatedBus):
+    """A member of a simulated bus; it joins again when the rig has ended and is back.
+
+    Nothing blocks: like an adapter, it refuses a frame when its buffer is full. Raises
+    CanInitializationError when no rig serves the bus.
+    """
+
+    def __init__(self, channel: str, **kwargs):
+        self._link: socket.socket | None = None
+        try:
+            self._path = address(channel)
+            self._join()
+            if not select.select([self._link], (), (), _WELCOME_S)[0]:
+                raise TimeoutError("sim_rig does not serve this bus at present: is it active?")
+            self._read()
+        except (OSError, ValueError) as error:
+            self._leave()
+            raise can.CanInitializationError(str(error)) from error
+        super().__init__(channel, **kwargs)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to the rig, which passes it on; raises CanOperationError."""
+        packet, link = self.packed(msg), self._link
+        if link is None:
+            raise can.CanOperationError(_ENDED)
+        try:
+            link.send(packet, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            raise can.CanOperationError("transmit buffer full: sim_rig reads nothing") from None
+        except OSError:
+            raise can.CanOperationError(_ENDED) from None
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        try:
+            if self._link is None:
+                self._join()
+            if timeout != 0.0:
+                select.select([self._link], (), (), timeout)
+            while (packet := self._read()) == WELCOME:  # it has joined again
+                pass
+        except BlockingIOError:
+            return None, False
+        except OSError as error:
+            raise can.CanOperationError(str(error)) from None
+        return self.unpacked(packet), False
+
+    def _read(self) -> bytes:
+        """Return the packet that waits. Raises BlockingIOError without one, OSError."""
+        try:
+            packet = self._link.recv(PACKET_BYTES, socket.MSG_DONTWAIT)
+        except ConnectionError:
+            packet = b""
+        if not packet:
+            self._leave()
+            raise ConnectionResetError(_ENDED)
+        return packet
+
+    def _join(self) -> None:
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            link.setblocking(False)
+            link.connect(str(self._path))
+        except OSError as error:
+            link.close()
+            raise ConnectionRefusedError(
+                f"no sim_rig serves {self._path} ({error.strerror or error}): start it in this ROS "
+                "domain and namespace"
+            ) from error
+        self._link = link
+
+    def _leave(self) -> None:
+        link, self._link = self._link, None
+        if link is not None:
+            link.close()
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        super().shutdown()
+        self._leave()

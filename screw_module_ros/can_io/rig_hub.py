@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rig's end of a simulated CAN bus: passes each frame on to the other members."""
+
+from __future__ import annotations
+
+import select
+import socket
+from contextlib import suppress
+
+import can
+
+from .rig_bus import PACKET_BYTES, WELCOME, SimulatedBus, address
+
+_SEND_BUFFER_BYTES = 4 * 1024 * 1024
+
+
+class RigHub(SimulatedBus):
+    """A simulated bus; as a python-can bus it is the rig's own place on it.
+
+    It waits for no member: one that does not read loses frames, as with an adapter whose buffer is
+    full, and `lost` counts them. The caller makes sure that one process serves a bus: a socket of
+    that name is what a killed rig left. Raises OSError, ValueError.
+    """
+
+    def __init__(self, channel: str):
+        self.lost = 0
+        self._members: dict[int, socket.socket] = {}
+        self._path = address(channel)
+        self._path.unlink(missing_ok=True)
+        self._door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._door.setblocking(False)
+        self._door.bind(str(self._path))
+        self._door.listen()
+        self._ready = select.epoll()
+        self._ready.register(self._door, select.EPOLLIN)
+        super().__init__(channel)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame to all members; raises CanOperationError for an FD frame."""
+        self._pass_on(self.packed(msg), 0)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        while ready := self._ready.poll(timeout, 1):
+            number = ready[0][0]
+            if number == self._door.fileno():
+                self._admit()
+            elif packet := self._read(number):
+                self._pass_on(packet, number)
+                return self.unpacked(packet), False
+            timeout = 0.0
+        return None, False
+
+    def _admit(self) -> None:
+        with suppress(OSError):  # it has gone again
+            member = self._door.accept()[0]
+            # The kernel takes as much as it permits: some 550 frames by default.
+            member.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+            self._members[member.fileno()] = member
+            self._ready.register(member, select.EPOLLIN)
+            member.send(WELCOME, socket.MSG_DONTWAIT)
+
+    def _read(self, number: int) -> bytes:
+        """Return a member's next packet; empty if it has left, or was sent away for nonsense."""
+        packet = b""
+        with suppress(ConnectionError):
+            packet = self._members[number].recv(PACKET_BYTES, socket.MSG_DONTWAIT)
+        if len(packet) == PACKET_BYTES - 1:
+            return packet
+        self._members.pop(number).close()
+        return b""
+
+    def _pass_on(self, packet: bytes, sender: int) -> None:
+        for number, member in self._members.items():
+            if number != sender:
+                try:
+                    member.send(packet, socket.MSG_DONTWAIT)
+                except BlockingIOError:
+                    self.lost += 1
+                except OSError:
+                    continue  # it has left: its end is read next
+
+    def fileno(self) -> int:
+        """Return a file descriptor that is readable when a frame or a new member waits."""
+        return self._ready.fileno()
+
+    def shutdown(self) -> None:
+        """Close the bus for all members."""
+        super().shutdown()
+        for member in self._members.values():
+            member.close()
+        self._ready.close()
+        self._door.close()
+        self._path.unlink(missing_ok=True)
