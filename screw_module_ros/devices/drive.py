@@ -22,7 +22,6 @@ from .drive_reports import DriveReports
 from .drive_settings import DriveSettings, cross_checked
 from .errors import BusError, DeviceError, NotNow
 
-
 _UNHEARD_NS = 200_000_000
 """Without a statusword for this long a drive may have booted; its boot-up may have been lost."""
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -22,6 +23,11 @@ MS = 1_000_000
 
 def fails(*_):
     raise BusError("the cable is out")
+
+
+def noting(seen, write, torque, now_ns):
+    seen.append(torque)
+    return write(torque, now_ns)
 
 
 def fails_unforeseen(*_):
@@ -66,10 +72,9 @@ def test_nor_does_one_in_the_plane(bench):
     bench.planar_setpoint = (0.05, 0.05, 0.0, 0.0)
     assert bench.enable_plane() == ""
     bench.ticks(600)
-    written = [drive.write for drive in bench.planar_drives]
     last: list[float] = []
-    for drive, write in zip(bench.planar_drives, written, strict=True):
-        drive.write = lambda torque, now_ns, write=write: last.append(torque) or write(torque, now_ns)
+    for drive in bench.planar_drives:
+        drive.write = partial(noting, last, drive.write)
     bench.plane.meter.tick = fails_unforeseen
     with pytest.raises(ZeroDivisionError):
         bench.tick()
