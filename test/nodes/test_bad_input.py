@@ -126,6 +126,16 @@ def test_simulated_buses_cannot_be_reached_from_the_network(make_node):
     assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
 
 
+def test_a_process_that_does_not_read_its_bus_is_told_of_once(make_node, capfd):
+    node = make_node("sim_rig")
+    assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+    for bus in node._buses.values():
+        bus.lost = 3
+    assert [node.health().values["lost"] for _ in range(2)] == [12, 12]
+    assert capfd.readouterr().err.count("reads no frames of its bus loses them") == 1
+    assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+
+
 def udp_sockets() -> set[str]:
     """Return this process's UDP sockets as the kernel lists them."""
     links = (os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink())
