@@ -59,6 +59,7 @@ class SupervisorNode(Node):
         self._message = SafetyState()
         self._message.header.frame_id = "manus_base"
         self._kept = Kept(self.get_fully_qualified_name())
+        self._saved = True
         self._state = self._restored()
         # The loop decides, services change the state; both fill the same message.
         self._changing = threading.Lock()
@@ -90,11 +91,14 @@ class SupervisorNode(Node):
         """Save the state that must survive a restart, if changed; the caller holds the lock."""
         try:
             self._kept.write(supervision.kept(state))
+            self._saved = True
         except OSError as error:
-            self.get_logger().warning(
-                "the stop or lock cannot be saved, so a restart of the supervisor would lose it: "
-                f"{self._kept.path}: {error}"
-            )
+            if self._saved:  # it is tried again with each decision, and said once
+                self.get_logger().warning(
+                    "the stop or lock cannot be saved, so a restart of the supervisor would lose "
+                    f"it: {self._kept.path}: {error}"
+                )
+            self._saved = False
 
     def connect(self) -> None:
         """Make the topics."""
@@ -121,8 +125,12 @@ class SupervisorNode(Node):
         self._ticker = Ticker(self.clock, self._period_ns, BETWEEN_TICKS_NS)
 
     def finish(self) -> None:
-        """End in order: without safety_state the drives stop, and no latched stop is kept."""
-        if self.phase in (INACTIVE, ACTIVE):
+        """End in order: without safety_state the drives stop, and no latched stop is kept.
+
+        An end by an error is none: its latched stop outlives the process.
+        """
+        in_order = self.stopping.is_set() and not self.service.failed
+        if in_order and self.phase in (INACTIVE, ACTIVE):
             with self._changing:  # at a graph's end the last node sees the others missing
                 self._keep(self._state._replace(latched=()))
 

@@ -7,6 +7,7 @@ import math
 
 import pytest
 
+from screw_module_ros.loop.plane import PlaneLimits
 from screw_module_ros.samples import ForceReading
 
 MS = 1_000_000
@@ -71,8 +72,9 @@ def test_a_silent_sensor_stops_the_plane_that_had_one(moving):
     assert "force sensor: no sample for" in moving.plane.permit.reason
 
 
-def test_a_plane_that_never_had_a_force_sensor_works(bench):
+def test_a_plane_without_a_force_sensor_says_so_in_its_settings(bench):
     bench.plane_hears_force = False
+    bench.plane._limits = PlaneLimits(force_required=False)
     bench.plane.restart()
     bench.ticks(30)
     assert bench.plane.take_home(bench.now_ns) == ""

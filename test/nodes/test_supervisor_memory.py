@@ -91,9 +91,37 @@ def test_an_orderly_end_keeps_emergency_stop_and_lock_alone(supervisor):
     estop(node)
     node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
     node._publish(1)
+    node.stopping.set()
     node.close()
     node = supervisor()
     assert node._state.estopped and not node._state.latched
+
+
+@pytest.mark.parametrize("failed", ["loop", "requests"])
+def test_an_end_by_an_error_keeps_the_latched_stop(supervisor, failed):
+    node = supervisor()
+    node._state = node._state._replace(latched=("manus: no message for more than 0.2 s",))
+    node._publish(1)
+    if failed == "requests":
+        node.service.failed = True
+        node.stopping.set()
+    node.close()
+    node = supervisor()
+    assert node._state.latched == (EARLIER + "manus: no message for more than 0.2 s",)
+
+
+def test_a_stop_that_could_not_be_saved_is_saved_later(supervisor):
+    """The disk was full at the stop, and had space again before the process was killed."""
+    node = supervisor()
+    folder = node._kept.path.parent
+    folder.mkdir(parents=True, exist_ok=True)
+    node._kept.path.with_suffix(".tmp").mkdir()
+    estop(node)
+    assert not node._kept.path.exists()
+    node._kept.path.with_suffix(".tmp").rmdir()
+    node._publish(1)
+    node = supervisor()
+    assert node._state.estopped
 
 
 def test_a_cleanup_is_no_end_the_latched_stop_stays(supervisor):

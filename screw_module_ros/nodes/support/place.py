@@ -203,13 +203,13 @@ class Kept:
     def write(self, values: dict[str, Any]) -> None:
         """Replace the last values atomically; empty values remove the file.
 
-        Writing the same values again costs nothing, also after a failure. Raises OSError.
+        Writing the same values again costs nothing. Raises OSError.
         """
         if values == self._values:
             return
-        self._values = values
         if not values:
             self.path.unlink(missing_ok=True)
+            self._values = values
             return
         self.path.parent.mkdir(parents=True, exist_ok=True)
         # No fsync: it may take longer than the timeout of safety_state. After a power failure
@@ -217,6 +217,7 @@ class Kept:
         beside = self.path.with_suffix(".tmp")
         beside.write_text(json.dumps(values), "utf-8")
         beside.replace(self.path)
+        self._values = values
 
 
 def state_folder() -> Path:
