@@ -103,7 +103,7 @@ def drive_clean_exit(wire):
     """The commands go on beside the SDO transfers: how many of them is left to the machine."""
     scene, drive = driven(wire)
     enabled(scene, drive)
-    scene.step("shutdown", drive.shutdown)
+    scene.step("shutdown", drive_group.leave, [drive], wire.port)
     cyclic = ("080", "201", "770")
     others = [line for line in scene.lines if line[:3] not in cyclic]
     commands = [line for line in scene.lines if line[:3] == "201"]
@@ -138,7 +138,7 @@ def drive_that_refuses(wire):
     scene.step("configure", drive.configure)
     scene.step("start", drive.start)
     scene.step("arm", ticks, scene, drive, 2)
-    scene.step("disarm", drive.shutdown)
+    scene.step("disarm", drive_group.leave, [drive], wire.port)
     scene.lines = [line for line in scene.lines if line[:3] not in ("080", "770", "201")]
     return scene
 

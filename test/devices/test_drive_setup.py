@@ -329,7 +329,7 @@ def test_clean_exit_order(wire, drive_end):
     drive = enabled(wire)
     drive_end.writes.clear()
     wire.frames.clear()
-    assert drive.shutdown() == ""
+    assert drive_group.leave([drive], wire.port) == ""
     assert drive_end.writes == [(0x1400, 5, 0), (0x1016, 1, 0)]
     assert drive_end.state == "switched on"
     disabled = wire.frames.index((0x201, b"\x07\x00\x00\x00"))
@@ -349,7 +349,7 @@ def test_exit_from_a_dead_drive_ends_and_says_so(wire, drive_end):
         tick(wire, drive)
     drive_end.mute = True
     drive_end.answering = False
-    assert "not disarmed" in drive.shutdown()
+    assert "not disarmed" in drive_group.leave([drive], wire.port)
     assert not drive.running
 
 
@@ -358,7 +358,7 @@ def test_a_drive_that_does_not_go_off_keeps_its_guards(wire, drive_end):
     drive_end.command = lambda word: None
     drive_end.writes.clear()
     wire.frames.clear()
-    told = drive.shutdown()
+    told = drive_group.leave([drive], wire.port)
     assert "not disarmed" in told and "operation enabled" in told
     assert drive_end.writes == []
     assert wire.sent(0x000) == [b"\x02\x01"], "NMT stop, and left to its guards"
@@ -377,7 +377,7 @@ def test_a_silent_drive_is_asked_whether_it_is_off(wire, drive_end, word, disarm
         drive_end.objects[0x6041, 0] = word.to_bytes(2, "little")
     drive_end.writes.clear()
     wire.advance(50.0)
-    told = drive.shutdown()
+    told = drive_group.leave([drive], wire.port)
     assert ("not disarmed" in told) is not disarmed
     assert drive_end.writes == ([(0x1400, 5, 0), (0x1016, 1, 0)] if disarmed else [])
 
@@ -398,7 +398,7 @@ def test_two_drives_share_a_heartbeat_and_leave_together(wire):
 def test_exit_of_what_never_ran_does_nothing():
     wire = Wire("never ran")
     try:
-        assert Drive(wire.port, SETTINGS).shutdown() == ""
+        assert drive_group.leave([Drive(wire.port, SETTINGS)], wire.port) == ""
         assert wire.frames == []
     finally:
         wire.close()

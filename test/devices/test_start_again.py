@@ -55,14 +55,14 @@ def when_it_starts(wire, end, happens):
 
 def test_after_the_exit_that_disarmed_its_guards_a_drive_does_not_start(wire, drive, drive_end):
     assert guards(drive_end) == ARMED
-    assert drive.shutdown() == ""
+    assert drive_group.leave([drive], wire.port) == ""
     assert guards(drive_end) == (bytes(2), bytes(4))
     with pytest.raises(NotConfigured):
         drive.start()
 
 
 def test_the_start_after_an_exit_arms_the_guards_again(wire, drive, drive_end):
-    drive.shutdown()
+    drive_group.leave([drive], wire.port)
     assert drive_group.start([drive]) == [drive]
     assert guards(drive_end) == ARMED
     for _ in range(5):
@@ -78,7 +78,7 @@ def test_a_fault_outlives_exit_and_start(wire, drive, drive_end):
     watched_tick(wire, drive)
     told = drive.fault
     assert "fault" in told
-    drive.shutdown()
+    drive_group.leave([drive], wire.port)
     drive_end.state = "switch on disabled"
     drive_group.start([drive])
     for _ in range(5):

@@ -38,6 +38,7 @@ def run(controller: VerticalController, ticks: range, force: float | None = None
     """Let a nut at rest go by, with a force on the handle [N] or without a force sensor."""
     for tick in ticks:
         now = tick * MS
+        controller.on_drive(True, 0.0, now)
         if force is not None:
             reading = ForceReading(tick, now, 0, 0.0, 0.0, force, 0.0, 0.0, 0.0, 0)
             controller.on_force(reading, now)

@@ -44,6 +44,7 @@ def axis(make_node):
     made = Axis(make_node("impedance_controller"))
     for _ in range(700):
         sample = made.sample()
+        made.node.part.on_drive(True, 0.0, made.now)
         made.node.part.on_force(made.force(), made.now)
         output = made.node.part.on_encoder(sample, made.now)
     assert output.force > 5.0
