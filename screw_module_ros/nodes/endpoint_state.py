@@ -34,6 +34,14 @@ from .support.topics import Newest, offered, requested
 
 _NAN = math.nan
 _JOINTS_EVERY = 2
+_INPUTS = {
+    graph.ENCODER: graph.ENCODER_DECIMATED,
+    graph.FORCE: graph.FORCE_DECIMATED,
+    graph.MANUS_STATE: graph.MANUS_STATE,
+    graph.AMPLIFIER_STATE: graph.AMPLIFIER_STATE,
+    graph.SAFETY_STATE: graph.SAFETY_STATE,
+}
+"""Name in the diagnostics -> topic, in the order in which `step` takes them."""
 
 
 class EndpointSettings(NamedTuple):
@@ -65,11 +73,9 @@ class EndpointStateNode(Node):
         self._period_ns = round(1e9 / settings.rate)
         age_ns = int(settings.max_age * 1e9)
         take = self.new_inbox().subscribe
-        self._encoder = Newest(take(*requested(graph.ENCODER_DECIMATED)), age_ns)
-        self._force = Newest(take(*requested(graph.FORCE_DECIMATED)), age_ns)
-        self._plane = Newest(take(*requested(graph.MANUS_STATE)), age_ns)
-        self._amplifier = Newest(take(*requested(graph.AMPLIFIER_STATE)), age_ns)
-        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), age_ns)
+        self._inputs = {
+            shown: Newest(take(*requested(topic)), age_ns) for shown, topic in _INPUTS.items()
+        }
         self._publish = self.outlet(*offered(graph.ENDPOINT_STATE))
         self._publish_joint_state = self.outlet(*offered(graph.JOINT_STATES))
 
@@ -82,9 +88,9 @@ class EndpointStateNode(Node):
         """Publish one state."""
         tick = self._ticker.sleep()
         now = tick.monotonic_ns
-        encoder, force = self._encoder.fresh(now), self._force.fresh(now)
-        plane, amplifier = self._plane.fresh(now), self._amplifier.fresh(now)
-        safety = self._safety.fresh(now)
+        encoder, force, plane, amplifier, safety = (
+            newest.fresh(now) for newest in self._inputs.values()
+        )
         message = self._message
         if encoder:
             fill_stamp(message.header, encoder.stamp_ns)
@@ -98,7 +104,8 @@ class EndpointStateNode(Node):
             bool(plane and plane.enabled), bool(amplifier and amplifier.enabled)
         ]
         message.safety = safety.level if safety else SafetyState.UNKNOWN
-        last = self._safety.message  # the pin stays in, also without a supervisor
+        # The pin stays in, also without a supervisor.
+        last = self._inputs[graph.SAFETY_STATE].message
         message.vertical_locked = bool(last and last.vertical_locked)
         self._publish(message)
         self._ticks += 1
@@ -118,15 +125,9 @@ class EndpointStateNode(Node):
     def health(self) -> Health:
         """Report the stale inputs."""
         now = self.clock.now_ns()
-        inputs = {
-            graph.ENCODER: self._encoder,
-            graph.FORCE: self._force,
-            graph.MANUS_STATE: self._plane,
-            graph.AMPLIFIER_STATE: self._amplifier,
-            graph.SAFETY_STATE: self._safety,
-        }
-        ages = {f"age {name} [s]": newest.age_text(now) for name, newest in inputs.items()}
-        stale = [name for name, newest in inputs.items() if newest.stale(now)]
+        inputs = self._inputs.items()
+        ages = {f"age {name} [s]": newest.age_text(now) for name, newest in inputs}
+        stale = [name for name, newest in inputs if newest.stale(now)]
         rate = self._rate.rate(self._ticks, now)
         values = {"rate [1/s]": f"{rate:.1f}", **ages}
         if stale:

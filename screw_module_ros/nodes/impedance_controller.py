@@ -30,10 +30,9 @@ from screw_module_ros.loop.controller import NO_FORCE, VerticalController
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
-from screw_module_ros.samples import EncoderReading
+from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
-from .controller_inputs import ControllerInputs
 from .support.answering import Done
 from .support.driver import RateSettings
 from .support.node import Node
@@ -49,10 +48,11 @@ from .support.states import (
     impedance_text,
     timing_values,
 )
-from .support.topics import offered
+from .support.topics import Newest, SlotInbox, offered, requested
 from .support.wire import pack_command
 
-_SAMPLES = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
+_SAFETY_AGE_NS = 200_000_000
+_ONE_SENDER = (graph.ENCODER, graph.FORCE, graph.AMPLIFIER_STATE)
 
 
 class ControllerSettings(NamedTuple):
@@ -106,11 +106,20 @@ class ImpedanceControllerNode(Node):
         )
         self._period_ns = period_of(self.parameters.read(RateSettings).rate)
         self._load(chosen)
-        forces, others = self.new_inbox(), self.new_inbox()
-        self._inputs = ControllerInputs(others, forces)
-        self._senders = self.senders(*(topic for topic in _SAMPLES if topic not in self.direct))
+        self._subscribe()
+        self._senders = self.senders(*(topic for topic in _ONE_SENDER if topic not in self.direct))
         self._publish = self.outlet(*offered(graph.FORCE_COMMAND), raw=True)
         self._publish_state = self.outlet(*offered(graph.CONTROLLER_STATE))
+
+    def _subscribe(self) -> None:
+        self._sample_inbox, self._force_inbox = self.new_inbox(), self.new_inbox()
+        take = self._sample_inbox.subscribe
+        self._take_sample = take(*requested(graph.ENCODER), wakes=True)
+        self._take_force = self._force_inbox.subscribe(*requested(graph.FORCE), wakes=True)
+        self._take_setpoint = take(*requested(graph.SETPOINT))
+        self._slot = SlotInbox(self._sample_inbox, vertical=True)
+        self._take_amplifier = take(*requested(graph.AMPLIFIER_STATE))
+        self._safety = Newest(take(*requested(graph.SAFETY_STATE)), _SAFETY_AGE_NS)
 
     def _load(self, own: ControllerSettings) -> None:
         settings = self.parameters.read(CalibrationSettings)
@@ -158,12 +167,12 @@ class ImpedanceControllerNode(Node):
             chosen.mode,
             self.parameters.read(SlotLimits, "slot"),
         )
-        self._inputs.restart()
+        self._resets: int | None = None  # as the supervisor counts them
         self._state_message.success_rate = self.part.meter.success_rate
         self._state_due = Due(chosen.state_rate)
         wires = Wires(
-            take_sample=self._inputs.next_sample,
-            take_force=self._inputs.next_force,
+            take_sample=self.next_sample,
+            take_force=self.next_force,
             publish_command=self.publish_command,
             read_inputs=self.read_inputs,
             publish_controller_state=self.publish_state,
@@ -208,23 +217,50 @@ class ImpedanceControllerNode(Node):
         """Wait for an encoder sample and answer it with a command."""
         self._loop.step(Parts(controller=self.part))
 
+    def next_sample(self, until_ns: int) -> EncoderReading | None:
+        """Return the newest encoder sample; wait for it until `until_ns` at most."""
+        self._sample_inbox.wait(until_ns)
+        return self._take_sample()
+
+    def next_force(self, until_ns: int) -> ForceReading | None:
+        """Return the newest force sample; wait for it until `until_ns` at most, 0 = no wait."""
+        if until_ns:
+            self._force_inbox.wait(until_ns)
+        return self._take_force()
+
     def publish_command(self, sample: EncoderReading, output: VerticalOutput, mode: int) -> None:
         """Publish the answer to a sample."""
         self._publish(pack_command(sample, output, mode))
 
     def read_inputs(self, now_ns: int) -> None:
         """Read set point, slot and amplifier state, if they come by a topic."""
-        self._inputs.read(self.part, now_ns)
+        controller = self.part
+        self._slot.read(controller.guide, now_ns)
+        wanted = self._take_setpoint()
+        if wanted is not None:
+            controller.wanted.ask((wanted.position.z,), (wanted.velocity.z,), now_ns)
+        state = self._take_amplifier()
+        if state is not None:
+            controller.on_drive(state.enabled, state.position, now_ns)
         if self._senders.warning:
-            self.part.distrust(self._senders.warning)
+            controller.distrust(self._senders.warning)
 
     def publish_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""
         if self._state_due(now_ns):
-            self._inputs.follow_supervisor(self.part, now_ns)
+            self._follow_supervisor(now_ns)
             self.stamp(self._state_message.header)
             fill_controller(self._state_message, self.part, now_ns)
             self._publish_state(self._state_message)
+
+    def _follow_supervisor(self, now_ns: int) -> None:
+        """Clear the fault when the supervisor's count of resets rises; it restarts from 0."""
+        safety = self._safety.fresh(now_ns)
+        if safety is None:
+            return
+        if self._resets is not None and safety.resets > self._resets:
+            self.part.reset(now_ns)
+        self._resets = safety.resets
 
     # Services ------------------------------------------------------------------------------
 
@@ -246,7 +282,7 @@ class ImpedanceControllerNode(Node):
             "mode": MODE_NAMES[controller.mode],
             "calibration": state.calibration,
             "certificate": self._certificate.identity if self._certificate else "none",
-            "slot refused": self._inputs.slot.refused or "no",
+            "slot refused": self._slot.refused or "no",
         }
         if controller.reason:
             return Health(ERROR if controller.faulted else WARN, controller.reason, values)

@@ -48,9 +48,9 @@ def publish(controller):
 
 
 def takes_of(controller) -> list:
-    inputs = controller._inputs
     return [
-        inputs._take_setpoint, inputs.slot._take, inputs._take_force, inputs._safety._take
+        controller._take_setpoint, controller._slot._take, controller._take_force,
+        controller._safety._take,
     ]  # fmt: skip
 
 

@@ -25,6 +25,21 @@ def test_a_fault_and_its_end_are_reported_at_once(make_node, name):
     node._active.clear()
 
 
+@pytest.mark.parametrize("name", ["encoder", "force_sensor"])
+def test_slow_values_are_read_each_five_seconds_while_the_node_is_active(make_node, name):
+    node, read = make_node(name), []
+    poll = [timer for timer in node.periodic._all if timer.call == node._poll_slow]
+    assert [timer.period_ns for timer in poll] == [5_000_000_000]
+    poll[0].run()
+    node.device = SimpleNamespace(fault="", poll_slow=lambda: read.append(True))
+    poll[0].run()
+    assert not read
+    node._active.set()
+    poll[0].run()
+    assert read
+    node._active.clear()
+
+
 @pytest.mark.parametrize(
     ("bias", "tared", "level"),
     [(0.0, False, WARN), (9.8, True, OK), (9.8, False, WARN)],

@@ -23,7 +23,7 @@ def shown(make_node):
         node.step()
         return node._message.safety, node._message.vertical_locked
 
-    shown_at.safety = node._safety
+    shown_at.safety = node._inputs["safety_state"]
     return shown_at
 
 

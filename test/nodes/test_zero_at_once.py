@@ -111,8 +111,8 @@ def test_only_a_rise_of_the_counter_resets(axis):
     node.part.on_encoder(axis.sample(math.nan), axis.now)
     assert node.part.faulted
     told = {}
-    node._inputs._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
+    node._safety = SimpleNamespace(fresh=lambda now: SimpleNamespace(**told))
     for resets, faulted in ((3, True), (3, True), (0, True), (0, True), (1, False)):
         told["resets"] = resets
-        node._inputs.follow_supervisor(node.part, axis.now)
+        node._follow_supervisor(axis.now)
         assert node.part.faulted is faulted, resets

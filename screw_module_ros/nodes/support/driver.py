@@ -148,8 +148,9 @@ class SensorNode(DriverNode):
 
         The supervisor must not permit motion meanwhile.
         """
-        if self.device.fault != self._reported:
-            self._reported = self.device.fault
+        device = self.device  # None when `disconnect` did not wait for a step that takes too long
+        if device is not None and device.fault != self._reported:
+            self._reported = device.fault
             self.publish_health()
         super().leaves()
 

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Base class of every node: a lifecycle node with parameters, services, diagnostics, a hot loop.
-
-`runtime` runs it in a process.
-"""
+"""Base class of every node; `runtime` runs it in a process."""
 
 from __future__ import annotations
 

@@ -104,9 +104,9 @@ class Parameters:
         values = {n: _from_ros(value(full)) for n, full in names.items() if full in self._fields}
         return self._defaults[kind, prefix]._replace(**values)
 
-    def write(self, prefix: str = "", **values: Any) -> str:
-        """Set fields as a client would; return why it was refused, empty when done."""
-        changes = [Parameter(_join(prefix, name), value=_to_ros(v)) for name, v in values.items()]
+    def write(self, **values: Any) -> str:
+        """Set parameters as a client would; return why it was refused, empty when done."""
+        changes = [Parameter(name, value=_to_ros(value)) for name, value in values.items()]
         return self._node.set_parameters_atomically(changes).reason
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
