@@ -191,7 +191,7 @@ class Port:
                     self._reading.release()
         return True
 
-    def heard(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
+    def listen(self, can_ids: dict[int, Callable[[bytes], bool]], listen_s: float) -> int | None:
         """Listen for `listen_s` [s]; return the identifier of the first frame that passes its test.
 
         If this process produces SYNC, any received SYNC counts too.

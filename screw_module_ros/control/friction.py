@@ -174,7 +174,7 @@ def compare_step(memory: Presliding, found: float, velocity: float, dt: float) -
         memory.ratio += (now - memory.ratio) * min(1.0, dt / time)
 
 
-def trusted(memory: Presliding) -> float:
+def model_share(memory: Presliding) -> float:
     """Return the share of the model to use, 0 to 1."""
     return min(1.0, NEAR_ENOUGH * memory.ratio)
 

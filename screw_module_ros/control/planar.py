@@ -32,7 +32,7 @@ from .friction import hysteresis
 from .guard import CHATTER_HZ, Guard, forget_chatter, guard_step
 from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
 from .planar_settings import CARRIED_HZ, PlanarSettings, least_damping
-from .setpoint import Range, SetPoint, follow, stand
+from .setpoint import Range, SetPoint, follow, hold_at
 
 MOVING = 0.03  # [m/s] largest recent speed along an axis from which all of the mass is carried
 LARGEST = 20.0  # [N] that carry the mass, along each axis
@@ -154,7 +154,7 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
 
     if inp.slot_weight >= 1.0:
         # While a slot guides the hand the set point follows it: leaving the slot causes no pull.
-        _stand(p, s, x, y)
+        _hold_at(p, s, x, y)
     else:
         follow(_range(p, p.half_width), s.x.setpoint, inp.setpoint_x, inp.setpoint_vx, dt)
         follow(_range(p, p.half_depth), s.y.setpoint, inp.setpoint_y, inp.setpoint_vy, dt)
@@ -204,7 +204,7 @@ def _place(
     p: PlanarSettings, s: PlanarState, x: float, y: float, shoulder: float, elbow: float
 ) -> None:
     """Forget the motion: the handle is at x, y [m], the joints at their angles [rad]."""
-    _stand(p, s, x, y)
+    _hold_at(p, s, x, y)
     for axis in (s.x, s.y):
         clear(axis.speed)
         axis.fastest = 0.0
@@ -213,10 +213,10 @@ def _place(
     s.elbow.angle, s.elbow.friction = elbow, 0.0
 
 
-def _stand(p: PlanarSettings, s: PlanarState, x: float, y: float) -> None:
+def _hold_at(p: PlanarSettings, s: PlanarState, x: float, y: float) -> None:
     """Put the set point to rest at x, y [m], or at the nearest edge of the workspace."""
-    stand(s.x.setpoint, clamp(x, -p.half_width, p.half_width))
-    stand(s.y.setpoint, clamp(y, -p.half_depth, p.half_depth))
+    hold_at(s.x.setpoint, clamp(x, -p.half_width, p.half_width))
+    hold_at(s.y.setpoint, clamp(y, -p.half_depth, p.half_depth))
 
 
 def _tune(s: PlanarState, dt: float) -> None:

@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 from .limits import clamp, slew
 
-BELIEVED = 0.1
+FULL_DEBT = 0.1
 """Debt up to which the velocity counts in full, as time at that velocity [s]."""
-DISBELIEVED = 0.2
+ZERO_DEBT = 0.2
 """Debt from which the velocity counts as zero, as time at that velocity [s]."""
 FORGOTTEN = 0.5
 """Time constant with which a debt decays [s]."""
@@ -46,7 +46,7 @@ class SetPoint:
     owed: float = 0.0
 
 
-def stand(setpoint: SetPoint, position: float) -> None:
+def hold_at(setpoint: SetPoint, position: float) -> None:
     """Bring a set point to rest at a position [m]."""
     setpoint.position, setpoint.velocity, setpoint.owed = position, 0.0, 0.0
 
@@ -66,7 +66,7 @@ def follow(
         if math.isfinite(velocity):
             promised = clamp(velocity, -allowed.speed, allowed.speed)
             owed = _owed(setpoint.owed, promised, moved - setpoint.position, dt)
-            rate = promised * _belief(promised, owed)
+            rate = promised * _velocity_share(promised, owed)
     setpoint.position, setpoint.owed = moved, owed
     setpoint.velocity = slew(setpoint.velocity, rate, allowed.acceleration * dt)
 
@@ -76,13 +76,13 @@ def _owed(owed: float, promised: float, made: float, dt: float) -> float:
     debt = owed * max(0.0, 1.0 - dt / FORGOTTEN) + promised * dt - made
     if debt * promised <= 0.0:
         return 0.0  # the set point moved further than promised: no credit for later
-    most = abs(promised) * DISBELIEVED
+    most = abs(promised) * ZERO_DEBT
     return clamp(debt, -most, most)
 
 
-def _belief(promised: float, owed: float) -> float:
+def _velocity_share(promised: float, owed: float) -> float:
     """Return the share of a velocity [m/s] that is accepted with a debt [m]."""
     if owed == 0.0:
         return 1.0
     behind = abs(owed) / abs(promised)
-    return clamp((DISBELIEVED - behind) / (DISBELIEVED - BELIEVED), 0.0, 1.0)
+    return clamp((ZERO_DEBT - behind) / (ZERO_DEBT - FULL_DEBT), 0.0, 1.0)

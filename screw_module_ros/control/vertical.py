@@ -27,12 +27,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ..filters import Lowpass, clear, derivative, envelope, smoothed, tune
-from .friction import FrictionModel, Presliding, compare_step, presliding_step, trusted
+from .friction import FrictionModel, Presliding, compare_step, model_share, presliding_step
 from .guard import Guard, damper_share, forget_outflow, guard_step, outflow_step, tune_guard
 from .limits import LONGEST_STEP, STRONGEST, clamp, is_real, limit_speed, slew, soft_stop
 from .modes import uses_feedback, uses_friction, uses_impedance, uses_observer
 from .observer import Observer, observe, remember, settle
-from .setpoint import Range, SetPoint, follow, stand
+from .setpoint import Range, SetPoint, follow, hold_at
 from .vertical_settings import CARRIED_HZ, VerticalSettings, least_damping
 
 MOVING = 6e-3  # [m/s] largest recent speed from which nothing is left of the damper at rest
@@ -188,7 +188,7 @@ def _usable(inp: VerticalInput, dt: float) -> bool:
 
 def _rest(p: VerticalSettings, s: VerticalState, position: float) -> VerticalOutput:
     """Return no force, the nut at a position [m]; only force filter and chatter guard go on."""
-    stand(s.setpoint, clamp(position, p.travel_low, p.travel_high))
+    hold_at(s.setpoint, clamp(position, p.travel_low, p.travel_high))
     s.stiffness, s.damping, s.gain, s.gravity = p.stiffness, p.damping, p.force_gain, p.gravity
     s.base = s.friction = s.feedback = s.observing = 0.0
     s.position, s.placed, s.force = position, True, 0.0
@@ -213,7 +213,7 @@ def _tune(p: VerticalSettings, s: VerticalState, dt: float) -> None:
 def _follow(p: VerticalSettings, s: VerticalState, inp: VerticalInput, dt: float) -> None:
     """Move the set point; it follows the nut while the spring is off or a slot guides."""
     if s.base == 0.0 or inp.slot_weight >= 1.0:
-        stand(s.setpoint, clamp(inp.position, p.travel_low, p.travel_high))
+        hold_at(s.setpoint, clamp(inp.position, p.travel_low, p.travel_high))
     if uses_impedance(inp.mode) and inp.slot_weight < 1.0:
         allowed = Range(p.travel_low, p.travel_high, p.setpoint_speed, p.setpoint_acceleration)
         follow(allowed, s.setpoint, inp.setpoint_position, inp.setpoint_velocity, dt)
@@ -244,7 +244,7 @@ def _fed_forward(
     presliding_step(s.presliding, model, stiffness, inp.position, inp.velocity, travelled)
     fraction = s.friction * p.friction_fraction + s.observing * p.observer_friction
     fed = clamp(fraction * s.presliding.modelled, -p.friction_limit, p.friction_limit)
-    return s.guard.share * trusted(s.presliding) * fed
+    return s.guard.share * model_share(s.presliding) * fed
 
 
 def _spring(p: VerticalSettings, s: VerticalState, inp: VerticalInput) -> float:

@@ -167,7 +167,7 @@ class CanopenDevice:
 
         can_ids: text about each identifier for the message.
         """
-        heard = self._port.heard(dict.fromkeys(can_ids, bool), self.settings.listen)
+        heard = self._port.listen(dict.fromkeys(can_ids, bool), self.settings.listen)
         if heard == SYNC_ID:
             raise Occupied(
                 f"somebody already sends SYNC on {self._port.name}: a second copy of this node, "

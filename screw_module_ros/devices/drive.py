@@ -61,7 +61,7 @@ class Drive(DriveReports):
         )
         self._asked = 0.0
         self._was_armed = False
-        self._hears = True
+        self._expects_heartbeat = True
         self._started_ns = 0
         self._command_id = setup.command_pdo(settings).cob_id
         port.subscribe(self._command_id, self._on_foreign_command)
@@ -137,9 +137,9 @@ class Drive(DriveReports):
             state = self.state(now_ns)
             self._check_silence(now_ns)
         self._check_torque(state, now_ns)
-        heard_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
+        beat_ns = self._started_ns if self.heartbeat_ns is None else self.heartbeat_ns
         controlword = logic.step(
-            state, self.shown, heard_ns if self._hears else None, self.nmt, now_ns
+            state, self.shown, beat_ns if self._expects_heartbeat else None, self.nmt, now_ns
         )
         if logic.recovery.active and logic.recovery.nmt_start_due(state, now_ns):
             self.command_nmt(NMT_START)
@@ -158,7 +158,8 @@ class Drive(DriveReports):
         self.beat.rest()
         self.beat.beat(now_ns)
         self._send(cia402.DISABLE_VOLTAGE, 0)
-        self._hears = all(missing.guard != setup.DRIVE_HEARTBEAT for missing in self.unguarded)
+        guards = {missing.guard for missing in self.unguarded}
+        self._expects_heartbeat = setup.DRIVE_HEARTBEAT not in guards
         self._started_ns = now_ns
         self.logic.start(now_ns)
         self._was_armed = True

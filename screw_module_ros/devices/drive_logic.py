@@ -103,7 +103,7 @@ class DriveLogic:
         self._silence_ns = round(silence * 1e9)
         self._started_ns = 0
         self._enabling_since_ns: int | None = None
-        self._unasked_since_ns: int | None = None
+        self._unrequested_since_ns: int | None = None
         self._nmt_stopped_ns: int | None = None
         self._disabled_ns: int | None = None
         self.leaving = self._intruded = self._cut_off = False
@@ -172,22 +172,22 @@ class DriveLogic:
             self.latch(reason, cause)
 
     def step(
-        self, state: State, shown: State, heard_ns: int | None, nmt: int | None, now_ns: int
+        self, state: State, shown: State, beat_ns: int | None, nmt: int | None, now_ns: int
     ) -> int:
         """Return the controlword for this tick.
 
-        state: UNKNOWN when the statusword is stale. shown: state in the last statusword. heard_ns:
+        state: UNKNOWN when the statusword is stale. shown: state in the last statusword. beat_ns:
         arrival of the last heartbeat, None when the drive sends none. nmt: network state in it.
         now_ns: CLOCK_MONOTONIC [ns].
         """
-        self._note_unasked(state, now_ns)
-        self._note_leaving(state, now_ns)
+        self._update_unrequested(state, now_ns)
+        self._update_leaving(state, now_ns)
         silent = state is State.UNKNOWN and shown is State.OPERATION_ENABLED
         self._cut_off = silent and nmt == PRE_OPERATIONAL
         if self.recovery.active:
             self._recover(state, now_ns)
         elif not self.reason:
-            if wrong := self._problem(state, heard_ns, nmt, now_ns) or (
+            if wrong := self._problem(state, beat_ns, nmt, now_ns) or (
                 self._enabling_problem(state, silent, now_ns) if self.enabling else ""
             ):
                 self.latch(wrong)
@@ -211,16 +211,16 @@ class DriveLogic:
         self._nmt_stopped_ns, self._intruded = now_ns, False
         return True
 
-    def _note_unasked(self, state: State, now_ns: int) -> None:
+    def _update_unrequested(self, state: State, now_ns: int) -> None:
         """Record since when the drive is in operation enabled without a request."""
         if state is not State.OPERATION_ENABLED:
-            self._unasked_since_ns = None
+            self._unrequested_since_ns = None
         elif self.enabling:
-            self._unasked_since_ns = None
-        elif self._unasked_since_ns is None:
-            self._unasked_since_ns = now_ns
+            self._unrequested_since_ns = None
+        elif self._unrequested_since_ns is None:
+            self._unrequested_since_ns = now_ns
 
-    def _note_leaving(self, state: State, now_ns: int) -> None:
+    def _update_leaving(self, state: State, now_ns: int) -> None:
         """End a disabling once the drive is out, and the statuswords under way have come."""
         if not self.leaving:
             return
@@ -230,21 +230,21 @@ class DriveLogic:
         self.leaving = not out or now_ns - self._disabled_ns < _PATIENCE_NS
 
     def _stays_enabled(self, now_ns: int) -> bool:
-        since_ns = self._unasked_since_ns
+        since_ns = self._unrequested_since_ns
         # A drive that is configured to brake on disabling may need longer.
         ramp = self._brake and self.leaving
         patience_ns = max(self._enable_ns, _PATIENCE_NS) if ramp else _PATIENCE_NS
         return since_ns is not None and now_ns - since_ns >= patience_ns
 
-    def _problem(self, state: State, heard_ns: int | None, nmt: int | None, now_ns: int) -> str:
+    def _problem(self, state: State, beat_ns: int | None, nmt: int | None, now_ns: int) -> str:
         """Return why the drive must be off, whatever was requested; empty if nothing is wrong."""
         if state in _FAULTY:
             return f"the {self._label} is in {state.text}"
-        if heard_ns is not None:
-            if now_ns - max(heard_ns, self._started_ns) > self._silence_ns:
+        if beat_ns is not None:
+            if now_ns - max(beat_ns, self._started_ns) > self._silence_ns:
                 return f"the heartbeat of the {self._label} is missing"
             # Heartbeats from before and just after the start still carry the old state.
-            settled = heard_ns - self._started_ns > self._silence_ns
+            settled = beat_ns - self._started_ns > self._silence_ns
             if settled and nmt not in (None, OPERATIONAL):
                 return f"the {self._label} fell back to {NMT_STATES.get(nmt, nmt)}"
         if self._stays_enabled(now_ns):

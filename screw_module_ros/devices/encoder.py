@@ -57,7 +57,7 @@ class Encoder(CanopenDevice):
         self._longest_gap_ns = math.inf
         self._rehoming = Rehoming(settings.home_shift)
         self._last: EncoderReading | None = None
-        self._heard_ns = 0
+        self._sampled_ns = 0
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
@@ -77,7 +77,7 @@ class Encoder(CanopenDevice):
 
     @property
     def _silent_ns(self) -> int:
-        return self._port.clock.now_ns() - self._heard_ns
+        return self._port.clock.now_ns() - self._sampled_ns
 
     @property
     def traffic(self) -> list[Traffic]:
@@ -110,7 +110,7 @@ class Encoder(CanopenDevice):
         """Drop what came before: each request from now on gives a sample."""
         self._poll.restart()
         self._foreign_sync = self._port.counters["foreign_sync"]
-        self._heard_ns = self._port.clock.now_ns()
+        self._sampled_ns = self._port.clock.now_ns()
 
     def stop(self) -> None:
         """Back to PRE-OPERATIONAL; nobody watches, the configuration is gone. Raises BusError."""
@@ -186,7 +186,7 @@ class Encoder(CanopenDevice):
     def _sample(self, count: int) -> EncoderReading:
         sequence, monotonic_ns, stamp_ns = self._poll.asked
         motion, last = self._motion, self._last
-        self._heard_ns = monotonic_ns
+        self._sampled_ns = monotonic_ns
         elapsed_ns = monotonic_ns - last.monotonic_ns if last is not None else 0
         if elapsed_ns > self._longest_gap_ns:  # it may have wrapped unseen
             motion.homed = False
@@ -219,9 +219,9 @@ class Encoder(CanopenDevice):
             )
         if self.homed or self._rehoming.contradicted:
             mark, place = settings.home_position, self._motion.position
-            if doubt := self._rehoming.doubt([mark], [place], self._port.clock.now_ns()):
+            if refused := self._rehoming.rejection([mark], [place], self._port.clock.now_ns()):
                 self._motion.homed = False
-                raise NotNow(doubt)
+                raise NotNow(refused)
         self._motion.home(settings.home_position)
         return settings.home_position
 

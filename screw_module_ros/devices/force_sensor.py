@@ -110,7 +110,7 @@ class ForceSensor:
         settings, dialogue = self.settings, self._dialogue
         self._running = False
         # A poll is an empty frame.
-        if self._port.heard({self._request_id: operator.not_}, settings.listen) is not None:
+        if self._port.listen({self._request_id: operator.not_}, settings.listen) is not None:
             raise Occupied(
                 f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
                 f"{self._port.name}: is a second copy of this node running?"
@@ -234,7 +234,7 @@ class ForceSensor:
         g1, g3, g5 = ati.GAUGES_SECOND.unpack(second)
         if status or self._last_status != 0:
             self._note_status(status)
-        if self._stands_still(first, second):
+        if self._is_frozen(first, second):
             self.counters["frozen"] += 1
             return
         if max(g0, g1, g2, g3, g4, g5, -g0, -g1, -g2, -g3, -g4, -g5) >= ati.SATURATED:
@@ -248,7 +248,7 @@ class ForceSensor:
         ]
         self._poll.deliver(ForceReading(*self._poll.asked, *wrench, status))
 
-    def _stands_still(self, first: bytes, second: bytes) -> bool:
+    def _is_frozen(self, first: bytes, second: bytes) -> bool:
         """Return whether the gauges are frozen; it compares bytes, because it runs every tick."""
         (before_first, before_second), self._newest = self._newest, (first, second)
         # Samples nearly always differ, so this is mostly the end. The status word is no gauge.

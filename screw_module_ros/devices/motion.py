@@ -109,7 +109,7 @@ class Rehoming:
         self._asked: tuple[int, tuple[float, ...]] | None = None
         self.contradicted = False
 
-    def doubt(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
+    def rejection(self, mark: Sequence[float], place: Sequence[float], now_ns: int) -> str:
         """Return why the homing is not accepted yet, empty when it is.
 
         mark: declared position of the axis; place: its position by the last homing, both [m]. A

@@ -188,7 +188,7 @@ class _CountedServing:
 
     def close(self) -> None:
         """Hold nothing from now on: nothing is served any more."""
-        self._requests.let_go()
+        self._requests.stop_following()
         if self._server is not None:
             self._server.idle()
 

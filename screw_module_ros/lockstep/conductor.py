@@ -28,7 +28,7 @@ _ROLL_S = 1.0  # the same, while time advances
 _MOST_AHEAD_S = 0.005  # largest delay that time catches up after a late tick
 
 
-class TimeTaken(RuntimeError):
+class ConductorExists(RuntimeError):
     """Another process already advances this time."""
 
 
@@ -45,7 +45,7 @@ class Conductor:
         self._report = report
         with page.locked():
             if page.conductor and page.conductor != os.getpid() and alive(page.conductor):
-                raise TimeTaken(
+                raise ConductorExists(
                     f"process {page.conductor} simulates this robot already: stop it first, or "
                     "start this one in another namespace or ROS domain"
                 )
@@ -72,7 +72,7 @@ class Conductor:
         """Return the earliest time a member waits for [ns]; None while any member has work."""
         page = self._page
         if self._roster != page.roster:
-            self._call_roll()
+            self._refresh_members()
         top = self._top
         while True:
             waits = sum(page.waits[:top])
@@ -99,7 +99,7 @@ class Conductor:
                 if taken[end] < total:
                     yield end
 
-    def _call_roll(self) -> None:
+    def _refresh_members(self) -> None:
         page = self._page
         self._roster = page.roster
         self._top = 1 + max((i for i in range(THREADS) if page.thread_pid[i]), default=-1)

@@ -132,7 +132,7 @@ class End:
         finally:
             page.follows[row] |= followed
 
-    def let_go(self) -> None:
+    def stop_following(self) -> None:
         """Stop waiting for this end until it has caught up."""
         self._page.follows[self.row] = 0
 

@@ -119,7 +119,7 @@ class VerticalController:
         self._enabled = enabled
         self._keep_fault()
 
-    def distrust(self, reason: str) -> None:
+    def set_fault(self, reason: str) -> None:
         """Hold the force at zero for a reason that the samples do not show."""
         self.fault.set(reason)
         self._keep_fault()
@@ -164,12 +164,12 @@ class VerticalController:
         self._check(now_ns)
 
     def _check(self, now_ns: int) -> None:
-        self.reason = self._checks.check(now_ns) or self._unfelt()
+        self.reason = self._checks.check(now_ns) or self._missing_force()
         self._keep_fault()
 
-    def _unfelt(self) -> str:
+    def _missing_force(self) -> str:
         """Return why the mode cannot run: it feeds back a force that was never measured."""
-        if self._checks.feels or not (uses_feedback(self.mode) or uses_observer(self.mode)):
+        if self._checks.force_seen or not (uses_feedback(self.mode) or uses_observer(self.mode)):
             return ""
         return (
             f"force sensor: no sample yet, and mode {MODE_NAMES[self.mode]} feeds its force back: "

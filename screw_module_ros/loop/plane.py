@@ -396,10 +396,10 @@ class Plane:
         mark = settings.home_x, settings.home_y
         if self.homed or self._rehoming.contradicted:
             place = forward(*(joint.angle for joint in self.joints), MANUS)
-            if doubt := self._rehoming.doubt(mark, place, now_ns):
+            if refused := self._rehoming.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False
-                return doubt
+                return refused
         angles = inverse(*mark, MANUS)
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.motion.home(angle)

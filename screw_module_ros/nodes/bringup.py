@@ -27,7 +27,7 @@ from screw_module_ros.resources import resource_path
 
 from .support.arguments import arguments, unread_sections
 from .support.place import keep_to_this_machine, open_to_network
-from .support.runtime import TELL_WHERE, stop_on_signals
+from .support.runtime import DUMP_STACKS, stop_on_signals
 
 ENCLAVES = "/therapy_robot"
 """Prefix of the enclaves of security/policy.xml."""
@@ -179,7 +179,7 @@ class Process:
                 return 0 if running and code == -signal.SIGTERM else code
             except subprocess.TimeoutExpired:
                 click.echo(f"bringup: {self.name} ignored {number.name}", err=True)
-                self._process.send_signal(TELL_WHERE)
+                self._process.send_signal(DUMP_STACKS)
         return self._process.wait()
 
     def _ended(self, code: int) -> int:

@@ -243,7 +243,7 @@ class ImpedanceControllerNode(Node):
         if state is not None:
             controller.on_drive(state.enabled, state.position, now_ns)
         if self._senders.warning:
-            controller.distrust(self._senders.warning)
+            controller.set_fault(self._senders.warning)
 
     def publish_state(self, now_ns: int) -> None:
         """Follow the supervisor and publish the state, when it is due."""

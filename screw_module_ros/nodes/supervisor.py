@@ -140,10 +140,10 @@ class SupervisorNode(Node):
 
     def _publish(self, now: int) -> None:
         with self._changing:  # two threads must not mix their decisions in one message
-            self._decide_and_tell(now)
+            self._decide_and_publish(now)
             self._keep(self._state)
 
-    def _decide_and_tell(self, now: int) -> None:
+    def _decide_and_publish(self, now: int) -> None:
         decision, self._state = decide(self._settings, self._state, self._reports(now), now)
         message, state = self._message, self._state
         self.stamp(message.header)
@@ -185,7 +185,7 @@ class SupervisorNode(Node):
         with self._changing:
             self._state = supervision.estop(self._state)
             if self.active:
-                self._decide_and_tell(self.clock.now_ns())
+                self._decide_and_publish(self.clock.now_ns())
             self._keep(self._state)
         self.get_logger().error("emergency stop")
         return ""

@@ -317,4 +317,4 @@ class Client:
             if answered.wait(_LOST_S):
                 answer.catch_up()
             else:
-                answer.let_go()
+                answer.stop_following()

@@ -269,7 +269,7 @@ class VerticalChecks:
         self._motion = Motion()
 
     @property
-    def feels(self) -> bool:
+    def force_seen(self) -> bool:
         """Whether there was a force sample; its age is watched from then on."""
         return self._force.seen
 

@@ -31,8 +31,8 @@ STARTING = "the drive is on its way to operation enabled"
 
 LONGEST_STEP_NS = 20_000_000  # a longer pause counts as this one in the ramp
 _ANSWER_S = 1.0
-_REFUSAL_STANDS_NS = 200_000_000
-_PERMISSION_NS = _REFUSAL_STANDS_NS + 100_000_000
+_REFUSAL_HOLD_NS = 200_000_000
+_PERMISSION_NS = _REFUSAL_HOLD_NS + 100_000_000
 _ASK_AGAIN_S = 0.005
 
 
@@ -135,7 +135,7 @@ class Permit:
         """
         if not permitted:
             self._refused_ns, self._refusal = now_ns, reason
-        self._permitted = self._refused_ns is None or now_ns - self._refused_ns > _REFUSAL_STANDS_NS
+        self._permitted = self._refused_ns is None or now_ns - self._refused_ns > _REFUSAL_HOLD_NS
         self.safety.note(now_ns)
 
     def missed(self, in_a_row: int, limit: int) -> None:
@@ -166,7 +166,7 @@ class Permit:
     def close(self) -> None:
         """Close the gate as `disable` does, also after the loop has ended. A latch stays."""
         if self.phase == CLOSED:
-            self._let_go()
+            self._disable_drives()
         else:
             self._close(NOT_ENABLED, latches=False)
 
@@ -187,15 +187,15 @@ class Permit:
     def _close(self, reason: str, latches: bool) -> None:
         self.phase, self.scale = CLOSED, 0.0
         self.latched, self._closed_because = latches, reason
-        self._let_go()
+        self._disable_drives()
 
-    def _let_go(self) -> None:
+    def _disable_drives(self) -> None:
         for drive in self.drives:
             drive.request_disable()
 
     # What the loop carries out for other threads; each returns the problem, empty when done.
 
-    def open(self) -> str:
+    def apply_enable(self) -> str:
         """Begin to open: every drive is asked to enable, or none."""
         if self.phase != CLOSED:
             return ""
@@ -212,12 +212,12 @@ class Permit:
             drive.request_enable()
         return ""
 
-    def shut(self) -> str:
+    def apply_disable(self) -> str:
         """Close on request."""
         self.close()
         return ""
 
-    def clear(self, known: str) -> str:
+    def apply_clear(self, known: str) -> str:
         """Clear what is latched, and the fault `known`; the gate stays closed."""
         if self.phase != CLOSED or self.fault.reason != known:
             return self.fault.reason  # it has come just now
@@ -263,7 +263,7 @@ class Permit:
             answered = True
         finally:
             if not answered:
-                self.requests.put(self.shut)
+                self.requests.put(self.apply_disable)
         return refused or self.reason
 
     def _ask_to_open(self, clock: Any) -> str:
@@ -271,14 +271,14 @@ class Permit:
         while True:
             # Read before the request: it may come in between.
             lacking = not self._permitted or any(drive.leaving for drive in self.drives)
-            refused = self.requests.ask(self.open, clock)
+            refused = self.requests.ask(self.apply_enable, clock)
             if not refused or not lacking or clock.now_ns() > deadline_ns:
                 return refused
             clock.sleep(_ASK_AGAIN_S)
 
     def disable(self, clock: Any) -> str:
         """Disable; return the problem, empty when done."""
-        return self.requests.ask(self.shut, clock)
+        return self.requests.ask(self.apply_disable, clock)
 
     def clear_fault(self, clock: Any) -> str:
         """Recover the drives, up to switched on at most; return the remaining fault, empty if none.
@@ -292,7 +292,7 @@ class Permit:
         clock.wait_for(
             lambda: not any(drive.recovering for drive in self.drives), self._recovery_s + _ANSWER_S
         )
-        return self._drive_fault() or self.requests.ask(lambda: self.clear(known), clock)
+        return self._drive_fault() or self.requests.ask(lambda: self.apply_clear(known), clock)
 
 
 class Guard(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.control.setpoint import Range, SetPoint, follow, stand
+from screw_module_ros.control.setpoint import Range, SetPoint, follow, hold_at
 
 ALLOWED = Range(0.0, 0.36, 0.4, 5.0)
 DT = 0.001
@@ -43,7 +43,7 @@ def test_no_set_point_holds_the_last_one_and_comes_to_rest():
 
 def test_it_can_be_brought_to_rest_elsewhere():
     setpoint = SetPoint(0.1, 0.2, 0.01)
-    stand(setpoint, 0.3)
+    hold_at(setpoint, 0.3)
     assert setpoint == SetPoint(0.3)
 
 

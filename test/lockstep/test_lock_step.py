@@ -13,7 +13,7 @@ import time
 import pytest
 
 from screw_module_ros.clock import TimeStandsStill
-from screw_module_ros.lockstep.conductor import Conductor, TimeTaken
+from screw_module_ros.lockstep.conductor import Conductor, ConductorExists
 from screw_module_ros.lockstep.end import End
 from screw_module_ros.lockstep.member import Member
 from screw_module_ros.lockstep.page import (
@@ -303,7 +303,7 @@ def test_who_is_given_up_stays_so_after_a_pause(page, member):
     publisher, end = topic(page, "requests")
     end.hold(member.row)
     publisher.count()
-    end.let_go()
+    end.stop_following()
     with end.paused():
         pass
     assert not end.pending
@@ -441,7 +441,7 @@ def test_without_a_conductor_time_stands_still_and_that_is_said(page):
 def test_two_conductors_are_refused(conductor, page, monkeypatch):
     with page.locked():
         page.conductor = os.getppid()
-    with pytest.raises(TimeTaken, match=str(os.getppid())):
+    with pytest.raises(ConductorExists, match=str(os.getppid())):
         Conductor(page, 1.0, print)
     page.conductor = 0
 

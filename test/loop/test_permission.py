@@ -20,7 +20,7 @@ def made() -> Permit:
 
 def refusal(permit: Permit, now_ns: int) -> str:
     """Return what `~/enable` says with fresh commands."""
-    answer = permit.requests.put(permit.open)
+    answer = permit.requests.put(permit.apply_enable)
     permit.step(now_ns, now_ns)
     said = answer.result(timeout=0.0)
     permit.close()
@@ -68,7 +68,7 @@ def test_a_fault_that_comes_with_a_clear_fault_keeps_its_reason(enabled):
     """Asked for while enabled, as for another node: the loop finds both in one tick."""
     permit = enabled.axis.permit
     permit.fault.set("20 deadlines missed in a row")
-    permit.requests.put(lambda: permit.clear(permit.fault.reason))
+    permit.requests.put(lambda: permit.apply_clear(permit.fault.reason))
     enabled.ticks(5)
     assert not enabled.torque_passes
     assert permit.faulted and permit.reason == "20 deadlines missed in a row"
@@ -84,7 +84,7 @@ def test_on_the_way_to_enabled_the_last_stop_is_no_reason_any_more(enabled):
     enabled.permitted = True
     enabled.ticks(400)
     enabled.rig.inject("drive", "refuse_enable", 0.0, 0.0, enabled.now_ns)
-    permit.requests.put(permit.open)
+    permit.requests.put(permit.apply_enable)
     enabled.ticks(5)
     assert permit.reason == STARTING
 

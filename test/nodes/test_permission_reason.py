@@ -22,7 +22,7 @@ def refused(field: str, safety: SafetyState) -> str:
     node = SimpleNamespace(senders=lambda topic: SimpleNamespace(warning=""))
     permit = Permit([], Requests(), PermitSettings(), MS)
     Permission(node, inbox, field).pass_on(permit, MS)
-    answer = permit.requests.put(permit.open)
+    answer = permit.requests.put(permit.apply_enable)
     permit.step(MS, MS)
     return answer.result(timeout=0.0)
 

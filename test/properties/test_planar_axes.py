@@ -258,7 +258,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
     @rule()
     def enable(self):
         if self.axes.homed:
-            self.ask(self.axes.permit.open)
+            self.ask(self.axes.permit.apply_enable)
         self.work(5)
 
     @rule(slow=which)
@@ -266,7 +266,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
         """One never shows operation enabled: the other must not turn either."""
         self.disable()
         if self.axes.homed and not self.axes.permit.faulted:
-            self.ask(self.axes.permit.open)
+            self.ask(self.axes.permit.apply_enable)
         for _ in range(60):
             if self.ends[slow].state == "operation enabled":
                 self.ends[slow].state = "switched on"
@@ -306,7 +306,7 @@ class PlanarAxesMachine(RuleBasedStateMachine):
 
     def ask(self, action, _clock=None) -> str:
         """Ask as a service does and tick, so that it is answered."""
-        self.asked = self.asked or action == self.axes.permit.open
+        self.asked = self.asked or action == self.axes.permit.apply_enable
         answer = self.axes.permit.requests.put(action)
         self.work(1)
         return answer.result(timeout=0.0)

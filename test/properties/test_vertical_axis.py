@@ -264,13 +264,13 @@ class AxisMachine(Machine):
 
     @rule()
     def enable(self):
-        self.ask(self.axis.permit.open)
+        self.ask(self.axis.permit.apply_enable)
         self.asked = True
         self.work(5)
 
     @rule()
     def disable(self):
-        self.ask(self.axis.permit.shut)
+        self.ask(self.axis.permit.apply_disable)
         self.asked = False
 
     @rule()
@@ -280,7 +280,7 @@ class AxisMachine(Machine):
                 drive.clear_fault()
         self.work(20)
         if not self.drive.fault:
-            self.ask(lambda: self.axis.permit.clear(self.axis.permit.fault.reason))
+            self.ask(lambda: self.axis.permit.apply_clear(self.axis.permit.fault.reason))
 
     @precondition(lambda self: self.axis.permit.enabled)
     @rule(force=st.sampled_from((150.0, 20.0, -20.0, -150.0)))
@@ -288,7 +288,7 @@ class AxisMachine(Machine):
         """From the gate's opening on the torque grows with time, whichever way it is asked for."""
         self.disable()
         self.work(25, force)  # a disabling takes 20 ms
-        self.ask(self.axis.permit.open)
+        self.ask(self.axis.permit.apply_enable)
         self.asked = True
         self.work(20, force)
         most = largest_torque(1.0, force > 0.0)

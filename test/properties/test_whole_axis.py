@@ -116,15 +116,15 @@ class WholeAxis(RuleBasedStateMachine):
             bench.drive.clear_fault()
         self.work(150)
         bench.controller.reset(bench.now_ns)
-        for action in (bench.axis.permit.clear, bench.axis.permit.open):
+        for action in (bench.axis.permit.apply_clear, bench.axis.permit.apply_enable):
             bench.axis.permit.requests.put(action)
-            self.asked = self.asked or action == bench.axis.permit.open
+            self.asked = self.asked or action == bench.axis.permit.apply_enable
             self.work(10)
         self.work(100)
 
     @rule()
     def disable(self):
-        self.bench.axis.permit.requests.put(self.bench.axis.permit.shut)
+        self.bench.axis.permit.requests.put(self.bench.axis.permit.apply_disable)
         self.asked = False
         self.work(5)
 

@@ -81,7 +81,7 @@ def opened():
     """A gate that has been open long enough for its ramp."""
     gate = Gate()
     gate.step()
-    assert gate.ask(gate.permit.open) == ""
+    assert gate.ask(gate.permit.apply_enable) == ""
     for _ in range(1000):
         gate.step()
     assert (gate.permit.phase, gate.permit.scale, gate.permit.reason) == (OPEN, 1.0, "")
@@ -97,7 +97,7 @@ def test_closed_stays_closed_however_well_everything_is():
 def test_opens_once_every_drive_is_there_and_ramps_in():
     gate = Gate(drives=2)
     gate.drives[1].on = False
-    assert gate.ask(gate.permit.open) == ""
+    assert gate.ask(gate.permit.apply_enable) == ""
     for _ in range(20):
         assert gate.step() == 0.0
     assert (gate.permit.phase, gate.permit.reason) == (OPENING, STARTING)
@@ -110,7 +110,7 @@ def test_opens_once_every_drive_is_there_and_ramps_in():
 
 def test_a_pause_makes_no_leap_in_the_ramp():
     gate = Gate()
-    gate.ask(gate.permit.open)
+    gate.ask(gate.permit.apply_enable)
     gate.step()
     assert gate.step(elapsed=10**10) <= 0.02 / 0.5 + 0.01
 
@@ -163,12 +163,12 @@ def test_after_a_latch_clear_comes_before_enable(opened, happens, wrong, reason,
     opened.step(**wrong)
     opened.drives[0].on, opened.drives[0].fault = True, ""
     permit = opened.permit
-    refusal = opened.ask(permit.open)
+    refusal = opened.ask(permit.apply_enable)
     assert (reason in refusal) == latched
     assert (permit.phase == CLOSED) == latched
-    opened.ask(permit.shut)
-    assert opened.ask(lambda: permit.clear(permit.fault.reason)) == ""
-    assert opened.ask(permit.open) == ""
+    opened.ask(permit.apply_disable)
+    assert opened.ask(lambda: permit.apply_clear(permit.fault.reason)) == ""
+    assert opened.ask(permit.apply_enable) == ""
 
 
 @pytest.mark.parametrize(
@@ -184,21 +184,21 @@ def test_enable_is_refused_with_its_reason_and_no_drive_is_asked(happens, wrong,
     gate = Gate()
     if happens:
         happens(gate)
-    assert gate.ask(gate.permit.open, **wrong) == reason
+    assert gate.ask(gate.permit.apply_enable, **wrong) == reason
     assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
 
 
 def test_what_one_drive_refuses_is_asked_of_none():
     gate = Gate(drives=2)
     gate.drives[1].refused = "it is still recovering"
-    assert gate.ask(gate.permit.open) == "it is still recovering"
+    assert gate.ask(gate.permit.apply_enable) == "it is still recovering"
     assert gate.permit.phase == CLOSED and gate.drives[0].asked == []
 
 
 def test_a_drive_that_never_starts_is_given_up():
     gate = Gate()
     gate.drives[0].on = False
-    gate.ask(gate.permit.open)
+    gate.ask(gate.permit.apply_enable)
     gate.step(elapsed=999_000_000)
     assert gate.permit.phase == OPENING
     gate.step(elapsed=2_000_000)
@@ -207,23 +207,23 @@ def test_a_drive_that_never_starts_is_given_up():
 
 
 def test_enabling_twice_does_not_start_the_ramp_again(opened):
-    assert opened.ask(opened.permit.open) == ""
+    assert opened.ask(opened.permit.apply_enable) == ""
     assert opened.step() == 1.0 and opened.drives[0].asked == ["enable"]
 
 
 def test_disable_closes_and_keeps_a_latch(opened):
-    opened.ask(opened.permit.shut)
+    opened.ask(opened.permit.apply_disable)
     permit = opened.permit
     assert (permit.phase, permit.scale, permit.reason) == (CLOSED, 0.0, "not enabled")
-    opened.ask(permit.open)
+    opened.ask(permit.apply_enable)
     opened.step()
     opened.step(command=-(10**9))
-    opened.ask(permit.shut)
+    opened.ask(permit.apply_disable)
     assert permit.latched and permit.reason == "no fresh command"
 
 
 def test_clear_does_not_touch_an_open_gate(opened):
-    assert opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason)) == ""
+    assert opened.ask(lambda: opened.permit.apply_clear(opened.permit.fault.reason)) == ""
     assert opened.step() == 1.0
 
 
@@ -234,7 +234,7 @@ def test_a_fault_that_comes_while_a_drive_recovers_is_not_cleared_with_the_old_o
     known = gate.permit.fault.reason
     gate.permit.fault.clear()
     gate.permit.fault.set("beyond 150 N")
-    assert gate.ask(lambda: gate.permit.clear(known)) == "beyond 150 N"
+    assert gate.ask(lambda: gate.permit.apply_clear(known)) == "beyond 150 N"
     assert gate.permit.faulted
 
 
@@ -244,14 +244,14 @@ def test_missed_deadlines_stop_only_while_torque_passes(opened):
     opened.permit.missed(20, 20)
     assert opened.step() == 0.0
     assert opened.permit.reason == "20 deadlines missed in a row"
-    opened.ask(lambda: opened.permit.clear(opened.permit.fault.reason))
+    opened.ask(lambda: opened.permit.apply_clear(opened.permit.fault.reason))
     opened.permit.missed(20, 20)
     assert opened.permit.fault.reason == ""
 
 
 def test_at_rest_is_closed_with_every_drive_off(opened):
     assert not opened.permit.at_rest(opened.now_ns)
-    opened.ask(opened.permit.shut)
+    opened.ask(opened.permit.apply_disable)
     assert not opened.permit.at_rest(opened.now_ns), "the drive still shows operation enabled"
     opened.drives[0].on = False
     assert opened.permit.at_rest(opened.now_ns)
@@ -268,7 +268,7 @@ seen = st.tuples(
     st.booleans(),
 )
 good = st.just((1_000_000, -200_000, -10_000_000, True, True, False))
-acts = st.sampled_from(["open", "shut", "clear"])
+acts = st.sampled_from(["enable", "disable", "clear"])
 
 
 @given(st.lists(st.one_of(good, seen, acts), max_size=60))
@@ -278,10 +278,13 @@ def test_whatever_happens_torque_passes_only_while_all_holds_since_an_enable(eve
     opening = None
     for event in events:
         if isinstance(event, str):
-            opening = permit.requests.put(getattr(permit, event)) if event == "open" else opening
-            if event != "open":
-                permit.requests.put(getattr(permit, event))
-            asked = asked and event != "shut"
+            if event == "enable":
+                opening = permit.requests.put(permit.apply_enable)
+            elif event == "disable":
+                permit.requests.put(permit.apply_disable)
+            else:
+                permit.requests.put(lambda: permit.apply_clear(permit.fault.reason))
+            asked = asked and event != "disable"
             continue
         elapsed, command, safety, permitted, drive.on, faulted = event
         drive.fault = "a fault" if faulted else ""

@@ -61,15 +61,15 @@ class DriveNode(DriverNode):
         self.drives = drives
         for drive in drives:
             drive.configure()
-            self._tell_warnings(drive)
+            self._log_warnings(drive)
         self.hardware_id = ", ".join(drive.identity for drive in drives)
 
     def start_drives(self) -> None:
         """Start the drives, disabled and with their guards. Raises DeviceError."""
         for drive in drive_group.start(self.drives):
-            self._tell_warnings(drive)
+            self._log_warnings(drive)
 
-    def _tell_warnings(self, drive: Drive) -> None:
+    def _log_warnings(self, drive: Drive) -> None:
         for warning in drive.warnings:
             self.get_logger().warning(warning)
 

@@ -201,7 +201,7 @@ def awaited(node: Node, take: Callable[[], Any], handle: Any, end: End) -> Any:
     _await_message(node, handle, end)
     taken = take()
     if taken is None:
-        end.let_go()
+        end.stop_following()
     return taken
 
 

@@ -41,7 +41,7 @@ _NO_TIME = (
     "waiting for sim_rig: nobody moves simulated time in ROS domain {} yet (or set use_sim_time to "
     "false)"
 )
-TELL_WHERE = signal.SIGUSR2
+DUMP_STACKS = signal.SIGUSR2
 """A node that receives this signal writes the stacks of its threads to stderr."""
 
 
@@ -68,7 +68,7 @@ def run_together(
     """
     stopping = threading.Event()
     stop_on_signals(stopping)
-    faulthandler.register(TELL_WHERE)  # also when the interpreter itself hangs
+    faulthandler.register(DUMP_STACKS)  # also when the interpreter itself hangs
     # Our errors replace the libraries' log messages, with the node id and the way out.
     for library in ("canopen", "can"):
         logging.getLogger(library).setLevel(logging.CRITICAL)
