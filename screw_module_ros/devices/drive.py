@@ -158,8 +158,9 @@ class Drive(DriveReports):
         self.beat.rest()
         self.beat.beat(now_ns)
         self._send(cia402.DISABLE_VOLTAGE, 0)
-        guards = {missing.guard for missing in self.unguarded}
-        self._expects_heartbeat = setup.DRIVE_HEARTBEAT not in guards
+        self._expects_heartbeat = all(
+            missing.guard != setup.DRIVE_HEARTBEAT for missing in self.unguarded
+        )
         self._started_ns = now_ns
         self.logic.start(now_ns)
         self._was_armed = True
