@@ -28,6 +28,9 @@ SAFE_STATES = {
 }
 
 MISSED = "amplifier/clear_fault if it missed commands"
+PLANE_BACK = (
+    "mend it; manus/clear_fault, manus/home after a boot-up or 0.2 s of silence, reset, enable"
+)
 """Part of a recovery: the amplifier may latch the missing commands before the supervisor's stop
 reaches it."""
 

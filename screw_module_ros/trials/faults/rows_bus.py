@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from .acts import cured, fault
 from .limits import COMMAND, DYING, STALE, VIA_SUPERVISOR
-from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
+from .row import EITHER, GOES_ON, MISSED, OFF, PLANE_BACK, Alarm, Row
 
 GROUP = "bus"
 _BY_CHANCE = VIA_SUPERVISOR + 2 * DYING
@@ -79,11 +79,9 @@ DEVICES = (
             "drop", "duplicate", "delay-3ms", "foreign_ids", "flood")),
     Device("shoulder", "manus; the drive itself", COMMAND + 4 + DYING, Alarm("manus",
            "drive|position", "manus"),
-           "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
-           ("cable_out", "bus_off", "garbage", "drop")),
+           PLANE_BACK, ("cable_out", "bus_off", "garbage", "drop")),
     Device("elbow", "manus; the drive itself", COMMAND + 4 + DYING, Alarm("manus", "drive|position",
-           "manus"), "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
-           ("cable_out",)),
+           "manus"), PLANE_BACK, ("cable_out",)),
 )  # fmt: skip
 _PLANAR = ("shoulder", "elbow")
 
@@ -98,7 +96,7 @@ def rows() -> Iterator[Row]:
         name="all-cable_out", group=GROUP, fault="all CAN cables out, later back",
         inject=fault("all", "cable_out"), back=cured("all"),
         alarm=Alarm("amplifier", "drive|command", "encoder|amplifier|manus|force"),
-        recovery=f"mend it; clear_fault, {MISSED}, reset, enable",
+        recovery=f"mend it; clear_fault, {MISSED}, manus/home, reset, enable",
         noticed_by="all nodes; the drives themselves", within=COMMAND + 2 + DYING,
         plane_within=COMMAND + 4 + DYING,
     )  # fmt: skip

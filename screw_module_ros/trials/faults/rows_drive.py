@@ -9,7 +9,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, cured, fault, game, held_by
 from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
-from .row import GOES_ON, OFF, Alarm, Failed, Row
+from .row import GOES_ON, OFF, PLANE_BACK, Alarm, Failed, Row
 
 GROUP = "drives"
 _SILENT = COMMAND + 4 + DYING
@@ -54,7 +54,7 @@ _SHOULDER_TOO = ("over_current", "disable", "pdos_lost", "deaf", "reset", "power
 _ELBOW_TOO = ("over_current", "reset")
 _BACK = {
     "amplifier": "mend it; amplifier/clear_fault, reset, enable",
-    "manus": "mend it; manus/clear_fault, manus/home after a boot-up, reset, enable",
+    "manus": PLANE_BACK,
 }
 
 
