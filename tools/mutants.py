@@ -32,8 +32,10 @@ LONGEST_S = 600.0
 _QUICK_LOOP = ["test/loop", "-m", "not long"]
 TESTS = {
     "control": [["test/control"], ["test/properties"]],
-    "safety": [["test/safety"], ["test/properties"], _QUICK_LOOP],
-    "loop": [_QUICK_LOOP, ["test/properties"]],
+    "safety": [
+        ["test/safety"], ["test/properties"], _QUICK_LOOP, ["test/loop", "-m", "long"],
+    ],
+    "loop": [_QUICK_LOOP, ["test/properties"], ["test/loop", "-m", "long"]],
     "devices": [["test/devices"], _QUICK_LOOP],
     "can_io": [["test/can_io", "test/devices"]],
     "recording": [["test/recording"]],

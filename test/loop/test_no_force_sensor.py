@@ -63,3 +63,17 @@ def test_a_force_sensor_that_is_not_required_may_be_used():
     run(controller, range(1, 3000), force=45.0)
     assert controller.reason == ""
     assert controller.output.force - controller.output.gravity == pytest.approx(-45.0)
+
+
+def test_a_fault_before_any_torque_ends_with_its_cause():
+    """In operation it would stay until a reset."""
+    controller = controller_in(modes.IMPEDANCE)
+    controller.mode = modes.OFF
+    for tick in range(1, 60):
+        now, jumped = tick * MS, 0.02 if 20 <= tick < 25 else 0.0
+        controller.on_drive(False, 0.0, now)
+        sample = EncoderReading(tick, now, 0, 0, 0.18 + jumped, 0.0, True)
+        controller.on_encoder(sample, now)
+        if tick == 20:
+            assert "jumped" in controller.reason
+    assert controller.reason == ""

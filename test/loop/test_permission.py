@@ -139,3 +139,12 @@ def test_disabled_and_enabled_again_at_once_is_no_fault(enabled):
         assert enabled.enable() == ""
         enabled.ticks(5)
         assert enabled.torque_passes and not enabled.axis.permit.faulted
+
+
+def test_an_act_that_fails_fails_for_who_asked_and_the_loop_goes_on():
+    requests = Requests()
+    failing, later = requests.put(lambda: 1 / 0), requests.put(lambda: "done")
+    requests.serve()
+    with pytest.raises(ZeroDivisionError):
+        failing.result(timeout=0.0)
+    assert later.result(timeout=0.0) == "done"
