@@ -18,6 +18,7 @@ from runner import sentence
 from scripted import ScriptedNode, Wire
 from scripted_devices import ScriptedDrive, ScriptedEncoder, ScriptedSensor
 
+from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.devices.encoder import Encoder
@@ -78,7 +79,7 @@ class CanFrames:
             assert not written or wished, "torque that nobody asked for"
             assert not (written and drive.fault), "torque with a fault latched"
         self.counts["drive: latched" if drive.fault else "drive: well"] += 1
-        _sentences(drive.fault, *drive.warnings, drive.shutdown())
+        _sentences(drive.fault, *drive.warnings, drive_group.leave([drive], wire.port))
 
     def _encoder(self, rng: random.Random, wire: Wire) -> None:
         end = ScriptedEncoder(wire)
