@@ -34,14 +34,17 @@ class Owned(NamedTuple):
 
 
 class Watch:
-    """Notes, from entering to leaving, which shared memory files the marked processes own."""
+    """Notes, from entering to leaving, which shared memory files the marked processes own.
+
+    owned: each with the command of its owner.
+    """
 
     def __init__(self, mark: str, ports: range) -> None:
         self._entry = f"{MARK}={mark}".encode()
         self._ports = ports
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._look_on, daemon=True)
-        self.owned: set[Owned] = set()
+        self.owned: dict[Owned, str] = {}
         self._before = self._ports_there()
 
     def __enter__(self) -> Watch:
@@ -74,6 +77,11 @@ class Watch:
         owned_now = {file.name for pid in _process_ids() for file in owned_files(pid)}
         return sorted(file for name in ours - owned_now for file in family(name))
 
+    def owner(self, file: Path) -> str:
+        """Return the command of the process that owned a file last, empty if none was seen."""
+        name = file.name.removeprefix("sem.").removesuffix("_mutex").removesuffix(LOCK_SUFFIX)
+        return next((command for owned, command in self.owned.items() if owned.name == name), "")
+
     def remove_closed_ports(self) -> None:
         """Remove the ports of the run that their owners closed; to be called after it."""
         for name, _ in self._ports_there() - self._before:
@@ -87,7 +95,8 @@ class Watch:
 
     def _look_on(self) -> None:
         while not self._stop.wait(SECONDS_BETWEEN_LOOKS):
-            self.owned.update(*map(owned_files, self.processes()))
+            for pid, command in self.processes().items():
+                self.owned.update(dict.fromkeys(owned_files(pid), command))
 
 
 def owned_files(pid: int) -> set[Owned]:

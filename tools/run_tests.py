@@ -69,7 +69,8 @@ def clean_up(watch: leftovers.Watch) -> bool:
         leftovers.kill(pid)
     files = sorted({*files, *watch.files()})
     for file in files:
-        print(f"left in shared memory, removed now: {file}", file=sys.stderr)
+        owner = watch.owner(file) or "an unknown process"
+        print(f"left in shared memory by {owner}, removed now: {file}", file=sys.stderr)
         file.unlink(missing_ok=True)
     watch.remove_closed_ports()
     if processes or files:

@@ -153,3 +153,13 @@ def test_no_shared_memory_is_in_use(environment, discovery_range):
     names = done.stdout.split()
     assert any(name.startswith("dds.udp.") for name in names)
     assert not any(name.startswith("dds.shm") for name in names)
+
+
+@pytest.mark.parametrize("given", ["LOCALHOST", "SYSTEM_DEFAULT", ""])
+def test_a_child_whose_range_was_set_once_more_uses_no_shared_memory_either(environment, given):
+    """With the profile inherited and LOCALHOST set again, rmw_fastrtps made shared memory of it."""
+    choose_transport()
+    environment(**{RANGE_VARIABLE: given})
+    assert choose_transport() == ""
+    assert environment()[RANGE_VARIABLE] == "SYSTEM_DEFAULT"
+    assert environment()[PROFILES_VARIABLE].endswith("fastdds_localhost.xml")

@@ -88,6 +88,11 @@ def choose_transport() -> str:
     socket buffer fills; the latency is the same, and a killed process leaves nothing in /dev/shm.
     Subscribers may use any transport.
     """
+    own = str(resource_path(_LOCALHOST_PROFILE))
+    if os.environ.get(PROFILES_VARIABLE) == own:  # of a process of ours that started this one
+        del os.environ[PROFILES_VARIABLE]
+        if os.environ.get(RANGE_VARIABLE) == "SYSTEM_DEFAULT":
+            del os.environ[RANGE_VARIABLE]
     told = f"open to the network: {open_to_network()}" if _is_open() else keep_to_this_machine()
     if any(map(os.environ.get, (BUILTIN_VARIABLE, *_PROFILES, _PEERS_VARIABLE))):
         return told
@@ -98,7 +103,7 @@ def choose_transport() -> str:
     else:
         # For this range rmw_fastrtps creates its own transports, shared memory first. The file
         # also restricts to this machine, by the interface.
-        os.environ[PROFILES_VARIABLE] = str(resource_path(_LOCALHOST_PROFILE))
+        os.environ[PROFILES_VARIABLE] = own
         os.environ[RANGE_VARIABLE] = "SYSTEM_DEFAULT"
     return told
 
