@@ -213,9 +213,7 @@ class DriveLogic:
 
     def _update_unrequested(self, state: State, now_ns: int) -> None:
         """Record since when the drive is in operation enabled without a request."""
-        if state is not State.OPERATION_ENABLED:
-            self._unrequested_since_ns = None
-        elif self.enabling:
+        if state is not State.OPERATION_ENABLED or self.enabling:
             self._unrequested_since_ns = None
         elif self._unrequested_since_ns is None:
             self._unrequested_since_ns = now_ns

@@ -10,7 +10,7 @@ from screw_module_msgs.msg import AmplifierState
 
 from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.nodes.support.answering import carried_out
-from screw_module_ros.nodes.support.driver import NotPermitted, TorqueOff
+from screw_module_ros.nodes.support.driver import TorqueOff
 from screw_module_ros.nodes.support.place import lock_node
 
 NAMESPACE = "/homing_permitted"  # no amplifier of another test has been discovered there
@@ -76,7 +76,7 @@ def test_an_encoder_that_is_silent_without_a_fault_is_cleared_too(home):
 def test_the_check_raises_what_a_service_answers_with():
     inbox = inbox_with(None, AmplifierState(enabled=True))
     torque_off = TorqueOff(None, inbox, PatientClock(1))
-    with pytest.raises(NotPermitted, match="enabled and would jump"):
+    with pytest.raises(NotNow, match="enabled and would jump"):
         torque_off.check("would jump")
 
 

@@ -13,7 +13,7 @@ from screw_module_ros.can_io.bus import BusSettings, open_port, where, within
 from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
-from screw_module_ros.devices.errors import DeviceError
+from screw_module_ros.devices.errors import NotNow
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -178,10 +178,6 @@ class SensorNode(DriverNode):
         return Health(OK, "sampling", values)
 
 
-class NotPermitted(DeviceError):
-    """The vertical drive gives torque."""
-
-
 class TorqueOff:
     """Subscribes to the amplifier's state for the service thread. inbox: of the node."""
 
@@ -190,7 +186,7 @@ class TorqueOff:
         self._take_state = inbox.subscribe(*requested(graph.AMPLIFIER_STATE))
 
     def check(self, why: str) -> None:
-        """Raise NotPermitted when the amplifier's next state shows that torque passes or may pass.
+        """Raise NotNow when the amplifier's next state shows that torque passes or may pass.
 
         why: the consequence, for the message. A silent amplifier passes no torque, but one that
         the middleware has not discovered yet may: it has 3 s for that.
@@ -200,13 +196,13 @@ class TorqueOff:
             if state is not None or not self._is_undiscovered():
                 break
         else:
-            raise NotPermitted(
+            raise NotNow(
                 f"{_AMPLIFIER} runs, but this node has not discovered it yet: try again in a moment"
             )
         if state is not None and (
             state.enabled or state.state == AmplifierState.OPERATION_ENABLED
         ):
-            raise NotPermitted(
+            raise NotNow(
                 f"the vertical drive is enabled and {why}: disable it first (amplifier/enable)"
             )
 

@@ -145,6 +145,7 @@ class Permission:
         if self.warning:
             permit.supervise(False, self.warning, now_ns)
 
+
 def why_not(safety: SafetyState, field: str) -> str:
     """Return why this field withholds the permission of its axes, empty if it does not.
 

@@ -19,7 +19,7 @@ from screw_module_ros.lockstep.clock import simulated_clock
 
 from .answering import Done, answer_always, carried_out
 from .arguments import arguments, overrides
-from .inbox import Inbox, Outlet
+from .inbox import Inbox, Outlet, fill_stamp
 from .parameters import Parameters
 from .scheduling import RealtimeSettings, StartSettings
 from .states import ERROR, OK, WARN, Health
@@ -149,7 +149,7 @@ class Node(LifecycleNode):
 
     def stamp(self, header: Any) -> None:
         """Write the present time into a message's header."""
-        header.stamp.sec, header.stamp.nanosec = divmod(self.clock.stamp_ns(), 1_000_000_000)
+        fill_stamp(header, self.clock.stamp_ns())
 
     def serve(
         self, kind: type, name: str, action: Callable[[Any], str], done: str = "",

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -145,19 +145,18 @@ class ServiceThread:
         except InvalidHandle:  # another thread destroyed what rclpy was about to wait for
             self._ended.wait(BACK_OFF_S)
 
-    @contextmanager
-    def working(self):
+    def working(self) -> AbstractContextManager[None]:
         """Hold time while this thread works, except in its waits, in which requests wait too."""
-        with self._works:
-            with self._serving.working():
-                yield
-            self._hold_if_due()
+        return self._while(self._serving.working())
+
+    def answering(self) -> AbstractContextManager[None]:
+        """Work for one request, whose client has the answer before time advances."""
+        return self._while(self._serving.answering())
 
     @contextmanager
-    def answering(self):
-        """Work for one request, whose client has the answer before time advances."""
+    def _while(self, held: AbstractContextManager[None]):
         with self._works:
-            with self._serving.answering():
+            with held:
                 yield
             self._hold_if_due()
 

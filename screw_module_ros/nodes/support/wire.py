@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from rclpy.serialization import deserialize_message
 from screw_module_msgs.msg import EncoderSample, ForceCommand, ForceSample
@@ -26,6 +26,8 @@ _HEAD_SIZE = len(_HEAD)
 _ENCODER = struct.Struct("<4siII4xqi4xdd?3x")
 _FORCE = struct.Struct("<4siII4xqddddddH2x")
 _COMMAND = struct.Struct("<4siII4xqdB7xdddd?3x")
+
+_Reading = TypeVar("_Reading", EncoderReading, ForceReading)
 
 
 class Command(NamedTuple):
@@ -76,24 +78,20 @@ def _stamped(stamp_ns: int) -> tuple[int, int]:
     return min(seconds, _LATEST), nanoseconds
 
 
-def _unpack_encoder(data: bytes) -> EncoderReading:
-    if len(data) == _ENCODER.size and data[:_HEAD_SIZE] == _HEAD:
-        _, seconds, nanoseconds, sequence, at_ns, *rest = _ENCODER.unpack(data)
-        return EncoderReading(sequence, at_ns, seconds * _S + nanoseconds, *rest)
-    m = deserialize_message(data, EncoderSample)
-    return EncoderReading(
-        m.sequence, m.monotonic_ns, _stamp(m), m.count, m.position, m.velocity, m.homed
-    )
+def _sample_layout(kind: type, fixed: struct.Struct, reading: type[_Reading]) -> Layout:
+    """Return the layout of a sample whose fields after the stamp are those of its reading."""
+    names = reading._fields[3:]
 
+    def unpack(data: bytes) -> _Reading:
+        if len(data) == fixed.size and data[:_HEAD_SIZE] == _HEAD:
+            _, seconds, nanoseconds, sequence, at_ns, *rest = fixed.unpack(data)
+        else:
+            m = deserialize_message(data, kind)
+            seconds, nanoseconds = m.stamp.sec, m.stamp.nanosec
+            sequence, at_ns, rest = m.sequence, m.monotonic_ns, (getattr(m, n) for n in names)
+        return reading(sequence, at_ns, seconds * _S + nanoseconds, *rest)
 
-def _unpack_force(data: bytes) -> ForceReading:
-    if len(data) == _FORCE.size and data[:_HEAD_SIZE] == _HEAD:
-        _, seconds, nanoseconds, sequence, at_ns, *rest = _FORCE.unpack(data)
-        return ForceReading(sequence, at_ns, seconds * _S + nanoseconds, *rest)
-    m = deserialize_message(data, ForceSample)
-    return ForceReading(
-        m.sequence, m.monotonic_ns, _stamp(m), m.fx, m.fy, m.fz, m.tx, m.ty, m.tz, m.status
-    )
+    return Layout(kind, unpack)
 
 
 def _unpack_command(data: bytes) -> Command:
@@ -104,12 +102,8 @@ def _unpack_command(data: bytes) -> Command:
     return Command(m.sequence, m.monotonic_ns, m.force)
 
 
-def _stamp(message: Any) -> int:
-    return message.stamp.sec * _S + message.stamp.nanosec
-
-
-ENCODER = Layout(EncoderSample, _unpack_encoder)
-FORCE = Layout(ForceSample, _unpack_force)
+ENCODER = _sample_layout(EncoderSample, _ENCODER, EncoderReading)
+FORCE = _sample_layout(ForceSample, _FORCE, ForceReading)
 COMMAND = Layout(ForceCommand, _unpack_command)
 LAYOUTS = {layout.kind: layout for layout in (ENCODER, FORCE, COMMAND)}
 """By message class."""
