@@ -150,8 +150,7 @@ def _restarted_without_limit(testbed) -> float:
     fault("drive", "refuse_torque_limit")(testbed)
     begin = fault("drive", "reset")(testbed)
     robot = testbed.robot
-    if not testbed.until(lambda: "amplifier" in testbed.listener.disabled_at(), 2.0):
-        raise Failed("the amplifier is still enabled")
+    _await_disabled(testbed)
     robot.pause(0.5)
     answer = robot.call(Trigger, "amplifier/clear_fault", deadline_s=6.0)
     if not answer.success:
@@ -168,7 +167,14 @@ def _restarted_without_limit(testbed) -> float:
 def _clear_in_vain(testbed) -> None:
     """Request enable and clear_fault while the cause persists; both must be refused."""
     robot = testbed.robot
+    # A robot that has not seen the fault yet is enabled: it would grant `enable` rightly.
+    _await_disabled(testbed)
     if robot.call(SetBool, "amplifier/enable", SetBool.Request(data=True)).success:
         raise Failed("amplifier/enable was granted in fault")
     if robot.call(Trigger, "amplifier/clear_fault").success:
         raise Failed("amplifier/clear_fault succeeded while the cause persists")
+
+
+def _await_disabled(testbed) -> None:
+    if not testbed.until(lambda: "amplifier" in testbed.listener.disabled_at(), 2.0):
+        raise Failed("the amplifier is still enabled")
