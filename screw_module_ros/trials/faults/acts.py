@@ -14,6 +14,9 @@ from .limits import PERIOD_NS
 from .recovery import AGAIN, SECOND_WORD_S
 from .row import Act, Failed
 
+_FAST = 0.05
+"""A hand this fast moves on by more than the 2 mm that two positions may differ [m/s]."""
+
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
     """Inject a fault into a device of the simulated rig; `cured` ends it."""
@@ -24,6 +27,12 @@ def fault(device: str, name: str, value: float = 0.0) -> Act:
         return begin
 
     return act
+
+
+def in_motion(testbed) -> None:
+    """Wait until the hand is fast: it stands still for up to a second where it turns."""
+    if not testbed.until(lambda: abs(testbed.listener.now.speed) > _FAST, 6.0):
+        raise Failed(f"the hand does not reach {_FAST:g} m/s")
 
 
 def cured(device: str) -> Act:

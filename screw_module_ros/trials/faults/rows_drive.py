@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, cured, fault, game, held_by
+from .acts import both, cured, fault, game, held_by, in_motion
 from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, PLANE_BACK, Alarm, Failed, Row
 
@@ -18,8 +18,8 @@ _MODE = 100 + AT_ONCE
 """Samples: the drive's second PDO reports the mode each 100 ms."""
 _STUCK = 400
 """Samples until a lasting wrong torque is detected, by its duration and by the position."""
-_APART = 900
-"""Samples until the hand has moved by more than the tolerance between two positions."""
+_APART = 300
+"""Samples until the hand, in motion, has moved by more than the tolerance between two positions."""
 _FAR = (0.12, -0.1, 0.31, 0.0, 0.0, 0.0)
 """A set point [m], [m/s] whose spring of 100 N/m turns an arm that nobody holds."""
 _UNMOVED = 300
@@ -72,6 +72,7 @@ def rows() -> Iterator[Row]:
         ("position_jump", "its position jumps", _APART),
     ):
         yield _row("drive", "amplifier", name, text, within, "")._replace(
+            inject=both(in_motion, fault("drive", name)),
             alarm=Alarm("impedance_controller", "disagree", "disagree"),
             noticed_by="impedance_controller",
             recovery="reset, enable",

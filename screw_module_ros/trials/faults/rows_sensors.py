@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 
-from .acts import both, cured, fault, rehomed
+from .acts import both, cured, fault, in_motion, rehomed
 from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
 
 _APART_M = 0.005
-_SILENT, _APART = STALE + 2 + DYING, 900
+_SILENT, _APART = STALE + 2 + DYING, 300
 """Samples until noticed: by the absence of a sample; by comparison with the drive's own position,
 after the hand has moved by more than the tolerance."""
 _BITS = (0, 4, 14)
@@ -65,7 +65,10 @@ _FORCE_FAULTS = (
 def rows() -> Iterator[Row]:
     """Return the rows of both sensors; those of the force sensor in force feedback."""
     for columns in _ENCODER_FAULTS:
-        yield _row("encoder", 1, *columns)
+        row = _row("encoder", 1, *columns)
+        if row.within == _APART:
+            row = row._replace(inject=both(in_motion, row.inject))
+        yield row
     yield _rollover()
     for columns in _FORCE_FAULTS:
         yield _row("force_sensor", 3, *columns)
