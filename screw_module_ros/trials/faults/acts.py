@@ -31,8 +31,11 @@ def fault(device: str, name: str, value: float = 0.0) -> Act:
 
 def in_motion(testbed) -> None:
     """Wait until the hand is fast: it stands still for up to a second where it turns."""
-    if not testbed.until(lambda: abs(testbed.listener.now.speed) > _FAST, 6.0):
-        raise Failed(f"the hand does not reach {_FAST:g} m/s")
+    testbed.robot.wait_until(
+        lambda: abs(testbed.listener.now.speed) > _FAST,
+        6.0,
+        f"the hand does not reach {_FAST:g} m/s",
+    )
 
 
 def cured(device: str) -> Act:

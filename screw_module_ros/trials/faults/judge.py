@@ -211,8 +211,9 @@ class _Trial:
         return "; ".join(self.listener.reasons()) or "no reason reported"
 
     def _await_reason(self) -> None:
-        if not self.testbed.until(self.listener.reasons, _ALARM_S):
-            raise Failed("stopped without a reason in safety_state")
+        self.testbed.robot.wait_until(
+            self.listener.reasons, _ALARM_S, "stopped without a reason in safety_state"
+        )
         self._facts["reason"] = self.listener.reasons()[0]
 
     def _await_alarm(self) -> None:

@@ -177,5 +177,6 @@ def _clear_in_vain(testbed) -> None:
 
 
 def _await_disabled(testbed) -> None:
-    if not testbed.until(lambda: "amplifier" in testbed.listener.disabled_at(), 2.0):
-        raise Failed("the amplifier is still enabled")
+    testbed.robot.wait_until(
+        lambda: "amplifier" in testbed.listener.disabled_at(), 2.0, "the amplifier is still enabled"
+    )

@@ -73,8 +73,7 @@ def _second_controller(testbed) -> float:
             newest = command.sequence
         return False
 
-    if not testbed.until(doubled, 15.0):
-        raise Failed("the second controller sends no command")
+    testbed.robot.wait_until(doubled, 15.0, "the second controller sends no command")
     begin = testbed.just_now()
     # It is heard here; by wall clock the amplifier's middleware may find it a moment later.
     creep(testbed.robot.clock, _FOUND_S)

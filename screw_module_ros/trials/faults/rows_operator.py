@@ -126,8 +126,7 @@ def _lock_reported(testbed) -> None:
         state = testbed.robot.state(SafetyState)
         return state is not None and state.vertical_locked
 
-    if not testbed.until(is_reported, 3.0):
-        raise Failed("safety_state does not report the lock")
+    testbed.robot.wait_until(is_reported, 3.0, "safety_state does not report the lock")
 
 
 def _until_latched(testbed) -> None:
@@ -139,8 +138,7 @@ def _until_latched(testbed) -> None:
 def _at_rest_elsewhere(testbed) -> None:
     """Let the hand rest in the equilibrium of spring and arm, away from the mark."""
     testbed.patient.rest()
-    if not testbed.until(lambda: testbed.patient.at_rest, 5.0):
-        raise Failed("the hand does not come to rest")
+    testbed.robot.wait_until(lambda: testbed.patient.at_rest, 5.0, "the hand does not come to rest")
 
 
 def _home_elsewhere(testbed) -> float:
@@ -151,8 +149,9 @@ def _home_elsewhere(testbed) -> float:
     there = (math.nan, math.nan, HOME + 0.08)  # friction stops the handle before it
     still = (math.nan, math.nan, 0.0)
     testbed.robot.set_arm(arm(there, amplitude=still, omega=still))
-    if not testbed.until(lambda: testbed.listener.now.height > HOME + 0.02, 5.0):
-        raise Failed("the hand does not leave the mark")
+    testbed.robot.wait_until(
+        lambda: testbed.listener.now.height > HOME + 0.02, 5.0, "the hand does not leave the mark"
+    )
     testbed.robot.pause(1.0)
     before = testbed.listener.now.height
     for _ in range(10):

@@ -51,9 +51,7 @@ def rows() -> Iterator[Row]:
 
 def _throw(height: float) -> Act:
     def act(testbed) -> None:
-        testbed.robot.set_arm(
-            arm((0.0, 0.0, height), 0.1, amplitude=(0.0,) * 3, omega=(0.0,) * 3)
-        )
+        testbed.robot.set_arm(arm((0.0, 0.0, height), 0.1, amplitude=(0.0,) * 3, omega=(0.0,) * 3))
 
     return act
 
@@ -63,8 +61,11 @@ def _hits(arrived: Callable[[float], bool]) -> Act:
 
     def act(testbed) -> None:
         begin = testbed.just_now()
-        if not testbed.until(lambda: arrived(testbed.listener.now.height), 3.0):
-            raise Failed("the handle did not reach the end stop")
+        testbed.robot.wait_until(
+            lambda: arrived(testbed.listener.now.height),
+            3.0,
+            "the handle did not reach the end stop",
+        )
         fastest = max(abs(moment.speed) for moment in testbed.listener.since(begin))
         if fastest < _FAST:
             raise Failed(f"the handle reached the end stop with only {fastest:.2f} m/s")

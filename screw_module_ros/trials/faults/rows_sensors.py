@@ -10,7 +10,7 @@ from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 from .acts import both, cured, fault, in_motion, rehomed
 from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
 from .patient import HOME
-from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Failed, Row
+from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 
 _APART_M = 0.005
 _SILENT, _APART = STALE + 2 + DYING, 300
@@ -125,8 +125,7 @@ def _moved_across(testbed) -> None:
         heights = [moment.height for moment in testbed.listener.since(begin)]
         return bool(heights) and min(heights) < HOME and max(heights) > HOME + _APART_M
 
-    if not testbed.until(across, 6.0):
-        raise Failed("the handle did not move across the wrap")
+    testbed.robot.wait_until(across, 6.0, "the handle did not move across the wrap")
 
 
 def _rollover() -> Row:

@@ -222,8 +222,9 @@ def _flooded(testbed) -> float:
     begin = testbed.just_now()
     page = testbed.added[_PAGE]
     page.floods = True
-    if not testbed.until(lambda: page.end, 10.0):
-        raise Failed("the bridge does not cut off a page that floods it")
+    testbed.robot.wait_until(
+        lambda: page.end, 10.0, "the bridge does not cut off a page that floods it"
+    )
     if "messages a second" not in page.end:
         raise Failed(f"the page was cut off because {page.end}")
     return begin
