@@ -14,28 +14,38 @@ from .limits import PERIOD_NS
 from .recovery import AGAIN, SECOND_WORD_S
 from .row import Act, Failed
 
-_FAST = 0.05
-"""A hand this fast moves on by more than the 2 mm that two positions may differ [m/s]."""
+_FAR = 0.01
+"""Two positions that differ by this much disagree at any speed of the hand [m]."""
 
 
 def fault(device: str, name: str, value: float = 0.0) -> Act:
     """Inject a fault into a device of the simulated rig; `cured` ends it."""
 
     def act(testbed) -> float:
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         testbed.robot.inject(device, name, value)
         return begin
 
     return act
 
 
-def in_motion(testbed) -> None:
-    """Wait until the hand is fast: it stands still for up to a second where it turns."""
-    testbed.robot.wait_until(
-        lambda: abs(testbed.listener.now.speed) > _FAST,
-        6.0,
-        f"the hand does not reach {_FAST:g} m/s",
-    )
+def frozen(device: str, name: str) -> Act:
+    """Freeze a position. It counts from where the hand has moved on, or the robot has stopped."""
+
+    def act(testbed) -> float:
+        testbed.robot.inject(device, name)
+        begin = testbed.listener.now.height
+
+        testbed.robot.wait_until(
+            lambda: (
+                testbed.listener.disabled_at() or abs(testbed.listener.now.height - begin) > _FAR
+            ),
+            6.0,
+            "the hand does not move on",
+        )
+        return testbed.listener.time
+
+    return act
 
 
 def cured(device: str) -> Act:
@@ -70,7 +80,7 @@ def called(service: str, kind: type = Trigger, **fields: Any) -> Act:
     """Call a service; any answer is accepted."""
 
     def act(testbed) -> float:
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         testbed.robot.call(kind, service, kind.Request(**fields))
         return begin
 

@@ -100,7 +100,7 @@ class _Trial:
     def _inject(self) -> None:
         row, testbed = self.row, self.testbed
         before = self.listener.mark()
-        begin = row.inject(testbed) or max(before, testbed.just_now())
+        begin = row.inject(testbed) or max(before, testbed.listener.time)
         if row.safe == EITHER:
             self._pass(begin + row.watch)
         if row.safe == GOES_ON or row.safe == EITHER and not self.listener.disabled_at():
@@ -221,7 +221,9 @@ class _Trial:
         alarm, listener = self.row.alarm, self.listener
         if alarm is None:
             return
-        if not self.testbed.until(lambda: not missing_of(alarm, listener, self._facts), _ALARM_S):
+        if not self.testbed.robot.met(
+            lambda: not missing_of(alarm, listener, self._facts), _ALARM_S
+        ):
             missing = missing_of(alarm, listener, self._facts)
             alarms = "; ".join(f"{n}: {', '.join(m)}" for n, m in listener.alarms().items())
             raise Failed(f"no alarm: {missing}; alarms: {alarms}; reasons: {self._reasons()}")

@@ -30,3 +30,5 @@ AT_ONCE = 2 + DYING
 """Samples: detected in the first sample, or in the first answer of a drive."""
 BY_SERVICE = 6 + DYING
 """Samples: the supervisor publishes at once, the drives' nodes read its state each 4 ms."""
+APART = 50 + 2 + DYING
+"""Samples: two positions of one motion have differed for 50 ms."""

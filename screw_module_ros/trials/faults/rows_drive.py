@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from std_srvs.srv import SetBool, Trigger
 
-from .acts import both, cured, fault, game, held_by, in_motion
-from .limits import AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
+from .acts import both, cured, fault, frozen, game, held_by
+from .limits import APART, AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, PLANE_BACK, Alarm, Failed, Row
 
 GROUP = "drives"
@@ -18,8 +18,8 @@ _MODE = 100 + AT_ONCE
 """Samples: the drive's second PDO reports the mode each 100 ms."""
 _STUCK = 400
 """Samples until a lasting wrong torque is detected, by its duration and by the position."""
-_APART = 300
-"""Samples until the hand, in motion, has moved by more than the tolerance between two positions."""
+_SLOW = 900
+"""Samples until the hand is so slow that a shift of 5 mm exceeds the tolerance, at 70 mm/s."""
 _FAR = (0.12, -0.1, 0.31, 0.0, 0.0, 0.0)
 """A set point [m], [m/s] whose spring of 100 N/m turns an arm that nobody holds."""
 _UNMOVED = 300
@@ -67,12 +67,12 @@ def rows() -> Iterator[Row]:
             yield _row("shoulder", "manus", name, text, within, alarm_text)
         if name in _ELBOW_TOO:
             yield _row("elbow", "manus", name, text, within, alarm_text)
-    for name, text, within in (
-        ("position_freeze", "its position stands still", _APART),
-        ("position_jump", "its position jumps", _APART),
+    for name, text, within, inject in (
+        ("position_freeze", "its position stands still", APART, frozen),
+        ("position_jump", "its position jumps", _SLOW, fault),
     ):
         yield _row("drive", "amplifier", name, text, within, "")._replace(
-            inject=both(in_motion, fault("drive", name)),
+            inject=inject("drive", name),
             alarm=Alarm("impedance_controller", "disagree", "disagree"),
             noticed_by="impedance_controller",
             recovery="reset, enable",

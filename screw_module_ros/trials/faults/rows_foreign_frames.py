@@ -78,6 +78,6 @@ def _walk_up(testbed) -> float:
             port.send(0x201, word)
 
     testbed.robot.pause(0.1)
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     testbed.intruders.repeat(walk, 0.001)
     return begin

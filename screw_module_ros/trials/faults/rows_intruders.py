@@ -74,7 +74,7 @@ def _second_controller(testbed) -> float:
         return False
 
     testbed.robot.wait_until(doubled, 15.0, "the second controller sends no command")
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     # It is heard here; by wall clock the amplifier's middleware may find it a moment later.
     creep(testbed.robot.clock, _FOUND_S)
     return begin

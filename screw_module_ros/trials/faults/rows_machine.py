@@ -84,7 +84,7 @@ def _stamped(second: int) -> Act:
 
 
 def _stop_all(testbed) -> float:
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     for node in ("supervisor", *_DRIVERS):
         testbed.terminate(node)
     return begin

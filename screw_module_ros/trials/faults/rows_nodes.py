@@ -88,7 +88,7 @@ def rows() -> Iterator[Row]:
 
 
 def _power_cycle(testbed) -> float:
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     testbed.kill("sim_rig")
     testbed.restart("sim_rig")
     testbed.await_restarted()
@@ -99,7 +99,7 @@ def _row(part: Part, act: str) -> Row:
     node = part.node
 
     def inject(testbed) -> float:
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         {KILLED: testbed.kill, FROZEN: testbed.freeze, STOPPED: testbed.terminate}[act](node)
         return begin
 

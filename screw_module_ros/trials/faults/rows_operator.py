@@ -108,7 +108,7 @@ def _await_stop(testbed) -> None:
 
 def _still_estopped(testbed) -> None:
     """Check what the new process says; simulated time hardly moves while it starts."""
-    ended = testbed.just_now()
+    ended = testbed.listener.time
     testbed.restart("supervisor")
     testbed.await_restarted()
 
@@ -130,8 +130,8 @@ def _lock_reported(testbed) -> None:
 
 
 def _until_latched(testbed) -> None:
-    testbed.until(lambda: len(testbed.listener.disabled_at()) == 2, 3.0)
-    testbed.until(lambda: any("encoder" in r for r in testbed.listener.reasons()), 3.0)
+    testbed.robot.met(lambda: len(testbed.listener.disabled_at()) == 2, 3.0)
+    testbed.robot.met(lambda: any("encoder" in r for r in testbed.listener.reasons()), 3.0)
     testbed.robot.pause(0.6)  # until the encoder counts as lost instead of late
 
 
@@ -143,7 +143,7 @@ def _at_rest_elsewhere(testbed) -> None:
 
 def _home_elsewhere(testbed) -> float:
     """Request homing repeatedly, away from the last homing position: the origin must not move."""
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     for node in ("amplifier", "manus"):
         testbed.robot.call(SetBool, f"{node}/enable", SetBool.Request(data=False))
     there = (math.nan, math.nan, HOME + 0.08)  # friction stops the handle before it

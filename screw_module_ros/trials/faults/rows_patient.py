@@ -60,7 +60,7 @@ def _hits(arrived: Callable[[float], bool]) -> Act:
     """Wait until the handle reaches the stop; check its speed."""
 
     def act(testbed) -> None:
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         testbed.robot.wait_until(
             lambda: arrived(testbed.listener.now.height),
             3.0,

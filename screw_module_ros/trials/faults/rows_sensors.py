@@ -7,15 +7,15 @@ from collections.abc import Iterator
 
 from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 
-from .acts import both, cured, fault, in_motion, rehomed
-from .limits import AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
+from .acts import both, cured, fault, frozen, rehomed
+from .limits import APART, AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 
 _APART_M = 0.005
-_SILENT, _APART = STALE + 2 + DYING, 300
+_SILENT, _SLOW = STALE + 2 + DYING, 900
 """Samples until noticed: by the absence of a sample; by comparison with the drive's own position,
-after the hand has moved by more than the tolerance."""
+once the hand is so slow that a shift of 5 mm exceeds the tolerance, at 70 mm/s."""
 _BITS = (0, 4, 14)
 """Bits of the ATI status word: one without and two with a fault. A unit test covers all bits."""
 _GAUGES = (0, 5)
@@ -28,9 +28,9 @@ _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 
 # name, value, text, safe, within, alarm, recovery
 _ENCODER_FAULTS = (
-    ("freeze", 0, "position stands still", OFF, _APART, _ENCODER, _RESET),
+    ("freeze", 0, "position stands still", OFF, APART, _ENCODER, _RESET),
     ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
-    ("jump", 5e3, "position jumps by a quarter turn", OFF, _APART, _ENCODER, _UNHOMED),
+    ("jump", 5e3, "position jumps by a quarter turn", OFF, _SLOW, _ENCODER, _UNHOMED),
     ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, _RESET),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
     ("noise", 1e5, "position is noisy by 95 mm", OFF, AT_ONCE, _ENCODER, _UNHOMED),
@@ -66,9 +66,7 @@ def rows() -> Iterator[Row]:
     """Return the rows of both sensors; those of the force sensor in force feedback."""
     for columns in _ENCODER_FAULTS:
         row = _row("encoder", 1, *columns)
-        if row.within == _APART:
-            row = row._replace(inject=both(in_motion, row.inject))
-        yield row
+        yield row._replace(inject=frozen("encoder", "freeze")) if columns[0] == "freeze" else row
     yield _rollover()
     for columns in _FORCE_FAULTS:
         yield _row("force_sensor", 3, *columns)
@@ -119,7 +117,7 @@ def _status(bit: int) -> Row:
 
 def _moved_across(testbed) -> None:
     """Wait until the handle has been on both sides of the wrap, 1.3 mm above the mark."""
-    begin = testbed.just_now()
+    begin = testbed.listener.time
 
     def across() -> bool:
         heights = [moment.height for moment in testbed.listener.since(begin)]

@@ -86,7 +86,7 @@ def _transition(node: str, number: int) -> Act:
         robot = testbed.robot
         client = robot.client(ChangeState, f"{node}/change_state")
         ready = creep_until(robot.clock, lambda: robot.is_offered(client), _FOUND_S)
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
         # The request travels by wall clock; the transition takes simulated time.
         creep_until(robot.clock, future.done, _ASKED_S)

@@ -159,7 +159,7 @@ def _begun(testbed, begun: Callable[[], bool]) -> float:
     _wait_for(testbed, lambda state: state.state == TherapyState.RUNNING
               and state.phase == TherapyState.PREPARE, "the session does not run")  # fmt: skip
     testbed.robot.pause(0.3)  # until the slot is in force
-    return testbed.just_now()
+    return testbed.listener.time
 
 
 def _wait_for(testbed, wanted, problem: str, seconds: float = 5.0) -> TherapyState:
@@ -170,7 +170,7 @@ def _wait_for(testbed, wanted, problem: str, seconds: float = 5.0) -> TherapySta
             found.append(state)
         return bool(found) and wanted(found[-1])
 
-    if not testbed.until(answered, seconds):
+    if not testbed.robot.met(answered, seconds):
         last = f"state {found[-1].state}: {found[-1].reason}" if found else "it is silent"
         raise Failed(f"{problem}: {last}")
     return found[-1]
@@ -180,7 +180,7 @@ def _signalled(number: signal.Signals) -> Act:
     def act(testbed) -> float:
         _session(testbed)
         _started(testbed)
-        begin = testbed.just_now()
+        begin = testbed.listener.time
         os.kill(testbed.added[_SESSION], number)
         return begin
 
@@ -208,18 +208,18 @@ def _attended(testbed) -> None:
     testbed.robot.wait_until(lambda: "http://" in testbed.robot.said(_BRIDGE), 30.0, "no bridge")
     address = testbed.robot.said(_BRIDGE).rpartition(" ")[2]
     page = testbed.added[_PAGE] = Page(address, tokens)
-    if not testbed.until(lambda: page.sent > 3, 30.0):
+    if not testbed.robot.met(lambda: page.sent > 3, 30.0):
         raise Failed(f"the page cannot attend: {page.end}")
 
 
 def _bridge_killed(testbed) -> float:
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     os.kill(testbed.added[_BRIDGE], signal.SIGKILL)
     return begin
 
 
 def _flooded(testbed) -> float:
-    begin = testbed.just_now()
+    begin = testbed.listener.time
     page = testbed.added[_PAGE]
     page.floods = True
     testbed.robot.wait_until(

@@ -156,10 +156,6 @@ class Testbed:
         """Start one more process of an executable; return when it takes part in simulated time."""
         self._await_start(self.intruders.start(node, *arguments), f"the second {node}")
 
-    def just_now(self) -> float:
-        """Return the present simulated time [s]."""
-        return self.listener.time
-
     # Recovery ------------------------------------------------------------------------------
 
     def ready(self, mode: int) -> None:
@@ -202,7 +198,3 @@ class Testbed:
 
         if not creep_until(self.robot.clock, watched, _STARTED_S):
             raise RobotError(what)
-
-    def until(self, condition: Callable[[], Any], deadline_s: float) -> bool:
-        """Wait for a condition; return whether it became true in time."""
-        return self.robot.met(condition, deadline_s)
