@@ -22,7 +22,7 @@ import yaml
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Metadata, Schema, Statistics
+from mcap.records import Channel, Chunk, Header, Message, Metadata, Schema, Statistics
 from mcap.stream_reader import get_chunk_data_stream
 
 from .bag import METADATA_FILE, PREFIX, BagError, Topic
@@ -36,7 +36,9 @@ _FOOTER = struct.Struct("<BQQQI")  # the same, start of the index and of its off
 _TAIL = _FOOTER.size + len(_MAGIC)
 _DECLARATIONS = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 _NOTES = {Opcode.METADATA: Metadata}
-_DATA = {Opcode.CHUNK: Chunk, Opcode.STATISTICS: Statistics, **_NOTES}
+_DATA = {
+    Opcode.HEADER: Header, Opcode.CHUNK: Chunk, Opcode.STATISTICS: Statistics, **_NOTES
+}  # fmt: skip
 
 
 def files_of(bag: Path | str) -> list[Path]:
@@ -132,6 +134,9 @@ class File:
     def messages(self) -> Iterator[tuple[Topic, Message]]:
         """Yield the messages of every whole chunk."""
         with self._opened() as (file, end):
+            file.seek(0)
+            if file.read(len(_MAGIC)) != _MAGIC:
+                self.problems.append(f"{self.path.name}: its first bytes are not those of MCAP")
             self._read_index(file, end)
             undeclared = 0
             for record in _records(file, len(_MAGIC), end, _DATA):

@@ -187,7 +187,7 @@ def _names(folder: Path) -> dict[str, str]:
     if len(robots) != 1:
         raise BagError(
             f"{folder} has sessions of {len(robots)} robots ({', '.join(robots)}): record each"
-            " robot with its own session_recorder, other_robots false"
+            " robot with its own session_recorder"
         )
     names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
     return {name: robots[0] + name for name in names if robots[0] + name in known}

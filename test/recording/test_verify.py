@@ -86,6 +86,17 @@ def test_torn_file(bag):
     assert "bag_0.mcap was altered or damaged: its SHA-256 differs" in problems
 
 
+@pytest.mark.parametrize("place", [1, 30])
+def test_a_damaged_beginning_is_named_beside_the_hash(bag, place):
+    """Readers refuse such a file, also one of an older version, which has no hash."""
+    data = bytearray((bag / "bag_0.mcap").read_bytes())
+    data[place] = 0xFF
+    (bag / "bag_0.mcap").write_bytes(data)
+    report = verify(bag)
+    assert report.topics["/screw/encoder"].messages == 5000
+    assert len(report.problems) == 2
+
+
 def test_unreadable_metadata_file(bag):
     (bag / "metadata.yaml").write_text("[")
     assert "metadata.yaml cannot be read" in verify(bag).problems[0]
