@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """With which quality of service the recorder takes a topic that was named."""
 
+from types import SimpleNamespace
+
 import pytest
 from rclpy.duration import Infinite
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.type_hash import TypeHash
 
-from screw_module_ros.nodes.recording_topics import offered_by, satisfying
+from screw_module_ros.nodes.recording_topics import Taps, offered_by, satisfying
+from screw_module_ros.recording.definitions import UNKNOWN
 
 RELIABLE, BEST_EFFORT = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
@@ -42,3 +46,16 @@ def test_offer_in_rosbag2s_words():
     found = offered_by(told)
     assert (found["reliability"], found["durability"]) == ("best_effort", "transient_local")
     assert found["deadline"] == found["lifespan"] == {"sec": 9223372036, "nsec": 854775807}
+
+
+def test_messages_of_another_version_are_recorded_without_a_definition():
+    """With the one that is installed here they would be decoded to garbage."""
+    said = []
+    log = SimpleNamespace(error=said.append)
+    taps = SimpleNamespace(_node=SimpleNamespace(get_logger=lambda: log))
+    tap = SimpleNamespace(name="/x", type="screw_module_msgs/msg/EncoderSample")
+    told = offer(RELIABLE, VOLATILE)
+    told.topic_type_hash = TypeHash(version=1, value=b"\1" * 32)
+    topic = Taps._topic(taps, tap, [told])
+    assert topic.definition == UNKNOWN and topic.type_hash == "RIHS01_" + "01" * 32
+    assert "/x is recorded without a definition" in said[0] and "rebuild both" in said[0]
