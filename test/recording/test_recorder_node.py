@@ -191,6 +191,10 @@ def test_what_a_killed_recorder_flushed_is_recovered(graph, recorder, tmp_path, 
     graph.connected()
     graph.publish(range(40))
     graph.until(lambda: int(graph.values().get("messages", 0)) > 40, "40 samples on the disk")
+    graph.until(
+        lambda: "/recorder_test" in notes(tmp_path / "bag").get("parameters", {}),
+        "the parameters on the disk",
+    )
     kill_9(process.pid)
     process.wait()
     found = recover(tmp_path / "bag")
