@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .. import graph
-from ..recording.errors import BagReadError
-from ..recording.reader import read_bag, topics
+from ..recording.bag import BagError
+from ..recording.decoded import read_bag, topics
 from ..samples import sequence_gap
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
@@ -94,7 +94,7 @@ def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
 def read_sessions(folder: Path | str) -> list[Recorded]:
     """Return the sessions in a bag, in order; a bag of an older version may contain several.
 
-    Raises BagReadError if the bag cannot be read, contains no session or a protocol that does not
+    Raises BagError if the bag cannot be read, contains no session or a protocol that does not
     match its hash, SettingError if its protocol is invalid.
     """
     folder = Path(folder)
@@ -102,7 +102,7 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
     states = _in_ticks([m.message for m in read_bag(folder, [names[_STATE]])])
     begins = [index for index, state in enumerate(states) if state.definition]
     if not begins:
-        raise BagReadError(f"{folder}: no therapy session begins in it")
+        raise BagError(f"{folder}: no therapy session begins in it")
     parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
     trials, changes = (
         [m.message for m in _read(folder, names, name)] for name in (_TRIAL, _ASSISTANCE)
@@ -156,7 +156,7 @@ def _session(
     protocol = parse_protocol(first.definition, f"recorded in {folder}")
     hashes = {getattr(state, "definition_sha256", "") for state in states}
     if not hashes <= {"", sha256(first.definition)}:
-        raise BagReadError(
+        raise BagError(
             f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
             f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
         )
@@ -181,13 +181,13 @@ def _names(folder: Path) -> dict[str, str]:
     known = topics(folder)
     robots = sorted(_above(known, _HAND) & _above(known, _STATE))
     if not robots:
-        raise BagReadError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
+        raise BagError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
     if len(robots) > 1:
         robots = [robot for robot in robots if _has_session(folder, robot)] or robots[:1]
     if len(robots) != 1:
-        raise BagReadError(
+        raise BagError(
             f"{folder} has sessions of {len(robots)} robots ({', '.join(robots)}): record each"
-            " robot with its own session_recorder, other_robots false"
+            " robot with its own session_recorder"
         )
     names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
     return {name: robots[0] + name for name in names if robots[0] + name in known}

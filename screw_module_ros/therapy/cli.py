@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..recording.errors import BagError
+from ..recording.bag import BagError
 from .bag import Recorded, in_order, read_sessions, replayed
 from .definitions import DEFINITIONS
 from .pseudonym import new_pseudonym, patient_folder, write_private

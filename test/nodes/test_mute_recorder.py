@@ -21,7 +21,7 @@ from screw_module_ros.nodes import therapy_session
 from screw_module_ros.nodes.session_recorder import SessionRecorder
 from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
-from screw_module_ros.recording import Status
+from screw_module_ros.recording.recorder import Status
 from screw_module_ros.therapy.protocol_file import load_protocol
 from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
 from screw_module_ros.therapy.session import PAUSED, Session
@@ -232,9 +232,9 @@ def test_a_recording_that_failed_is_reported_as_none():
     """A full disk closes the bag, but the recorder's session lasts until it is stopped."""
     status = Status("only 3 MiB left on the disk", 7, 0, 5, 100, {})
     node = SimpleNamespace(
-        _session=SimpleNamespace(status=lambda: status), _last=None, _folder="bag", _refusal="",
-        _intake=SimpleNamespace(refused={}),
+        _recording=SimpleNamespace(status=lambda: status), _last=None, _folder="bag", _refusal="",
+        _taps=SimpleNamespace(refused={}),
     )  # fmt: skip
     assert SessionRecorder.health(node).values["recording"] is False
-    node._session = SimpleNamespace(status=lambda: status._replace(error=""))
+    node._recording = SimpleNamespace(status=lambda: status._replace(error=""))
     assert SessionRecorder.health(node).values["recording"] is True

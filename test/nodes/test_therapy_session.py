@@ -22,8 +22,7 @@ from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError, arm
-from screw_module_ros.recording.bag import CLOSED
-from screw_module_ros.recording.noted import read_noted
+from screw_module_ros.recording.bag import METADATA_FILE
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
 from screw_module_ros.therapy.bag import read_sessions, replayed
@@ -136,7 +135,7 @@ def session(tmp_path_factory):
             told["recorded"] = patient.states[-1].recorded
             patient.until(lambda: not patient.states[-1].recorded, 30.0, "the recording goes on")
             robot.wait_until(
-                lambda: read_noted(bag_in(folder)).state == CLOSED, 30.0, "the bag is not closed"
+                lambda: (bag_in(folder) / METADATA_FILE).exists(), 30.0, "the bag is not closed"
             )
             told["unrecorded"] = paused_without_recording(robot, patient, protocol)
         finally:

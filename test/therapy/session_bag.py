@@ -14,7 +14,8 @@ from simulated_patient import Person, Simulation
 
 from screw_module_ros import graph
 from screw_module_ros.nodes.therapy_messages import STATES, change_message, result_message
-from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
+from screw_module_ros.recording.bag import Bag, Message, Topic
+from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.resources import resource_path
 from screw_module_ros.therapy.protocol_file import parse_protocol, sha256
 from screw_module_ros.therapy.samples import HandSample
@@ -97,7 +98,7 @@ def write_bag(
     folder: Path, sessions: list[Played], keep: Callable[[HandSample], bool] = lambda _: True
 ) -> Path:
     """Write sessions into one bag, one after the other. keep: of the samples."""
-    writer, definitions = BagWriter(folder), Definitions()
+    writer, definitions = Bag(folder), Definitions()
     kinds = {name: graph.TOPICS[name].type for name in TOPICS}
     channels = {
         robot + name: writer.add_topic(Topic(robot + name, kind, definitions.find(kind)))

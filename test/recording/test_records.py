@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from mcap_ros2.writer import Writer
 
-from screw_module_ros.recording import BagReadError, BagWriter, Topic
-from screw_module_ros.recording.reader import columns, metadata, raw_messages, read_bag, topics
+from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
+from screw_module_ros.recording.decoded import calibrations, columns, read_bag, topics
+from screw_module_ros.recording.records import File, information, notes
 
 START = 1_700_000_000_000_000_000
 MS = 1_000_000
@@ -22,7 +23,7 @@ def test_columns_of_a_flat_message(bag):
 
 
 def test_columns_of_nested_fields_arrays_and_texts(tmp_path, definitions, codec):
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     for name in ("EndpointState", "PlanarState", "SafetyState"):
         kind = f"screw_module_msgs/msg/{name}"
         writer.add_topic(Topic(f"/{name}", kind, definitions.find(kind), codec.hash(kind)))
@@ -56,45 +57,56 @@ def test_messages_one_by_one(bag):
 
 
 def test_raw_messages(bag):
-    sequences = [int.from_bytes(m.data[12:16], "little") for m in raw_messages(bag)]
+    found = [(topic.name, m) for topic, m in File(bag / "bag_0.mcap").messages()]
+    assert {name for name, _ in found} == {"/screw/encoder"}
+    sequences = [int.from_bytes(m.data[12:16], "little") for _, m in found]
     assert sequences == list(range(5000))
 
 
-def test_summary_of_topics(bag):
-    (summary,) = topics(bag).values()
-    assert (summary.type, summary.messages) == ("screw_module_msgs/msg/EncoderSample", 5000)
-    assert "uint32 sequence" in summary.definition
+def test_types_of_topics(bag):
+    assert topics(bag) == {"/screw/encoder": "screw_module_msgs/msg/EncoderSample"}
 
 
 def test_notes(bag):
-    notes = metadata(bag)
-    assert notes["state"] == "closed"
-    assert notes["configuration"] == {"sim.yaml": "sha256:0"}
+    assert notes(bag)["configuration"] == {"sim.yaml": "sha256:0"}
+
+
+def test_calibrations_are_those_of_the_last_messages(tmp_path, codec, definitions):
+    """Of texts of that name only: a number in a message of somebody else is another thing."""
+    kind = "screw_module_msgs/msg/AmplifierState"
+    writer = Bag(tmp_path / "b")
+    channel = writer.add_topic(Topic("/a", kind, definitions.find(kind), codec.hash(kind)))
+    for number, name in enumerate(("old", "new")):
+        data = codec.encode(kind, {"calibration": name})
+        writer.write([Message(channel, START + number, START, 1, data)])
+    writer.close()
+    assert calibrations(tmp_path / "b") == {"/a": "new"}
 
 
 def test_topic_that_is_not_there_is_named_with_those_that_are(bag):
-    with pytest.raises(BagReadError, match=r"holds no /nowhere; it holds: /screw/encoder"):
+    with pytest.raises(BagError, match=r"holds no /nowhere; it holds: /screw/encoder"):
         columns(bag, "/nowhere")
 
 
 def test_topic_without_messages(tmp_path, encoder_topic):
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     writer.add_topic(encoder_topic)
     writer.close()
     assert columns(tmp_path / "b", "/screw/encoder")["log_time"].size == 0
 
 
 def test_path_that_is_no_bag(tmp_path):
-    with pytest.raises(BagReadError, match="there is no bag"):
+    with pytest.raises(BagError, match="there is no bag"):
         columns(tmp_path / "nothing", "/x")
-    with pytest.raises(BagReadError, match="metadata.yaml"):
-        metadata(tmp_path)
+    with pytest.raises(BagError, match="no bag folder"):
+        notes(tmp_path)
+    assert information(tmp_path) == {}
 
 
 def test_torn_bag_says_how_to_repair_it(bag):
     with (bag / "bag_0.mcap").open("r+b") as file:
         file.truncate(40_000)
-    with pytest.raises(BagReadError, match="session recover"):
+    with pytest.raises(BagError, match="session recover"):
         columns(bag, "/screw/encoder")
 
 

@@ -4,35 +4,36 @@
 import threading
 
 import pytest
+from bag_counts import by_library
 from mcap.reader import make_reader
 
-from screw_module_ros.recording import BagWriter, Session, StorageSettings
-from screw_module_ros.recording.session import file_hashes
+from screw_module_ros.recording.bag import Bag, StorageSettings
+from screw_module_ros.recording.recorder import Recording, file_hashes
+from screw_module_ros.recording.records import notes
 
 SECOND = 1_000_000_000
 
 
 @pytest.fixture
 def session(tmp_path, encoder_topic):
-    session = Session(BagWriter(tmp_path / "bag"), free_space=lambda: 10 * SECOND)
+    session = Recording(Bag(tmp_path / "bag"), free_space=lambda: 10 * SECOND)
     session.add_topic(encoder_topic)
     yield session
     session.close()
 
 
 def stored(session):
-    with (session.folder / "bag_0.mcap").open("rb") as file:
-        return [m.sequence for _, _, m in make_reader(file).iter_messages(log_time_order=False)]
+    return by_library((session.folder / "bag_0.mcap").read_bytes())
 
 
 def test_nothing_is_flushed_before_its_time_and_all_after(session, samples):
     session.put(samples(1, range(10)))
     session.work(5 * SECOND)
     session.work(5 * SECOND + 700_000_000)
-    assert stored(session) == []
+    assert stored(session) == 0
     assert session.status().messages == 0
     session.work(5 * SECOND + 800_000_000)
-    assert len(stored(session)) == 10
+    assert stored(session) == 10
     assert session.status().messages == 10
 
 
@@ -55,7 +56,7 @@ def test_waiting_messages_are_told(session, samples):
 
 def test_full_cache_drops_and_counts(tmp_path, encoder_topic, samples):
     settings = StorageSettings(max_cache=2**20)
-    session = Session(BagWriter(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
+    session = Recording(Bag(tmp_path / "bag"), settings, free_space=lambda: 10 * SECOND)
     session.add_topic(encoder_topic)
     for start in range(0, 10_000, 1000):
         session.put(samples(1, range(start, start + 1000)))
@@ -71,7 +72,7 @@ def test_closing_writes_what_waits(session, samples):
     session.put(samples(1, range(25)))
     status = session.close()
     assert (status.messages, status.error) == (25, "")
-    assert len(stored(session)) == 25
+    assert stored(session) == 25
 
 
 def test_thread_writes_all_that_another_hands_over(session, samples, wait_until):
@@ -94,7 +95,7 @@ def test_defect_in_the_thread_is_told(session, samples, monkeypatch, wait_until)
     def fail(messages):
         raise RuntimeError("a defect")
 
-    monkeypatch.setattr(session._writer, "write", fail)
+    monkeypatch.setattr(session._bag, "write", fail)
     session.start()
     session.put(samples(1, range(5)))
     wait_until(lambda: session.status().error)
@@ -103,13 +104,19 @@ def test_defect_in_the_thread_is_told(session, samples, monkeypatch, wait_until)
 
 
 def test_notes_and_publishers_reach_the_bag(session, samples):
-    session.add_metadata("calibration", {"/screw/state": "thesis"})
+    session.note("parameters", {"/encoder": "{}"})
     session.several_publishers(1)
     session.put(samples(1, [1, 5]))
     status = session.close()
     assert status.audit["/screw/encoder"].missed == -1
-    text = (session.folder / "metadata.yaml").read_text()
-    assert '"screw_module_ros/calibration": "{\\"/screw/state\\": \\"thesis\\"}"' in text
+    found = notes(session.folder)
+    assert found["parameters"] == {"/encoder": "{}"}
+    assert found["audit"] == {"/screw/encoder": status.audit["/screw/encoder"].as_text()}
+
+
+def test_the_recorder_itself_knows_the_stride(session, samples):
+    session.put(samples(1, range(0, 300, 2)))
+    assert session.close().audit["/screw/encoder"].lost == 149
 
 
 def test_hashes_of_configuration_files(tmp_path):

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from screw_module_ros.nodes.session_parameters import NodeParameters
-from screw_module_ros.recording.seal import NO_ANSWER
+from screw_module_ros.nodes.recording_parameters import NodeParameters
+from screw_module_ros.recording.recorder import NO_ANSWER
 
 
 class Silent:
@@ -18,6 +18,9 @@ class Silent:
     def get_service_names_and_types(self):
         types = ["rcl_interfaces/srv/GetParameters"]
         return [(f"{name}/get_parameters", types) for name in self.names]
+
+    def get_namespace(self):
+        return "/"
 
     def get_fully_qualified_name(self):
         return "/session_recorder"
@@ -48,5 +51,14 @@ def test_a_script_that_is_run_again_and_again_is_not():
         parameters.ask()
         parameters.ask()
         silent.names = []
+        parameters.ask()
+    assert parameters.values == {}
+
+
+def test_the_nodes_of_another_robot_are_not_asked():
+    silent = Silent()
+    parameters = NodeParameters(silent)
+    silent.names = ["/left/manus"]
+    for _ in range(6):
         parameters.ask()
     assert parameters.values == {}

@@ -8,7 +8,6 @@ during the recording are in the bag as messages of /parameter_events.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from functools import partial
 
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -17,23 +16,23 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
-from screw_module_ros.recording.seal import NO_ANSWER
+from screw_module_ros.recording.recorder import NO_ANSWER
 
 _SERVICE = "/get_parameters"
 _PATIENCE = 5  # calls of `ask` until a node that does not answer is asked again
 
 
 class NodeParameters:
-    """Parameters of the nodes of the graph, collected by the executor's thread.
+    """Parameters of the nodes of one robot, collected by the executor's thread.
 
     values: per node, its parameters as JSON with sorted names, null for one that the node does not
     tell; or NO_ANSWER.
     """
 
-    def __init__(self, node: Node, leave_out: Callable[[str], bool] = lambda name: False):
-        """Start without values; `node` asks all nodes except those that `leave_out` names."""
+    def __init__(self, node: Node):
+        """Start without values; `node` asks the nodes of its namespace, those of its robot."""
         self._node = node
-        self._leave_out = leave_out
+        self._prefix = node.get_namespace().rstrip("/")
         self._clients: list[Client] = []
         self._waited: dict[str, int] = {}
         self.values: dict[str, str] = {}
@@ -47,7 +46,7 @@ class NodeParameters:
             name = service.removesuffix(_SERVICE)
             if self.values.get(name, NO_ANSWER) != NO_ANSWER or "/_" in name:
                 continue
-            if self._leave_out(name):
+            if name.rpartition("/")[0] != self._prefix:
                 continue
             waited = missing[name] = self._waited.get(name, -1) + 1
             if waited >= _PATIENCE:
