@@ -7,25 +7,18 @@ missing samples and the figures that differ, by trial.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
 from .adaptation import Change
 from .gaps import Gap, gaps_of
+from .hand import HandSample
+from .measures import COLUMNS, Row
 from .protocol import Protocol
-from .record import differing, flat
-from .result import TrialResult
-from .samples import HandSample
-from .session import ABORTED, PAUSED, RUNNING, Session
-
-
-class Act(NamedTuple):
-    """A recorded change of state; after: tick number of the sample before it; state; reason."""
-
-    after: int
-    state: str
-    reason: str
+from .recorded import Act, Recorded
+from .session import Session, State
 
 
 class Replay(NamedTuple):
@@ -36,7 +29,7 @@ class Replay(NamedTuple):
     results are equal; unseen: recorded samples that the session counted as missing.
     """
 
-    results: list[TrialResult]
+    results: list[Row]
     gaps: tuple[Gap, ...]
     samples: int
     problems: list[str]
@@ -54,21 +47,28 @@ class Replay(NamedTuple):
         return f"NOT equal: {len(self.problems)} problems, {lost}"
 
 
+def replayed(recorded: Recorded) -> Replay:
+    """Return the replay of a recorded session."""
+    return replay(
+        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
+    )
+
+
 def replay(
     protocol: Protocol,
     samples: Iterable[HandSample],
     acts: Sequence[Act],
-    recorded: Sequence[Mapping[str, Any]],
+    recorded: Sequence[Row],
     changes: Sequence[Mapping[str, Any]] | None = None,
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
-    `therapy/trial`, by the names of `record`; changes: of assistance from `therapy/assistance`, by
-    the names of AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
+    `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
+    AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
     session.
     """
-    if not any(act.state == RUNNING for act in acts):
+    if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
     session, used, adapted = _again(protocol, samples, list(acts))
     gaps = gaps_of(used)
@@ -103,60 +103,64 @@ def _again(
         outcome = session.take(sample)
         used.append(sample)
         if outcome.change is not None:
-            adapted.append((outcome.result.plan.block, outcome.change))
+            adapted.append((outcome.result["block"], outcome.change))
     return session, used, adapted
 
 
 def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | None:
     if session is None:
-        return Session(protocol) if act.state == RUNNING else None
-    if act.state == PAUSED:
+        return Session(protocol) if act.state == State.RUNNING else None
+    if act.state == State.PAUSED:
         session.pause(act.reason)
-    elif act.state == RUNNING:
+    elif act.state == State.RUNNING:
         session.pause(act.reason)  # a pause too short for a message: it also restarts the trial
         session.resume()
-    elif act.state == ABORTED:
+    elif act.state == State.ABORTED:
         session.abort(act.reason)
     return session
 
 
-def _where(results: Sequence[TrialResult], gap: Gap) -> str:
-    for result in results:
-        if result.gaps and gap in result.gaps:
-            return f", in trial {result.plan.number}"
+def _where(results: Sequence[Row], gap: Gap) -> str:
+    for row in results:
+        begun, ends = sequence_gap(row["first"], gap.after), sequence_gap(gap.after, row["last"])
+        if row["missing"] and begun >= -1 and ends >= 0:
+            return f", in trial {row['trial']}"
     return ", between trials"
 
 
-def _unseen(
-    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
-) -> dict[int, int]:
+def _unseen(results: Sequence[Row], recorded: Sequence[Row]) -> dict[int, int]:
     """Return by trial how many samples the session counted as missing that are recorded."""
     missing = {row["trial"]: row["missing"] for row in recorded}
-    unseen = {r.plan.number: missing.get(r.plan.number, 0) - r.missing for r in results}
+    unseen = {row["trial"]: missing.get(row["trial"], 0) - row["missing"] for row in results}
     return {number: count for number, count in unseen.items() if count > 0}
 
 
-def _differences(
-    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
-) -> list[str]:
+def _differences(results: Sequence[Row], recorded: Sequence[Row]) -> list[str]:
     noted = {row["trial"]: row for row in recorded}
-    found = {result.plan.number: flat(result) for result in results}
+    found = {row["trial"]: row for row in results}
     problems = []
     for number in sorted(noted.keys() | found.keys()):
         if number not in found:
             problems.append(f"trial {number}: recorded, but the replay does not complete it")
         elif number not in noted:
             problems.append(f"trial {number}: replayed, but its result was not recorded")
-        else:
-            names = differing(found[number], noted[number])
-            if names:
-                shown = ", ".join(
-                    f"{name} {noted[number][name]!r} recorded, {found[number][name]!r} replayed"
-                    for name in names[:3]
-                )
-                more = f", and {len(names) - 3} more" if len(names) > 3 else ""
-                problems.append(f"trial {number}: {shown}{more}")
+        elif shown := _differing(noted[number], found[number]):
+            more = f", and {len(shown) - 3} more" if len(shown) > 3 else ""
+            problems.append(f"trial {number}: {', '.join(shown[:3])}{more}")
     return problems
+
+
+def _differing(old: Row, new: Row) -> list[str]:
+    """Return one phrase for each value that differs; NaN equals NaN."""
+    return [
+        f"{name} {old[name]!r} recorded, {new[name]!r} replayed"
+        for name in COLUMNS
+        if old[name] != new[name] and not (_is_nan(old[name]) and _is_nan(new[name]))
+    ]
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)
 
 
 def _changed(

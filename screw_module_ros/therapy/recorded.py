@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads therapy sessions from recorded bags: states, results, samples; replays them."""
+"""Therapy sessions in recorded bags: states, results, samples; their order, and copies."""
 
 from __future__ import annotations
 
@@ -17,28 +17,33 @@ from .. import graph
 from ..recording.errors import BagReadError
 from ..recording.reader import read_bag, topics
 from ..samples import sequence_gap
+from .hand import HandSample, stop_reason
+from .measures import COLUMNS, Row
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
-from .readiness import stop_reason
-from .record import NUMBERS
-from .replay import Act, Replay, replay
-from .samples import HandSample
-from .session import ABORTED, FINISHED, PAUSED, RUNNING
+from .session import State
 
 _S = 1_000_000_000
 _SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
+_ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 _DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
-_STATES = {1: RUNNING, 2: PAUSED, 3: FINISHED, 4: ABORTED}  # constants of TherapyState.msg
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
 _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
+
+
+class Act(NamedTuple):
+    """A recorded change of state; after: tick number of the sample before it; state; reason."""
+
+    after: int
+    state: State
+    reason: str
 
 
 class Recorded(NamedTuple):
     """A session as recorded in a bag.
 
-    folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
-    `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by
-    the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
+    folder: of the bag; patient: pseudonym; protocol; acts; trials: results; changes: of assistance,
+    by the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
     executed YAML, hexadecimal, empty if the bag lacks it.
     """
 
@@ -46,7 +51,7 @@ class Recorded(NamedTuple):
     patient: str
     protocol: Protocol
     acts: list[Act]
-    trials: list[dict[str, Any]]
+    trials: list[Row]
     changes: list[dict[str, Any]]
     samples: list[HandSample]
     protocol_sha256: str = ""
@@ -84,11 +89,25 @@ class Recorded(NamedTuple):
 
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
     """Return sessions by their begins; in the given order if that of one is unknown."""
-    begins = [session.begun for session in sessions]
-    if None in begins:
+    if any(session.begun is None for session in sessions):
         return list(sessions)
-    pairs = sorted(zip(begins, sessions, strict=True), key=lambda pair: pair[0])
-    return [session for _, session in pairs]
+    return sorted(sessions, key=lambda session: session.begun)
+
+
+def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:
+    """Return each session once, and one sentence for each copy, which would count double.
+
+    Of copies the one with most samples stays: a bag that was cut off has less than its copy.
+    """
+    found: dict[tuple, Recorded] = {}
+    notes = []
+    for session in sessions:
+        known = found.setdefault(session.identity, session)
+        if known is not session:
+            less, more = sorted((session, known), key=lambda one: len(one.samples))
+            found[session.identity] = more
+            notes.append(f"{less.folder} is a copy of {more.folder}: left out")
+    return list(found.values()), notes
 
 
 def read_sessions(folder: Path | str) -> list[Recorded]:
@@ -150,7 +169,7 @@ def _later(one: tuple[int, Any], other: tuple[int, Any]) -> int:
 
 
 def _session(
-    folder: Path, states: list[Any], trials: list[dict], changes: list[dict], hands: list[Any]
+    folder: Path, states: list[Any], trials: list[Row], changes: list[dict], hands: list[Any]
 ) -> Recorded:
     first = states[0]
     protocol = parse_protocol(first.definition, f"recorded in {folder}")
@@ -167,13 +186,6 @@ def _session(
     return Recorded(
         folder, first.patient, protocol, acts, trials, changes, samples, max(hashes)
     )  # fmt: skip
-
-
-def replayed(recorded: Recorded) -> Replay:
-    """Return the replay of a recorded session."""
-    return replay(
-        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
-    )
 
 
 def _names(folder: Path) -> dict[str, str]:
@@ -212,16 +224,16 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
     """Return the changes of the state, each with the sample after which it began."""
     acts: list[Act] = []
     for state in states:
-        if state.patient != patient or state.state not in _STATES:
+        if state.patient != patient or state.state not in _ACTS:
             continue
-        act = Act(int(state.state_since), _STATES[state.state], state.reason)
+        act = Act(int(state.state_since), State(state.state), state.reason)
         if not acts or acts[-1] != act:
             acts.append(act)
     return acts
 
 
-def _trial(message: Any) -> dict[str, Any]:
-    row = {name: getattr(message, name) for name in NUMBERS}
+def _trial(message: Any) -> Row:
+    row = {name: getattr(message, name) for name in COLUMNS}
     row["start"], row["target"] = _point(message.start), _point(message.target)
     row["started_ns"], row["ended_ns"] = _ns(message.started), _ns(message.ended)
     return row
