@@ -92,17 +92,7 @@ def result_message(result: Row, patient: str, protocol: str) -> TrialResult:
 
 def change_message(change: Change, patient: str, protocol: str, block: int) -> AssistanceChange:
     """Return a change of assistance as a message, without header."""
-    return AssistanceChange(
-        patient=patient,
-        protocol=protocol,
-        block=block,
-        circuit=change.circuit,
-        duration_before=change.before.duration,
-        duration=change.after.duration,
-        side_stiffness_before=change.before.side_stiffness,
-        side_stiffness=change.after.side_stiffness,
-        reason=change.reason,
-    )
+    return AssistanceChange(patient=patient, protocol=protocol, **change.row(block))
 
 
 def _fill_points(message: Any, start: Point, target: Point) -> None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..control.limits import clamp
 from ..settings import Setting
@@ -76,6 +76,18 @@ class Change(NamedTuple):
     before: Assistance
     after: Assistance
     reason: str
+
+    def row(self, block: int) -> dict[str, Any]:
+        """Return it by the names of AssistanceChange.msg; block: number of its block."""
+        return {
+            "block": block,
+            "circuit": self.circuit,
+            "duration_before": self.before.duration,
+            "duration": self.after.duration,
+            "side_stiffness_before": self.before.side_stiffness,
+            "side_stiffness": self.after.side_stiffness,
+            "reason": self.reason,
+        }
 
 
 def circuit_of(movements: Sequence[Mapping[str, float]], stiffness: float) -> Circuit:

@@ -191,7 +191,10 @@ def _session(
 def _names(folder: Path) -> dict[str, str]:
     """Return the full names of the topics of the one robot that had a session."""
     known = topics(folder)
-    robots = sorted(_above(known, _HAND) & _above(known, _STATE))
+    robots = sorted(
+        topic.removesuffix(_STATE) for topic in known
+        if f"/{topic}".endswith(f"/{_STATE}") and topic.removesuffix(_STATE) + _HAND in known
+    )  # fmt: skip
     if not robots:
         raise BagReadError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
     if len(robots) > 1:
@@ -203,13 +206,6 @@ def _names(folder: Path) -> dict[str, str]:
         )
     names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
     return {name: robots[0] + name for name in names if robots[0] + name in known}
-
-
-def _above(known: Iterable[str], name: str) -> set[str]:
-    """Return what stands before a topic's name in the full names, like / or /left/."""
-    return {
-        topic.removesuffix(name) for topic in known if topic == name or topic.endswith(f"/{name}")
-    }
 
 
 def _has_session(folder: Path, robot: str) -> bool:

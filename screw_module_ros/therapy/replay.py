@@ -12,13 +12,30 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
-from .adaptation import Change
 from .gaps import Gap, gaps_of
 from .hand import HandSample
 from .measures import COLUMNS, Row
 from .protocol import Protocol
 from .recorded import Act, Recorded
 from .session import Session, State
+
+
+class _Kind(NamedTuple):
+    """A kind of rows that are compared: names of key and values, and words of the sentences."""
+
+    key: tuple[str, ...]
+    names: tuple[str, ...]
+    where: str
+    act: str
+    noun: str
+
+
+_TRIAL = _Kind(("trial",), COLUMNS, "trial {}", "complete", "result")
+_CHANGE = _Kind(
+    ("block", "circuit"),
+    ("duration_before", "duration", "side_stiffness_before", "side_stiffness", "reason"),
+    "assistance after circuit {1} of block {0}", "change", "change",
+)  # fmt: skip
 
 
 class Replay(NamedTuple):
@@ -82,19 +99,19 @@ def replay(
         f"trial {number}: {missing} recorded samples did not reach the session"
         for number, missing in unseen.items()
     ]
-    problems += _differences(results, recorded)
+    problems += _compared(_TRIAL, recorded, results)
     if changes is not None:
-        problems += _changed(adapted, changes)
+        problems += _compared(_CHANGE, changes, adapted)
     return Replay(results, gaps, len(used), problems, sum(unseen.values()))
 
 
 def _again(
     protocol: Protocol, samples: Iterable[HandSample], acts: list[Act]
-) -> tuple[Session | None, list[HandSample], list[tuple[int, Change]]]:
-    """Return the session, the samples it used, and its changes with their blocks."""
+) -> tuple[Session | None, list[HandSample], list[dict[str, Any]]]:
+    """Return the session, the samples it used, and its changes of assistance."""
     session: Session | None = None
     used: list[HandSample] = []
-    adapted: list[tuple[int, Change]] = []
+    adapted: list[dict[str, Any]] = []
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
             session = _acted(protocol, session, acts.pop(0))
@@ -103,7 +120,7 @@ def _again(
         outcome = session.take(sample)
         used.append(sample)
         if outcome.change is not None:
-            adapted.append((outcome.result["block"], outcome.change))
+            adapted.append(outcome.change.row(outcome.result["block"]))
     return session, used, adapted
 
 
@@ -135,64 +152,33 @@ def _unseen(results: Sequence[Row], recorded: Sequence[Row]) -> dict[int, int]:
     return {number: count for number, count in unseen.items() if count > 0}
 
 
-def _differences(results: Sequence[Row], recorded: Sequence[Row]) -> list[str]:
-    noted = {row["trial"]: row for row in recorded}
-    found = {row["trial"]: row for row in results}
+def _compared(
+    kind: _Kind, recorded: Sequence[Mapping[str, Any]], again: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    """Return one sentence for each row that was recorded or replayed alone, or otherwise."""
+    noted, found = ({tuple(row[k] for k in kind.key): row for row in rows}
+                    for rows in (recorded, again))  # fmt: skip
     problems = []
-    for number in sorted(noted.keys() | found.keys()):
-        if number not in found:
-            problems.append(f"trial {number}: recorded, but the replay does not complete it")
-        elif number not in noted:
-            problems.append(f"trial {number}: replayed, but its result was not recorded")
-        elif shown := _differing(noted[number], found[number]):
+    for key in sorted(noted.keys() | found.keys()):
+        where = kind.where.format(*key)
+        if key not in found:
+            problems.append(f"{where}: recorded, but the replay does not {kind.act} it")
+        elif key not in noted:
+            problems.append(f"{where}: replayed, but its {kind.noun} was not recorded")
+        elif shown := _differing(noted[key], found[key], kind.names):
             more = f", and {len(shown) - 3} more" if len(shown) > 3 else ""
-            problems.append(f"trial {number}: {', '.join(shown[:3])}{more}")
+            problems.append(f"{where}: {', '.join(shown[:3])}{more}")
     return problems
 
 
-def _differing(old: Row, new: Row) -> list[str]:
+def _differing(old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     """Return one phrase for each value that differs; NaN equals NaN."""
     return [
         f"{name} {old[name]!r} recorded, {new[name]!r} replayed"
-        for name in COLUMNS
+        for name in names
         if old[name] != new[name] and not (_is_nan(old[name]) and _is_nan(new[name]))
     ]
 
 
 def _is_nan(value: Any) -> bool:
     return isinstance(value, float) and math.isnan(value)
-
-
-def _changed(
-    adapted: Sequence[tuple[int, Change]], recorded: Sequence[Mapping[str, Any]]
-) -> list[str]:
-    """Return one sentence for each change of assistance that was recorded or replayed otherwise."""
-    noted = {(row["block"], row["circuit"]): row for row in recorded}
-    found = {(block, change.circuit): _values(change) for block, change in adapted}
-    problems = []
-    for block, circuit in sorted(noted.keys() | found.keys()):
-        where = f"assistance after circuit {circuit} of block {block}"
-        old, new = noted.get((block, circuit)), found.get((block, circuit))
-        if new is None:
-            problems.append(f"{where}: recorded, but the replay does not change it")
-        elif old is None:
-            problems.append(f"{where}: replayed, but its change was not recorded")
-        else:
-            shown = [
-                f"{name} {old[name]!r} recorded, {value!r} replayed"
-                for name, value in new.items()
-                if old[name] != value
-            ]
-            problems += [f"{where}: {', '.join(shown)}"] if shown else []
-    return problems
-
-
-def _values(change: Change) -> dict[str, Any]:
-    """Return a change by the names of AssistanceChange.msg."""
-    return {
-        "duration_before": change.before.duration,
-        "duration": change.after.duration,
-        "side_stiffness_before": change.before.side_stiffness,
-        "side_stiffness": change.after.side_stiffness,
-        "reason": change.reason,
-    }

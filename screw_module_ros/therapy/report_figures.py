@@ -102,12 +102,11 @@ def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
     for path in paths:
         colour, zorder = (_ASSISTED, 3) if path.late else ("#b0b0b0", 2)
         label = "last third" if path.late else "earlier"
-        axes.plot(*(1e3 * path.points[:, :2].T), color=colour, lw=0.8, zorder=zorder,
-                  label=_once(axes, label))  # fmt: skip
+        axes.plot(*(1e3 * path.points[:, :2].T), color=colour, lw=0.8, zorder=zorder, label=label)
     for x, y, *_ in {path.target for path in paths}:
         angle = np.linspace(0.0, 2.0 * np.pi, 40)
         axes.plot(1e3 * (x + hit_radius * np.cos(angle)), 1e3 * (y + hit_radius * np.sin(angle)),
-                  color=DESIRED, lw=1.2, zorder=4, label=_once(axes, "target"))  # fmt: skip
+                  color=DESIRED, lw=1.2, zorder=4, label="target")  # fmt: skip
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("to the patient's right [mm]")
     axes.set_ylabel("away from the patient [mm]")
@@ -119,16 +118,11 @@ def _heights(axes: Axes, paths: Sequence[Path]) -> None:
         colour = _ASSISTED if path.late else "#b0b0b0"
         label = "last third" if path.late else "earlier"
         share = np.linspace(0.0, 1.0, len(path.points))
-        axes.plot(share, 1e3 * path.points[:, 0], color=colour, lw=0.8, label=_once(axes, label))
+        axes.plot(share, 1e3 * path.points[:, 0], color=colour, lw=0.8, label=label)
     for (height,) in {path.target for path in paths}:
-        axes.axhline(1e3 * height, color=DESIRED, lw=1.2, label=_once(axes, "target"))
+        axes.axhline(1e3 * height, color=DESIRED, lw=1.2, label="target")
     axes.set_xlabel("share of the reach's time")
     axes.set_ylabel("height [mm]")
-
-
-def _once(axes: Axes, label: str) -> str | None:
-    known = {line.get_label() for line in axes.get_lines()}
-    return None if label in known else label
 
 
 def trials_figure(sessions: Sequence[Recorded]) -> Figure:

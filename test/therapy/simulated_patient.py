@@ -201,17 +201,6 @@ def recorded(person: Person, protocol: Protocol, seed: int, day: int = 0) -> Rec
     simulation = Simulation(session, person, seed)
     simulation.now_ns = (1_767_600_000 + 86_400 * day) * 1_000_000_000
     samples = simulation.run()
-    changes = [
-        {
-            "block": 2,
-            "circuit": change.circuit,
-            "duration_before": change.before.duration,
-            "duration": change.after.duration,
-            "side_stiffness_before": change.before.side_stiffness,
-            "side_stiffness": change.after.side_stiffness,
-            "reason": change.reason,
-        }
-        for change in session.changes
-    ]
+    changes = [change.row(2) for change in session.changes]
     acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, session.state, session.reason)]
     return Recorded(Path("bag"), "P-7K3QX", protocol, acts, session.results, changes, samples)
