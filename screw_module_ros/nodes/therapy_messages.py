@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts records of a session to messages, and a message to the hand's sample."""
+"""Converts records of a session to messages."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from screw_module_msgs.msg import (
-    AssistanceChange,
-    EndpointState,
-    TherapySlot,
-    TherapyState,
-    TrialResult,
-)
+from screw_module_msgs.msg import AssistanceChange, TherapySlot, TherapyState, TrialResult
 
 from screw_module_ros.therapy.adaptation import Change
-from screw_module_ros.therapy.hand import HandSample, Point, stop_reason
+from screw_module_ros.therapy.hand import HandSample, Point
 from screw_module_ros.therapy.line import SlotWish
 from screw_module_ros.therapy.measures import COLUMNS, Row
 from screw_module_ros.therapy.session import Session
@@ -26,19 +20,6 @@ _SLOT_NUMBERS = (
     "duration", "back_stiffness", "side_stiffness", "damping", "half_width", "end_half_width",
     "growth",
 )  # fmt: skip
-
-
-def hand_sample(message: EndpointState, space: str) -> HandSample:
-    """Return the hand's sample from an endpoint_state, with a reason to pause, if any."""
-    p, v, f = message.position, message.velocity, message.force
-    return HandSample(
-        message.sequence,
-        message.header.stamp.sec * _S + message.header.stamp.nanosec,
-        p.x, p.y, p.z, v.x, v.y, v.z, f.x, f.y, f.z,
-        stop_reason(
-            space, message.valid, message.enabled, message.vertical_locked, message.safety
-        ),
-    )  # fmt: skip
 
 
 def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:

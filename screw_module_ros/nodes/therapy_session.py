@@ -26,7 +26,7 @@ from std_srvs.srv import Trigger
 from screw_module_ros import graph
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
-from screw_module_ros.therapy.hand import PLANE, HandSample
+from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     AssistanceLimits,
@@ -44,7 +44,7 @@ from .support.place import below, root_folder
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Due, Health
 from .support.topics import offered, requested
-from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
+from .therapy_messages import change_message, fill_slot, fill_state, result_message
 from .therapy_recording import BEGUN, LOST, REFUSED, RecorderSettings, SessionRecording
 from .wish_relay import WishRelay
 
@@ -109,8 +109,7 @@ class TherapySessionNode(Node):
             message.header.frame_id = "manus_base"
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
-        self._session, self._sent, self._wish = None, None, None
-        self._sampled_ns = None
+        self._session = self._sent = self._wish = self._sampled_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
         self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
 
@@ -207,8 +206,7 @@ class TherapySessionNode(Node):
         if outcome.result is not None:
             self._tell(self._publish_result, result_message(outcome.result, self._patient, name))
         if outcome.change is not None:
-            block = outcome.result["block"]
-            message = change_message(outcome.change, self._patient, name, block)
+            message = change_message(outcome.change, self._patient, name, outcome.result["block"])
             self._tell(self._publish_change, message)
 
     def _tell(self, publish: Callable[[Any], None], message: Any) -> None:
@@ -224,8 +222,7 @@ class TherapySessionNode(Node):
                 self._tell(self._publish_state, self._state)
             return
         progress = (session.state, session.reason, session.trial and session.trial.phase)
-        changed = progress != self._sent or session.wish != self._wish
-        if not (self._due(now_ns) or changed):
+        if not (self._due(now_ns) or progress != self._sent or session.wish != self._wish):
             return
         if session.wish != self._wish:
             since_ns = session.wish.start_ns
@@ -271,8 +268,8 @@ class TherapySessionNode(Node):
             self._state.state_since = self._sample.sequence
             self._awaits_recording = request.record
             if request.record:
-                name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
-                self._recording.ask(name)
+                date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
+                self._recording.ask(f"{patient}_{protocol.name}_{date}")
                 self._session.pause(_WAITS)
             self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 Point = tuple[float, float, float]
 
@@ -53,6 +53,26 @@ class HandSample(NamedTuple):
     def force(self) -> Point:
         """Return fx, fy, fz [N]."""
         return self[8:11]
+
+
+def hand_sample(message: Any, space: str) -> HandSample:
+    """Return the sample of an EndpointState, with the reason to stop a session in this space.
+
+    The message may come from the graph or from a bag: a replay takes what the session took.
+    """
+    p, v, f = message.position, message.velocity, message.force
+    return HandSample(
+        int(message.sequence), ns_of(message.header.stamp),
+        p.x, p.y, p.z, v.x, v.y, v.z, f.x, f.y, f.z,
+        stop_reason(
+            space, message.valid, message.enabled, message.vertical_locked, message.safety
+        ),
+    )  # fmt: skip
+
+
+def ns_of(stamp: Any) -> int:
+    """Return the stamp of a message [ns]."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
 
 
 def stop_reason(

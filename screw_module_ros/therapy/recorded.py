@@ -17,7 +17,7 @@ from .. import graph
 from ..recording.errors import BagReadError
 from ..recording.reader import read_bag, topics
 from ..samples import sequence_gap
-from .hand import HandSample, stop_reason
+from .hand import HandSample, hand_sample, ns_of
 from .measures import COLUMNS, Row
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
@@ -130,9 +130,9 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
     return [
         _session(
             folder, part,
-            [_trial(m) for m in trials if begin <= _ns(m.header.stamp) < end],
-            [_change(m) for m in changes if begin <= _ns(m.header.stamp) < end],
-            [m for m in hands if begin - _S <= _ns(m.header.stamp) < end],
+            [_trial(m) for m in trials if begin <= ns_of(m.header.stamp) < end],
+            [_change(m) for m in changes if begin <= ns_of(m.header.stamp) < end],
+            [m for m in hands if begin - _S <= ns_of(m.header.stamp) < end],
         )
         for part, (begin, end) in zip(parts, _spans(parts), strict=True)
     ]  # fmt: skip
@@ -145,7 +145,7 @@ def _spans(parts: Sequence[list[Any]]) -> list[tuple[float, float]]:
     """
     if len(parts) == 1:
         return [(-math.inf, math.inf)]
-    starts = [_ns(part[0].header.stamp) for part in parts]
+    starts = [ns_of(part[0].header.stamp) for part in parts]
     return list(zip(starts, [*starts[1:], math.inf], strict=True))
 
 
@@ -179,7 +179,7 @@ def _session(
             f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
             f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
         )
-    samples = [_sample(message, protocol.space) for message in hands]
+    samples = [hand_sample(message, protocol.space) for message in hands]
     trials.sort(key=itemgetter("trial"))
     changes.sort(key=itemgetter("block", "circuit"))
     acts = _acts(states, first.patient)
@@ -231,7 +231,7 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
 def _trial(message: Any) -> Row:
     row = {name: getattr(message, name) for name in COLUMNS}
     row["start"], row["target"] = _point(message.start), _point(message.target)
-    row["started_ns"], row["ended_ns"] = _ns(message.started), _ns(message.ended)
+    row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
     return row
 
 
@@ -241,19 +241,5 @@ def _change(message: Any) -> dict[str, Any]:
     return {name: getattr(message, name) for name in names}
 
 
-def _sample(message: Any, space: str) -> HandSample:
-    stop = stop_reason(
-        space, message.valid, message.enabled, message.vertical_locked, message.safety
-    )
-    return HandSample(
-        int(message.sequence), _ns(message.header.stamp),
-        *_point(message.position), *_point(message.velocity), *_point(message.force), stop,
-    )  # fmt: skip
-
-
 def _point(value: Any) -> tuple[float, float, float]:
     return value.x, value.y, value.z
-
-
-def _ns(stamp: Any) -> int:
-    return stamp.sec * _S + stamp.nanosec
