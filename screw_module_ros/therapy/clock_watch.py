@@ -13,7 +13,7 @@ from collections import deque
 from statistics import median
 
 from ..samples import sequence_gap
-from .samples import HandSample
+from .hand import HandSample
 
 _LIMIT_S = 0.1
 """Ours: ntpd sets the clock from 0.128 s on, systemd-timesyncd from 0.4 s; both turn smaller errors

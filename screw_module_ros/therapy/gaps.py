@@ -17,7 +17,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ..samples import sequence_gap
-from .samples import HandSample
+from .hand import HandSample
 
 _LEAST = 4  # long steps at even distances; fewer may be losses
 _FARTHEST = 50  # steps between them: 24 for 625 Hz; rarer long steps count as losses

@@ -13,13 +13,13 @@ from screw_module_msgs.msg import EndpointState, TherapyState
 from simulated_patient import Person, Simulation
 
 from screw_module_ros import graph
-from screw_module_ros.nodes.therapy_messages import STATES, change_message, result_message
+from screw_module_ros.nodes.therapy_messages import change_message, result_message
 from screw_module_ros.recording.bag import Bag, Message, Topic
 from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.protocol_file import parse_protocol, sha256
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import PAUSED, RUNNING, Session
+from screw_module_ros.therapy.session import Session, State
 
 TOPICS = (
     graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
@@ -67,7 +67,7 @@ def played(
         session, patient, definition, first.sequence - 5, definition))]  # fmt: skip
     name, results, changes = session.protocol.name, 0, 0
     session.take(first)
-    while session.state == RUNNING:
+    while session.state == State.RUNNING:
         simulation.step()
         simulation.step()
         if clock_set is not None and len(samples) == clock_set[0]:
@@ -75,7 +75,7 @@ def played(
         sample = simulation.sample()
         samples.append(sample)
         session.take(sample)
-        if session.state == PAUSED:
+        if session.state == State.PAUSED:
             for act in (lambda: None, session.resume):
                 act()
                 told.append((sample.time_ns, graph.THERAPY_STATE, _state(
@@ -129,7 +129,7 @@ def _endpoint(sample: HandSample) -> EndpointState:
 
 def _state(session: Session, patient: str, told: str, since: int, definition: str) -> TherapyState:
     return TherapyState(
-        state=STATES[session.state], state_since=since, sequence=since, reason=session.reason,
+        state=session.state, state_since=since, sequence=since, reason=session.reason,
         patient=patient, definition=told,
         protocol=session.protocol.name, definition_sha256=sha256(definition), recorded=True,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 
 from screw_module_ros.graph import DECIMATED_RATE
 from screw_module_ros.therapy.gaps import gaps_of
-from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.hand import HandSample
 
 _US = 1_000_000
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from screw_module_ros.therapy import cli
-from screw_module_ros.therapy.bag import Recorded, in_order
-from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.hand import HandSample
+from screw_module_ros.therapy.recorded import Recorded, in_order
 
 S = 1_000_000_000
 

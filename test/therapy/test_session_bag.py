@@ -10,8 +10,9 @@ from simulated_patient import FEEBLE, HEALTHY, SHAKING
 from screw_module_ros import graph
 from screw_module_ros.recording.bag import BagError
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.bag import read_sessions, replayed
 from screw_module_ros.therapy.protocol_file import sha256
+from screw_module_ros.therapy.recorded import read_sessions
+from screw_module_ros.therapy.replay import replayed
 
 pytestmark = pytest.mark.long
 

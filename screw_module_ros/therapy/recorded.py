@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads therapy sessions from recorded bags: states, results, samples; replays them."""
+"""Therapy sessions in recorded bags: states, results, samples; their order, and copies."""
 
 from __future__ import annotations
 
@@ -17,28 +17,33 @@ from .. import graph
 from ..recording.bag import BagError
 from ..recording.decoded import read_bag, topics
 from ..samples import sequence_gap
+from .hand import HandSample, hand_sample, ns_of
+from .measures import COLUMNS, Row
 from .protocol import Protocol
 from .protocol_file import parse_protocol, sha256
-from .readiness import stop_reason
-from .record import NUMBERS
-from .replay import Act, Replay, replay
-from .samples import HandSample
-from .session import ABORTED, FINISHED, PAUSED, RUNNING
+from .session import State
 
 _S = 1_000_000_000
 _SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
+_ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 _DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
-_STATES = {1: RUNNING, 2: PAUSED, 3: FINISHED, 4: ABORTED}  # constants of TherapyState.msg
 _HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
 _TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
+
+
+class Act(NamedTuple):
+    """A recorded change of state; after: tick number of the sample before it; state; reason."""
+
+    after: int
+    state: State
+    reason: str
 
 
 class Recorded(NamedTuple):
     """A session as recorded in a bag.
 
-    folder: of the bag; patient: pseudonym; protocol; acts; trials: flat results by the names of
-    `record`, with `start`, `target` [m], `started_ns` and `ended_ns`; changes: of assistance, by
-    the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
+    folder: of the bag; patient: pseudonym; protocol; acts; trials: results; changes: of assistance,
+    by the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
     executed YAML, hexadecimal, empty if the bag lacks it.
     """
 
@@ -46,7 +51,7 @@ class Recorded(NamedTuple):
     patient: str
     protocol: Protocol
     acts: list[Act]
-    trials: list[dict[str, Any]]
+    trials: list[Row]
     changes: list[dict[str, Any]]
     samples: list[HandSample]
     protocol_sha256: str = ""
@@ -84,11 +89,25 @@ class Recorded(NamedTuple):
 
 def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
     """Return sessions by their begins; in the given order if that of one is unknown."""
-    begins = [session.begun for session in sessions]
-    if None in begins:
+    if any(session.begun is None for session in sessions):
         return list(sessions)
-    pairs = sorted(zip(begins, sessions, strict=True), key=lambda pair: pair[0])
-    return [session for _, session in pairs]
+    return sorted(sessions, key=lambda session: session.begun)
+
+
+def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:
+    """Return each session once, and one sentence for each copy, which would count double.
+
+    Of copies the one with most samples stays: a bag that was cut off has less than its copy.
+    """
+    found: dict[tuple, Recorded] = {}
+    notes = []
+    for session in sessions:
+        known = found.setdefault(session.identity, session)
+        if known is not session:
+            less, more = sorted((session, known), key=lambda one: len(one.samples))
+            found[session.identity] = more
+            notes.append(f"{less.folder} is a copy of {more.folder}: left out")
+    return list(found.values()), notes
 
 
 def read_sessions(folder: Path | str) -> list[Recorded]:
@@ -111,9 +130,9 @@ def read_sessions(folder: Path | str) -> list[Recorded]:
     return [
         _session(
             folder, part,
-            [_trial(m) for m in trials if begin <= _ns(m.header.stamp) < end],
-            [_change(m) for m in changes if begin <= _ns(m.header.stamp) < end],
-            [m for m in hands if begin - _S <= _ns(m.header.stamp) < end],
+            [_trial(m) for m in trials if begin <= ns_of(m.header.stamp) < end],
+            [_change(m) for m in changes if begin <= ns_of(m.header.stamp) < end],
+            [m for m in hands if begin - _S <= ns_of(m.header.stamp) < end],
         )
         for part, (begin, end) in zip(parts, _spans(parts), strict=True)
     ]  # fmt: skip
@@ -126,7 +145,7 @@ def _spans(parts: Sequence[list[Any]]) -> list[tuple[float, float]]:
     """
     if len(parts) == 1:
         return [(-math.inf, math.inf)]
-    starts = [_ns(part[0].header.stamp) for part in parts]
+    starts = [ns_of(part[0].header.stamp) for part in parts]
     return list(zip(starts, [*starts[1:], math.inf], strict=True))
 
 
@@ -150,7 +169,7 @@ def _later(one: tuple[int, Any], other: tuple[int, Any]) -> int:
 
 
 def _session(
-    folder: Path, states: list[Any], trials: list[dict], changes: list[dict], hands: list[Any]
+    folder: Path, states: list[Any], trials: list[Row], changes: list[dict], hands: list[Any]
 ) -> Recorded:
     first = states[0]
     protocol = parse_protocol(first.definition, f"recorded in {folder}")
@@ -160,7 +179,7 @@ def _session(
             f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
             f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
         )
-    samples = [_sample(message, protocol.space) for message in hands]
+    samples = [hand_sample(message, protocol.space) for message in hands]
     trials.sort(key=itemgetter("trial"))
     changes.sort(key=itemgetter("block", "circuit"))
     acts = _acts(states, first.patient)
@@ -169,17 +188,13 @@ def _session(
     )  # fmt: skip
 
 
-def replayed(recorded: Recorded) -> Replay:
-    """Return the replay of a recorded session."""
-    return replay(
-        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
-    )
-
-
 def _names(folder: Path) -> dict[str, str]:
     """Return the full names of the topics of the one robot that had a session."""
     known = topics(folder)
-    robots = sorted(_above(known, _HAND) & _above(known, _STATE))
+    robots = sorted(
+        topic.removesuffix(_STATE) for topic in known
+        if f"/{topic}".endswith(f"/{_STATE}") and topic.removesuffix(_STATE) + _HAND in known
+    )  # fmt: skip
     if not robots:
         raise BagError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
     if len(robots) > 1:
@@ -191,13 +206,6 @@ def _names(folder: Path) -> dict[str, str]:
         )
     names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
     return {name: robots[0] + name for name in names if robots[0] + name in known}
-
-
-def _above(known: Iterable[str], name: str) -> set[str]:
-    """Return what stands before a topic's name in the full names, like / or /left/."""
-    return {
-        topic.removesuffix(name) for topic in known if topic == name or topic.endswith(f"/{name}")
-    }
 
 
 def _has_session(folder: Path, robot: str) -> bool:
@@ -212,18 +220,18 @@ def _acts(states: list[Any], patient: str) -> list[Act]:
     """Return the changes of the state, each with the sample after which it began."""
     acts: list[Act] = []
     for state in states:
-        if state.patient != patient or state.state not in _STATES:
+        if state.patient != patient or state.state not in _ACTS:
             continue
-        act = Act(int(state.state_since), _STATES[state.state], state.reason)
+        act = Act(int(state.state_since), State(state.state), state.reason)
         if not acts or acts[-1] != act:
             acts.append(act)
     return acts
 
 
-def _trial(message: Any) -> dict[str, Any]:
-    row = {name: getattr(message, name) for name in NUMBERS}
+def _trial(message: Any) -> Row:
+    row = {name: getattr(message, name) for name in COLUMNS}
     row["start"], row["target"] = _point(message.start), _point(message.target)
-    row["started_ns"], row["ended_ns"] = _ns(message.started), _ns(message.ended)
+    row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
     return row
 
 
@@ -233,19 +241,5 @@ def _change(message: Any) -> dict[str, Any]:
     return {name: getattr(message, name) for name in names}
 
 
-def _sample(message: Any, space: str) -> HandSample:
-    stop = stop_reason(
-        space, message.valid, message.enabled, message.vertical_locked, message.safety
-    )
-    return HandSample(
-        int(message.sequence), _ns(message.header.stamp),
-        *_point(message.position), *_point(message.velocity), *_point(message.force), stop,
-    )  # fmt: skip
-
-
 def _point(value: Any) -> tuple[float, float, float]:
     return value.x, value.y, value.z
-
-
-def _ns(stamp: Any) -> int:
-    return stamp.sec * _S + stamp.nanosec

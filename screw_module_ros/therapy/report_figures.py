@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
@@ -11,12 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
-
-from ..bag import Recorded
-from ..definitions import DEFINITIONS
-from ..line import VERTICAL
-from .content import SHOWN, Path, has_sides, outward_paths, reaches, shown, values
+from ..figure_style import COLOURS, DESIRED, STYLE
+from .hand import AXES, VERTICAL
+from .measures import Row
+from .recorded import Recorded
+from .report_content import SHOWN, has_sides, labelled, reaches, shown, values
 
 _FREE, _ASSISTED, _ROBOT = COLOURS[2], COLOURS[0], COLOURS[3]
 _NAMES = {False: "without assistance", True: "with assistance"}
@@ -33,6 +34,44 @@ _LEAST_TOP = 0.1  # of the others, in their units
 _ROOM = 1.08  # above the highest mark, which would be cut
 _LEAST_SPAN = 0.5  # of SPARC, for the same reason
 _SMALL = {"font.size": 8.5, "axes.titlesize": 9.0, "legend.fontsize": 8.0}
+
+
+class Path(NamedTuple):
+    """One reach of the hand; points: on the axes of the protocol, shape (samples, axes) [m].
+
+    late: in the last third of the reaches with the same assistance (with or without).
+    """
+
+    points: np.ndarray
+    target: tuple[float, ...]
+    assisted: bool
+    late: bool
+
+
+def outward_paths(recorded: Recorded) -> list[Path]:
+    """Return the paths of all outward reaches, from the display of the target to the end."""
+    axes, centre = AXES[recorded.protocol.space], recorded.protocol.centre
+    rows = [
+        row for row in reaches(recorded)
+        if all(abs(row["start"][a] - centre[a]) < 1e-9 for a in axes)
+    ]  # fmt: skip
+    at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
+    found = []
+    totals, numbers = Counter(row["assisted"] for row in rows), Counter()
+    for row in rows:
+        first = at.get(row["first"], len(recorded.samples))
+        last = at.get(row["last"], first + row["samples"])
+        points = np.array([
+            [sample.position[a] for a in axes]
+            for sample in recorded.samples[first : last + 1]
+            if sample.time_ns <= row["ended_ns"]
+        ])  # fmt: skip
+        if len(points) > 1:
+            late = numbers[row["assisted"]] >= 2 * totals[row["assisted"]] // 3
+            target = tuple(row["target"][a] for a in axes)
+            found.append(Path(points, target, row["assisted"], late))
+        numbers[row["assisted"]] += 1
+    return found
 
 
 def paths_figure(recorded: Recorded) -> Figure:
@@ -63,12 +102,11 @@ def _plane(axes: Axes, paths: Sequence[Path], hit_radius: float) -> None:
     for path in paths:
         colour, zorder = (_ASSISTED, 3) if path.late else ("#b0b0b0", 2)
         label = "last third" if path.late else "earlier"
-        axes.plot(*(1e3 * path.points[:, :2].T), color=colour, lw=0.8, zorder=zorder,
-                  label=_once(axes, label))  # fmt: skip
+        axes.plot(*(1e3 * path.points[:, :2].T), color=colour, lw=0.8, zorder=zorder, label=label)
     for x, y, *_ in {path.target for path in paths}:
         angle = np.linspace(0.0, 2.0 * np.pi, 40)
         axes.plot(1e3 * (x + hit_radius * np.cos(angle)), 1e3 * (y + hit_radius * np.sin(angle)),
-                  color=DESIRED, lw=1.2, zorder=4, label=_once(axes, "target"))  # fmt: skip
+                  color=DESIRED, lw=1.2, zorder=4, label="target")  # fmt: skip
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel("to the patient's right [mm]")
     axes.set_ylabel("away from the patient [mm]")
@@ -80,16 +118,11 @@ def _heights(axes: Axes, paths: Sequence[Path]) -> None:
         colour = _ASSISTED if path.late else "#b0b0b0"
         label = "last third" if path.late else "earlier"
         share = np.linspace(0.0, 1.0, len(path.points))
-        axes.plot(share, 1e3 * path.points[:, 0], color=colour, lw=0.8, label=_once(axes, label))
+        axes.plot(share, 1e3 * path.points[:, 0], color=colour, lw=0.8, label=label)
     for (height,) in {path.target for path in paths}:
-        axes.axhline(1e3 * height, color=DESIRED, lw=1.2, label=_once(axes, "target"))
+        axes.axhline(1e3 * height, color=DESIRED, lw=1.2, label="target")
     axes.set_xlabel("share of the reach's time")
     axes.set_ylabel("height [mm]")
-
-
-def _once(axes: Axes, label: str) -> str | None:
-    known = {line.get_label() for line in axes.get_lines()}
-    return None if label in known else label
 
 
 def trials_figure(sessions: Sequence[Recorded]) -> Figure:
@@ -110,7 +143,7 @@ def trials_figure(sessions: Sequence[Recorded]) -> Figure:
 
 
 def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> None:
-    definition, offset = DEFINITIONS[name], 0
+    offset = 0
     for number, recorded in enumerate(sessions):
         rows = reaches(recorded)
         for assisted in (False, True):
@@ -124,9 +157,8 @@ def _figure_over_trials(axes: Axes, sessions: Sequence[Recorded], name: str) -> 
         if number + 1 < len(sessions):
             axes.axvline(offset + 0.5, color=DESIRED, lw=0.8, ls=":")
     _scale(axes, name)
-    unit = f" [{definition.unit}]" if definition.unit else ""
     best = f": {_BEST[name]}" if name in _BEST else ""
-    axes.set_title(f"{definition.label}{unit}{best}", loc="left")
+    axes.set_title(labelled(name) + best, loc="left")
     axes.set_xlabel("trial")
     axes.xaxis.get_major_locator().set_params(integer=True)
 
@@ -140,7 +172,7 @@ def _scale(axes: Axes, name: str) -> None:
         axes.set_ylim(middle - _LEAST_SPAN / 2.0, middle + _LEAST_SPAN / 2.0)
 
 
-def _medians(axes: Axes, rows: Sequence[dict], name: str, offset: int, assisted: bool) -> None:
+def _medians(axes: Axes, rows: Sequence[Row], name: str, offset: int, assisted: bool) -> None:
     """Draw the median of each block as a line."""
     for block in sorted({row["block"] for row in rows}):
         at, found = values([row for row in rows if row["block"] == block], name)

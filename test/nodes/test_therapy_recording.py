@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorder that hangs, dies or whose disk is full holds up no session, and none goes on unaware.
 
-The recorder is played: only the session's side runs, without ROS's graph.
+The recorder is played: only the session's side runs, mostly without ROS's graph.
 """
 
 from __future__ import annotations
@@ -13,18 +13,26 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes import therapy_session
 from screw_module_ros.nodes.session_recorder import SessionRecorder
-from screw_module_ros.nodes.session_recording import BEGUN, LOST, REFUSED, SessionRecording
+from screw_module_ros.nodes.therapy_recording import (
+    BEGUN,
+    LOST,
+    RECORDER,
+    REFUSED,
+    RecorderSettings,
+    SessionRecording,
+)
 from screw_module_ros.nodes.therapy_session import TherapySessionNode
 from screw_module_ros.recording.recorder import Status
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
-from screw_module_ros.therapy.session import PAUSED, Session
+from screw_module_ros.therapy.session import Session, State
 
 S = 1_000_000_000
 NAMED = SetParameters.Response(results=[SetParametersResult(successful=True)])
@@ -66,9 +74,9 @@ class PlayedRecorder:
         """Answer the oldest call."""
         self.asked[service].pop(0).set_result(response)
 
-    def report(self, recording, bag=""):
+    def report(self, recording, bag="", message=""):
         values = [KeyValue(key="recording", value=str(recording)), KeyValue(key="bag", value=bag)]
-        self.told.append(DiagnosticStatus(values=values))
+        self.told.append(DiagnosticStatus(values=values, message=message))
 
 
 @pytest.fixture
@@ -81,7 +89,7 @@ def recording(recorder):
     clock = ManualClock(S)
     made = SessionRecording(recorder, clock)
     made.connect(recorder)
-    made.begin(RecorderWatchSettings(timeout=5.0))
+    made.begin(RecorderSettings(timeout=5.0))
     made.clock = clock
     return made
 
@@ -106,7 +114,7 @@ def test_a_recorder_that_never_answers_is_given_up(recording, recorder):
     assert [follow(recording, second) for second in (5, 10)] == ["", ""]
     assert follow(recording, 12) == REFUSED
     assert "does not answer" in recording.message
-    assert not recording.waits and recording.hindrance(12 * S) == ""
+    assert not recording.waits and recording.hindrance("P-22222", True, 12 * S) == ""
 
 
 def test_a_recorder_that_leaves_a_sessions_topics_out_records_none(recording, recorder):
@@ -180,9 +188,45 @@ def test_a_silent_recorder_is_told_to_stop(recording, recorder):
 
 def test_a_recording_that_has_ended_is_not_ended_again(recording, recorder):
     begun(recording, recorder)
-    recorder.report(recording=False)
+    recorder.report(recording=False, message="the disk is full")
     assert follow(recording, 3) == LOST
+    assert recording.message == "the recording has ended: the disk is full"
     assert recorder.asked["stop"] == []
+    recorder.report(recording=True)  # another recording
+    assert follow(recording, 4) == "" and not recording.runs
+
+
+def test_a_recording_lasts_as_long_as_the_recorder_reports_it(recording, recorder):
+    recorder.report(recording=False)  # what was before does not count
+    begun(recording, recorder)
+    for second in range(3, 60):
+        recorder.report(recording=True)
+        assert follow(recording, second) == "" and recording.runs
+    assert follow(recording, 64) == ""
+    assert follow(recording, 64.001) == LOST
+    assert recording.message == "the session recorder has been silent for 5 s"
+
+
+def test_a_recording_ends_a_second_after_its_session(recording, recorder):
+    begun(recording, recorder)
+    assert follow(recording, 3, in_session=False) == "" and recording.runs
+    assert follow(recording, 3.9, in_session=False) == "" and recording.runs
+    assert follow(recording, 4, in_session=False) == "" and not recording.runs
+    assert "is being closed" in recording.hindrance("P-22222", True, 4 * S)
+    late = recording.hindrance("P-22222", True, 14 * S)
+    assert late == "", "a mute recorder is waited for no more"
+    recorder.answer("stop", DONE)
+    assert recording.hindrance("P-22222", True, 4 * S) == ""
+    assert recording.message == "recorded to bag"
+
+
+def test_a_name_that_is_set_after_the_end_starts_nothing(recording, recorder):
+    recording.ask("P-22222_clock")
+    follow(recording, 1)
+    recording.close()
+    recorder.answer("set_parameters", NAMED)
+    assert recorder.asked["start"] == []
+    assert recorder.names == ["P-22222_clock", ""]
 
 
 @pytest.mark.parametrize(("bag", "owner"), [
@@ -220,12 +264,15 @@ def test_a_recording_ends_with_the_sessions_node(recording, recorder, answered):
 def test_a_pause_while_the_recording_begins_is_kept():
     """The answer was `the session is paused`, and a moment later the robot moved the hand."""
     session = Session(load_protocol("clock_adaptive"))
-    session.pause(therapy_session._WAITS)
+    session.pause("waiting for the recording")
     follows = SimpleNamespace(follow=lambda in_session, now_ns: BEGUN, message="")
-    node = SimpleNamespace(_lock=threading.Lock(), _session=session, _recording=follows)
+    node = SimpleNamespace(
+        _lock=threading.Lock(), _session=session, _recording=follows, _awaits_recording=True,
+        _is_under_way=lambda: True,
+    )  # fmt: skip
     assert TherapySessionNode._pause(node, Trigger.Request()) == ""
     TherapySessionNode._follow_recorder(node, 2 * S)
-    assert (session.state, session.reason) == (PAUSED, "the therapist paused it")
+    assert (session.state, session.reason) == (State.PAUSED, "the therapist paused it")
 
 
 def test_a_recording_that_failed_is_reported_as_none():
@@ -238,3 +285,61 @@ def test_a_recording_that_failed_is_reported_as_none():
     assert SessionRecorder.health(node).values["recording"] is False
     node._recording = SimpleNamespace(status=lambda: status._replace(error=""))
     assert SessionRecorder.health(node).values["recording"] is True
+
+
+@pytest.fixture
+def served(ros_domain_id):
+    """Return a maker of nodes that are served until the end of the test."""
+    context = Context()
+    context.init()
+    executor, ending, nodes = SingleThreadedExecutor(context=context), threading.Event(), []
+
+    def serve() -> None:
+        while not ending.is_set():
+            executor.spin_once(timeout_sec=0.05)
+
+    def make(name: str) -> Node:
+        nodes.append(Node(name, context=context))
+        executor.add_node(nodes[-1])
+        return nodes[-1]
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield make
+    ending.set()
+    thread.join()
+    executor.shutdown(timeout_sec=1.0)
+    for node in nodes:
+        node.destroy_node()
+    context.try_shutdown()
+
+
+def asked(node):
+    """Return a recording that a node has asked for."""
+    made = SessionRecording(node, ManualClock(S))
+    made.connect(SimpleNamespace(subscribe=lambda *request: lambda: None))
+    made.ask("P-22222")
+    return made
+
+
+def test_a_recorder_that_appears_records(served, wait_until):
+    made = asked(served("session"))
+    assert made.follow(True, 2 * S) == ""
+    recorder = served(RECORDER)
+    recorder.declare_parameter("name", "")
+
+    def record(request, response):
+        response.success, response.message = True, recorder.get_parameter("name").value
+        return response
+
+    recorder.create_service(Trigger, "~/start", record)
+    wait_until(lambda: made.follow(True, 2 * S) or made.message == "recording to P-22222")
+    # Else a recording by hand would be refused, or be another person's under this name.
+    wait_until(lambda: recorder.get_parameter("name").value == "", what="the name is taken back")
+
+
+def test_without_a_recorder_it_is_refused_after_a_while(served):
+    made = asked(served("session"))
+    assert made.follow(True, 6 * S - 1) == ""
+    assert made.follow(True, 6 * S) == REFUSED
+    assert "no session_recorder answers" in made.message

@@ -1,23 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Content of the report of recorded sessions: paths per target, figures over trials, texts."""
+"""Content of the report of recorded sessions: what is shown, medians, comparison, texts."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime, timezone
 from statistics import median
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ..bag import Recorded
-from ..definitions import DEFINITIONS
-from ..effect import effect_size
-from ..line import AXES, VERTICAL
-from ..protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
-from ..session import ABORTED, FINISHED, PAUSED
+from .hand import VERTICAL
+from .measures import BY_NAME, Row, effect_size
+from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, plan
+from .recorded import Recorded
+from .session import State
 
 SHOWN = ("duration", "peak_speed", "path_error", "sparc", "reach_error", "robot_share")
 """Figures over trials and sessions, in the order of the page."""
@@ -30,18 +29,7 @@ OTHERS = {
     STRENGTH: ("largest_force", "largest_vertical_force"),
 }
 """Figures of the other kinds of trials."""
-
-
-class Path(NamedTuple):
-    """One reach of the hand; points: on the axes of the protocol, shape (samples, axes) [m].
-
-    late: in the last third of the reaches with the same assistance (with or without).
-    """
-
-    points: np.ndarray
-    target: tuple[float, ...]
-    assisted: bool
-    late: bool
+_DECIMALS = {"mm": 1, "mm/s": 0, "%": 0, "N": 1}  # of others 2
 
 
 class Summary(NamedTuple):
@@ -58,49 +46,20 @@ class Summary(NamedTuple):
     lost: str
 
 
-def reaches(recorded: Recorded) -> list[dict[str, Any]]:
+def reaches(recorded: Recorded) -> list[Row]:
     """Return the reaches among the trials."""
     return [row for row in recorded.trials if row["kind"] == REACH]
 
 
-def outward_paths(recorded: Recorded) -> list[Path]:
-    """Return the paths of all outward reaches, from the display of the target to the end."""
-    axes = AXES[recorded.protocol.space]
-    rows = [row for row in reaches(recorded) if _near(row["start"], recorded.protocol.centre, axes)]
-    at = {sample.sequence: index for index, sample in enumerate(recorded.samples)}
-    found = []
-    totals, numbers = Counter(row["assisted"] for row in rows), Counter()
-    for row in rows:
-        first = at.get(row["first"], len(recorded.samples))
-        last = at.get(row["last"], first + row["samples"])
-        points = np.array(
-            [
-                [sample.position[a] for a in axes]
-                for sample in recorded.samples[first : last + 1]
-                if sample.time_ns <= row["ended_ns"]
-            ]
-        )
-        if len(points) > 1:
-            late = numbers[row["assisted"]] >= 2 * totals[row["assisted"]] // 3
-            target = tuple(row["target"][a] for a in axes)
-            found.append(Path(points, target, row["assisted"], late))
-        numbers[row["assisted"]] += 1
-    return found
-
-
-def _near(one: Sequence[float], other: Sequence[float], axes: Iterable[int]) -> bool:
-    return all(abs(one[a] - other[a]) < 1e-9 for a in axes)
-
-
-def values(rows: Sequence[dict[str, Any]], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return trial numbers and a figure in the unit of its definition, without NaN."""
-    factor = DEFINITIONS[name].factor
+def values(rows: Sequence[Row], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return trial numbers and a figure in its unit, without NaN."""
+    factor = BY_NAME[name].factor
     kept = [(row["trial"], row[name] * factor) for row in rows if math.isfinite(row[name])]
     numbers, found = zip(*kept, strict=True) if kept else ((), ())
     return np.array(numbers), np.array(found)
 
 
-def middle(rows: Sequence[dict[str, Any]], name: str) -> float:
+def middle(rows: Sequence[Row], name: str) -> float:
     """Return the median of a figure in its unit, NaN without any."""
     _, found = values(rows, name)
     return median(found.tolist()) if found.size else math.nan
@@ -111,8 +70,8 @@ class Compared(NamedTuple):
 
     first_date: str
     last_date: str
-    first: list[dict[str, Any]]
-    last: list[dict[str, Any]]
+    first: list[Row]
+    last: list[Row]
 
     def effect(self, name: str) -> float:
         """Return the effect size of a figure's change, NaN if it is undefined."""
@@ -145,7 +104,7 @@ def compared(sessions: Sequence[Recorded]) -> Compared | None:
     return Compared(first_date, last_date, first, last) if first != last else None
 
 
-def _free_blocks(recorded: Recorded) -> list[list[dict[str, Any]]]:
+def _free_blocks(recorded: Recorded) -> list[list[Row]]:
     rows = [row for row in reaches(recorded) if not row["assisted"]]
     numbers = sorted({row["block"] for row in rows})
     return [[row for row in rows if row["block"] == number] for number in numbers]
@@ -194,21 +153,21 @@ def date_of(recorded: Recorded) -> str:
 
 def _course(recorded: Recorded) -> str:
     """Return how the session went: its pauses and, unless it was finished, how it ended."""
-    reasons = Counter(act.reason for act in recorded.acts if act.state == PAUSED)
+    reasons = Counter(act.reason for act in recorded.acts if act.state == State.PAUSED)
     parts = [f"paused{f' {n} times' if n > 1 else ''}: {why}" for why, n in reasons.items()]
     last = recorded.acts[-1]
-    if last.state == ABORTED:
+    if last.state == State.ABORTED:
         parts.append(f"ended early: {last.reason}")
-    elif last.state != FINISHED:
+    elif last.state != State.FINISHED:
         parts.append("its end is not recorded")
     return "; ".join(parts) or "complete"
 
 
-def _share(rows: Sequence[dict[str, Any]], name: str) -> str:
+def _share(rows: Sequence[Row], name: str) -> str:
     return f"{sum(bool(row[name]) for row in rows)} of {len(rows)}" if rows else "–"
 
 
-def _reached(rows: Sequence[dict[str, Any]]) -> str:
+def _reached(rows: Sequence[Row]) -> str:
     """Return how many targets were reached, separately without and with the robot's help."""
     free = [row for row in rows if not row["assisted"]]
     helped = [row for row in rows if row["assisted"]]
@@ -217,7 +176,7 @@ def _reached(rows: Sequence[dict[str, Any]]) -> str:
     return f"{_share(free, 'reached')} without, {_share(helped, 'reached')} with assistance"
 
 
-def _assistance(recorded: Recorded, assisted: Sequence[dict[str, Any]]) -> str:
+def _assistance(recorded: Recorded, assisted: Sequence[Row]) -> str:
     if not assisted:
         return "none"
     first = assisted[0]
@@ -234,3 +193,18 @@ def rate_of(sessions: Sequence[Recorded]) -> str:
     """Return the sampling rate of all sessions as text."""
     rates = sorted({round(row["rate"]) for s in sessions for row in s.trials if row["rate"] > 0})
     return " and ".join(f"{rate} Hz" for rate in rates) or "no samples"
+
+
+def labelled(name: str) -> str:
+    """Return a figure's label with its unit."""
+    measure = BY_NAME[name]
+    return f"{measure.label} [{measure.unit}]" if measure.unit else measure.label
+
+
+def number_text(name: str, value: float) -> str:
+    """Return a figure's value with three digits, none below what its unit deserves; – for none."""
+    if not math.isfinite(value):
+        return "–"
+    finest = _DECIMALS.get(BY_NAME[name].unit, 2)
+    decimals = 2 - math.floor(math.log10(abs(value))) if value else finest
+    return f"{value:.{max(0, min(finest, decimals))}f}"
