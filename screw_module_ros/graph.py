@@ -141,7 +141,7 @@ _TOPICS = (
     Topic(MANUS_STATE, _OURS + "PlanarState", "state", "manus", 125.0,
           ("endpoint_state", "supervisor"), clock="manus", every="state_every"),
     Topic(ENDPOINT_STATE, _OURS + "EndpointState", "state", "endpoint_state", 200.0,
-          ("supervisor", "therapy_session", "web_bridge")),
+          ("supervisor", "therapy_session", "web_bridge"), clock="endpoint_state", every=1),
     Topic(JOINT_STATES, "sensor_msgs/msg/JointState", "state", "endpoint_state", 100.0),
     Topic(SAFETY_STATE, _OURS + "SafetyState", "command", "supervisor", 50.0,
           ("impedance_controller", "amplifier", "manus", "endpoint_state", "web_bridge")),

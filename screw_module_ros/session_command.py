@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`session`: show, verify and repair recorded bags, and evaluate therapy sessions; without ROS."""
+"""`session`: show, verify and recover recorded bags, and evaluate therapy sessions; without ROS."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import os
 import sys
 from pathlib import Path
 
-from .recording.errors import BagError
-from .recording.recovery import recover
+from .recording.bag import BagError
+from .recording.decoded import calibrations
+from .recording.recover import recover
 from .recording.verify import Report, verify
 from .therapy.cli import add_commands
 
@@ -42,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
         (
             "recover",
             _recover,
-            "repair a truncated or damaged bag; unreadable parts are kept beside it",
+            "copy what can be read of a bag, unfinished or damaged, into the new NAME_recovered",
         ),
     ):
         command = commands.add_parser(name, help=text, description=text)
@@ -55,7 +56,11 @@ def _parser() -> argparse.ArgumentParser:
 def _info(bag: Path) -> int:
     report = verify(bag)
     _print_topics(report)
-    for name, values in report.notes.items():
+    try:
+        named = calibrations(bag)
+    except BagError:  # unfinished or damaged, as `verify` says
+        named = {}
+    for name, values in {"calibration": named, **report.notes}.items():
         print(f"{name}:")
         for key, value in values.items():
             print(f"  {key}: {value}")
@@ -77,7 +82,9 @@ def _verify(bag: Path) -> int:
 
 
 def _recover(bag: Path) -> int:
-    print(f"{bag}: {recover(bag)}")
+    found = recover(bag)
+    print(*(f"PROBLEM {problem}" for problem in found.problems),
+          f"{found.folder}: {found.messages} messages", sep="\n")  # fmt: skip
     return 0
 
 

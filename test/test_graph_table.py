@@ -29,7 +29,7 @@ from screw_module_ros.graph import (
 from screw_module_ros.nodes.bringup import placement
 from screw_module_ros.nodes.support.topics import message_class, offered, requested
 from screw_module_ros.nodes.support.wire import Layout
-from screw_module_ros.recording.expected import TICKED
+from screw_module_ros.recording.counts import TICKED
 from screw_module_ros.rig import build
 
 ROOT = Path(__file__).parents[1]

@@ -19,7 +19,7 @@ EXEMPT = {
     "clock.py": "is the clock",
     "lockstep/conductor.py": "paces simulated time, gives up members that hang",
     "lockstep/member.py": "tells that simulated time stands still",
-    "recording/session.py": "flushes to the disk",
+    "recording/recorder.py": "flushes to the disk",
     "nodes/bringup.py": "starts and ends processes",
     "trials/console.py": "the terminal",
     "trials/graph_run.py": "starts and ends processes",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Evaluates a recorded session: force against position in each part, and timing.
 
-The arrays come from a bag as `recording.reader.columns` gives them, one dict of columns per topic.
+The arrays come from a bag as `recording.decoded.columns` gives them, one dict of columns per topic.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 
 from screw_module_ros import graph
 
-from ..recording.errors import BagReadError
-from ..recording.reader import columns
+from ..recording.bag import BagError
+from ..recording.decoded import columns
 from .force_position import Offsets, Spring, common_ticks, offsets
 from .timing import Timing, timing
 
@@ -65,7 +65,7 @@ class Evaluation(NamedTuple):
 def read(bag: Path | str, namespace: str = "") -> dict[str, dict[str, np.ndarray]]:
     """Return the columns of the topics that `evaluate` needs.
 
-    Raises BagReadError when the bag cannot be read or lacks one of them.
+    Raises BagError when the bag cannot be read or lacks one of them.
     """
     return {topic: columns(bag, namespace + topic) for topic in TOPICS}
 
@@ -75,7 +75,7 @@ def evaluate(
 ) -> Evaluation:
     """Evaluate each part of a session.
 
-    Raises BagReadError naming the part that lacks samples, ValueError without parts.
+    Raises BagError naming the part that lacks samples, ValueError without parts.
     """
     if not parts:
         raise ValueError("no parts to evaluate")
@@ -89,14 +89,14 @@ def evaluate(
 def trace(encoder: Columns, force: Columns, part: Part) -> Trace:
     """Join the valid encoder and force samples of one part by their tick numbers.
 
-    Raises BagReadError without a common tick.
+    Raises BagError without a common tick.
     """
     encoder = _within(encoder, part, "homed")
     force = _within(force, part)
     healthy = {name: values[force["status"] == 0] for name, values in force.items()}
     at, there = common_ticks(encoder["sequence"], healthy["sequence"])
     if not len(at):
-        raise BagReadError(f"{part.name}: no tick has both a height and a force in the bag")
+        raise BagError(f"{part.name}: no tick has both a height and a force in the bag")
     return Trace(part.name, encoder["position"][at], encoder["velocity"][at], healthy["fz"][there])
 
 
@@ -109,13 +109,13 @@ def path(endpoint: Columns, part: Part) -> Path3D:
 
 
 def drive_timing(drive: Columns, part: Part) -> Timing:
-    """Return the timing of the commands in one part. Raises BagReadError without samples."""
+    """Return the timing of the commands in one part. Raises BagError without samples."""
     rows = _within(drive, part)
     names = ("log_time", "commands", "late", "lost", "latency_p50", "latency_p99")
     try:
         return timing(*(rows[name] for name in names))
     except ValueError as error:
-        raise BagReadError(f"{part.name}: {error}") from error
+        raise BagError(f"{part.name}: {error}") from error
 
 
 def _within(topic: Columns, part: Part, *flags: str) -> dict[str, np.ndarray]:
@@ -123,7 +123,7 @@ def _within(topic: Columns, part: Part, *flags: str) -> dict[str, np.ndarray]:
     time = topic["log_time"]
     chosen = (time >= part.begin_ns) & (time <= part.end_ns)
     if not chosen.any():
-        raise BagReadError(f"{part.name}: a required topic has no message in this part")
+        raise BagError(f"{part.name}: a required topic has no message in this part")
     for flag in flags:
         chosen &= topic[flag].astype(bool)
     return {name: values[chosen] for name, values in topic.items()}

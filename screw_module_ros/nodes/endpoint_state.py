@@ -23,6 +23,7 @@ from sensor_msgs.msg import JointState
 from screw_module_ros import graph
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
+from screw_module_ros.safety.checks import is_finite, is_measured, status_problem
 from screw_module_ros.samples import EncoderReading, ForceReading
 from screw_module_ros.settings import Setting
 
@@ -96,13 +97,12 @@ class EndpointStateNode(Node):
             fill_stamp(message.header, encoder.stamp_ns)
         else:
             self.stamp(message.header)
-        message.sequence = encoder.sequence if encoder else 0
+        message.sequence = tick.sequence
+        message.monotonic_ns = encoder.monotonic_ns if encoder else now
         _fill_plane(message, plane)
         _fill_vertical(message, encoder)
         _fill_force(message, force)
-        message.enabled = [
-            bool(plane and plane.enabled), bool(amplifier and amplifier.enabled)
-        ]
+        message.enabled = [bool(plane and plane.enabled), bool(amplifier and amplifier.enabled)]
         message.safety = safety.level if safety else SafetyState.UNKNOWN
         # The pin stays in, also without a supervisor.
         last = self._inputs[graph.SAFETY_STATE].message
@@ -177,13 +177,16 @@ def _fill_plane(message: EndpointState, plane: PlanarState | None) -> None:
 
 
 def _fill_vertical(message: EndpointState, encoder: EncoderReading | None) -> None:
-    message.valid[2] = bool(encoder and encoder.homed)
+    measured = encoder is not None and is_measured(encoder)
+    message.valid[2] = measured and encoder.homed
     message.position.z = encoder.position if message.valid[2] else _NAN
-    message.velocity.z = encoder.velocity if encoder else _NAN
+    message.velocity.z = encoder.velocity if measured else _NAN
 
 
 def _fill_force(message: EndpointState, force: ForceReading | None) -> None:
-    message.force_valid = bool(force and force.status == 0)
+    message.force_valid = (
+        force is not None and is_finite(force) and not status_problem(force.status)
+    )
     f = message.force
     f.x, f.y, f.z = (force.fx, force.fy, force.fz) if message.force_valid else (_NAN,) * 3
 

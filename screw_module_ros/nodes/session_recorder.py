@@ -1,40 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """`session_recorder`: records topics as a rosbag2 bag (MCAP) and reports what is missing in it.
 
-The bag on the disk is complete every second, whatever happens to this process (see
+What was written is on the disk within a second, whatever happens to this process (see
 `screw_module_ros.recording`). A full disk or an unwritable folder ends the recording but not the
 node; `~/status` and diagnostics show the reason until the next `~/start`.
+
+The name of a bag may be a patient's: `~/status` and the answers of the services tell it, log and
+diagnostics do not.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import threading
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
+from rclpy.exceptions import NameValidationException
+from screw_module_msgs.srv import StartRecording
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.loop.ticker import BETWEEN_TICKS_NS, Ticker
-from screw_module_ros.recording import (
-    BagError,
-    BagExistsError,
-    BagWriter,
-    Session,
+from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings
+from screw_module_ros.recording.recorder import (
+    PARAMETERS,
+    REFUSED,
+    Recording,
     Status,
-    StorageSettings,
+    file_hashes,
 )
-from screw_module_ros.recording.bag import REFUSED
-from screw_module_ros.recording.recovery import recover_all
-from screw_module_ros.recording.seal import CALIBRATION, PARAMETERS
-from screw_module_ros.recording.session import file_hashes
+from screw_module_ros.recording.recover import unfinished
 from screw_module_ros.settings import Setting
 
-from .session_intake import Intake, Selection
-from .session_parameters import NodeParameters
-from .session_robots import OtherRobots
+from .recording_parameters import NodeParameters
+from .recording_topics import Taps
 from .support.answering import Done
 from .support.node import Node
 from .support.place import one_name, root_folder
@@ -58,18 +60,9 @@ class RecorderSettings(NamedTuple):
         str, Setting("name of the bag, empty = from date and time", live=True)
     ] = ""
     record_on_start: Annotated[bool, Setting("start recording when the node is activated")] = False
-    topics: Annotated[tuple, Setting("topics to record, or patterns like /screw/*", live=True)] = (
-        "*",
-    )
-    other_robots: Annotated[
-        bool, Setting("record the topics of robots in other namespaces too", live=True)
-    ] = False
-    exclude: Annotated[tuple, Setting("topics to leave out, names or patterns", live=True)] = (
-        "*/decimated",
-    )
-    include_hidden: Annotated[
-        bool, Setting("also record topics with a name part that begins with _", live=True)
-    ] = False
+    topics: Annotated[
+        tuple, Setting("names of topics to record beside those of the robot", live=True)
+    ] = ("",)
     configuration: Annotated[
         tuple, Setting("files whose hashes are noted in the bag, like parameter files", live=True)
     ] = ("",)
@@ -79,36 +72,38 @@ class RecorderSettings(NamedTuple):
 
 
 class SessionRecorder(Node):
-    """Takes messages in the hot loop; the session's own thread writes them."""
+    """Takes messages in the hot loop; the recording's own thread writes them."""
 
     def __init__(self):
         super().__init__("session_recorder")
         self.parameters.declare(RecorderSettings)
         self.parameters.declare(StorageSettings, "storage")
-        self._session: Session | None = None
-        self._intake: Intake | None = None
-        self._noted_parameters: NodeParameters | None = None
-        self._others: OtherRobots | None = None
+        self._recording: Recording | None = None
+        self._taps: Taps | None = None
+        self._asked: NodeParameters | None = None
         self._last: Status | None = None
         self._folder: Path | None = None
         self._refusal = ""
-        self._lock = threading.Lock()  # the loop takes messages, or services change the session
-        self.serve(Trigger, "~/start", self._on_start)
+        self._lock = threading.Lock()  # the loop takes messages, or services change the recording
+        self.serve(Trigger, "~/start", lambda _: self._on_start(self._named()))
+        self.serve(StartRecording, "~/record", lambda request: self._on_start(request.name))
         self.serve(Trigger, "~/stop", self._on_stop, always=True)
         self._status = self.create_publisher(*offered(graph.RECORDER_STATUS))
         self.periodic.every(self.clock, 1.0, self._each_second)
 
     def connect(self) -> None:
-        """Repair bags that a power failure cut off."""
+        """Report bags whose recorder was killed."""
         self._period = self.parameters.read(RecorderSettings).period
         try:
-            found = recover_all(self._parent())
+            parent = self._parent()
         except ValueError as error:  # told again by each start
             self.get_logger().warning(str(error))
             return
-        for folder, result in found.items():
-            why = "left as it is" if isinstance(result, BagError) else "had been cut off"
-            self.get_logger().warning(f"{folder}: {why}: {result}")
+        if found := unfinished(parent):
+            self.get_logger().warning(
+                f"{len(found)} bags below {parent} are unfinished, as they have no metadata.yaml: "
+                "`session recover` makes a readable copy of each"
+            )
 
     def _parent(self) -> Path:
         """Return the folder of the bags. Raises ValueError for the home folder of no user."""
@@ -118,137 +113,130 @@ class SessionRecorder(Node):
         """Start recording if `record_on_start` is set."""
         self._refusal = ""
         if self.parameters.read(RecorderSettings).record_on_start:
-            self._refusal = self._start()
+            self._refusal = self._start(self._named())
 
     def step(self) -> None:
         """Empty the queues."""
-        if self._session is None:
+        if self._recording is None:
             self.clock.idle()  # without a recording this thread does not hold simulated time
             self.stopping.wait(_IDLE_S)
             return
         self._ticker.sleep()
         with self._lock:
-            if self._session is not None and self._intake is not None:
-                self._session.put(self._intake.drain())
+            if self._recording is not None and self._taps is not None:
+                self._recording.put(self._taps.drain())
 
     def end(self) -> None:
         """Close the bag."""
         self._stop()
 
-    def _start(self) -> str:
-        """Start a bag; return why it failed, empty when it records."""
+    def _named(self) -> str:
+        """Return the parameter `name`."""
+        return self.parameters.read(RecorderSettings).name
+
+    def _start(self, name: str) -> str:
+        """Start a bag of this name; return why it failed, empty when it records."""
         settings = self.parameters.read(RecorderSettings)
         try:
-            session, intake = self._opened(settings)
-        except (BagError, ValueError) as error:
+            recording = self._new_recording(name)
+            taps = self._begun(recording, settings)
+        except (BagError, NameValidationException, ValueError) as error:
             text = str(error)
         except OSError as error:  # files, threads or memory have run out
             text = f"cannot record: {error.strerror}"
         else:
-            return self._begin(session, intake)
+            return self._begin(recording, taps)
         self.get_logger().error(text)
         return text
 
-    def _opened(self, settings: RecorderSettings) -> tuple[Session, Intake]:
-        """Return a session with its bag on the disk, and its intake; on an error leave neither.
+    def _new_recording(self, name: str) -> Recording:
+        """Return a recording in its own folder, without a name in one by date and time.
 
-        Raises BagError, ValueError, OSError.
+        Another recorder may start in the same second. Raises BagError, ValueError.
         """
-        session = self._new_session(settings)
-        try:
-            session.add_metadata("configuration", file_hashes(settings.configuration))
-            session.start()
-            topics = tuple(
-                t if t[:1] in "/*" else self.resolve_topic_name(t) for t in settings.topics
-            )
-            self._others = None if settings.other_robots else OtherRobots(self)
-            selection = Selection(topics, settings.exclude, settings.include_hidden, self._others)
-            intake = Intake(self, self.clock, selection, session)
-            intake.discover()
-        except BaseException:
-            session.close()
-            raise
-        return session, intake
-
-    def _new_session(self, settings: RecorderSettings) -> Session:
-        """Return a session in its own folder; another recorder may start in the same second."""
         storage = self.parameters.read(StorageSettings, "storage")
         parent = self._parent()
-        if settings.name:
-            name = one_name(settings.name, "name")
-            return Session(BagWriter(parent / name, storage), storage)
+        if name:
+            return Recording(Bag(parent / one_name(name, "name"), storage), storage)
         name = datetime.now().strftime("session_%Y_%m_%d-%H_%M_%S")
         for number in range(2, _MOST_IN_A_SECOND):
             try:
-                return Session(BagWriter(parent / name, storage), storage)
+                return Recording(Bag(parent / name, storage), storage)
             except BagExistsError:
                 name = f"{name[:_STAMP_LENGTH]}_{number}"
-        return Session(BagWriter(parent / name, storage), storage)
+        return Recording(Bag(parent / name, storage), storage)
 
-    def _begin(self, session: Session, intake: Intake) -> str:
-        folder = session.folder
+    def _begun(self, recording: Recording, settings: RecorderSettings) -> Taps:
+        """Start the recording's thread and subscribe; on an error close the bag and raise it."""
+        try:
+            recording.note("configuration", file_hashes(settings.configuration))
+            recording.start()
+            return Taps(self, self.clock, recording, [name for name in settings.topics if name])
+        except BaseException:
+            recording.close()
+            shutil.rmtree(recording.folder, ignore_errors=True)  # nothing was recorded
+            raise
+
+    def _begin(self, recording: Recording, taps: Taps) -> str:
         with self._lock:
             self._ticker = Ticker(self.clock, round(self._period * 1e9), BETWEEN_TICKS_NS)
-            self._folder, self._intake, self._session = folder, intake, session
-            self._noted_parameters = NodeParameters(self, self._is_other)
-        self._noted_parameters.ask()
-        self.get_logger().info(f"recording to {folder}")
+            self._folder, self._taps, self._recording = recording.folder, taps, recording
+            self._asked = NodeParameters(self)
+        self._asked.ask()
+        self.get_logger().info("recording")
         return ""
-
-    def _is_other(self, node: str) -> bool:
-        """Return whether the node of this full name belongs to a robot that is not recorded."""
-        return self._others is not None and self._others.have(node)
 
     def _stop(self) -> None:
         with self._lock:
-            session, intake = self._session, self._intake
-            self._session = self._intake = None
-            if session is None or intake is None:
+            recording, taps = self._recording, self._taps
+            self._recording = self._taps = None
+            if recording is None or taps is None:
                 return
-            session.put(intake.drain())
-            self._note(session, intake)  # what was told in the last second
-            intake.close()
-            self._noted_parameters.close()
-        self._last = session.close()
+            recording.put(taps.drain())
+            self._note(recording, taps)  # what was told in the last second
+            taps.close()
+            self._asked.close()
+        self._last = recording.close()
         self.get_logger().info(self._last.summary())
 
-    def _note(self, session: Session, intake: Intake) -> None:
-        """Write parameters and calibrations of the nodes into the bag."""
-        session.add_metadata(CALIBRATION, intake.calibrations())
-        session.add_metadata(PARAMETERS, self._noted_parameters.values)
-        if intake.refused:
-            session.add_metadata(REFUSED, intake.refused)
+    def _note(self, recording: Recording, taps: Taps) -> None:
+        """Write the parameters of the nodes into the bag, and what is not recorded."""
+        recording.note(PARAMETERS, dict(self._asked.values))
+        if taps.refused:
+            recording.note(REFUSED, dict(taps.refused))
 
-    def _on_start(self, request: Trigger.Request) -> str:
-        if self._session is not None and not self._session.status().error:
+    def _on_start(self, name: str) -> str:
+        if self._recording is not None and not self._recording.status().error:
             return f"already recording to {self._folder}: stop that first"
         self._stop()
-        self._refusal = self._start()
+        self._refusal = self._start(name)
         return self._refusal or Done(str(self._folder))
 
     def _on_stop(self, request: Trigger.Request) -> str:
-        if self._session is None:
+        if self._recording is None:
             return "not recording"
         self._stop()
         text = f"{self._folder}: {self._last.summary()}"
         return text if self._last.error else Done(text)
 
     def _each_second(self) -> None:
-        session, intake = self._session, self._intake
-        if session is not None and intake is not None and not session.status().error:
+        recording, taps = self._recording, self._taps
+        if recording is not None and taps is not None and not recording.status().error:
             try:
-                intake.discover()
-                self._noted_parameters.ask()
-                self._note(session, intake)
+                taps.look()
+                self._asked.ask()
+                self._note(recording, taps)
             except Exception as error:  # the graph may change while it is asked; ask again
                 self.get_logger().warning(f"looking for topics: {type(error).__name__}: {error}")
+        health = self.health()
+        health.values["bag"] = self._folder or ""
         name = self.get_fully_qualified_name()
-        self._status.publish(self.health().status(name, self.hardware_id))
+        self._status.publish(health.status(name, self.hardware_id))
 
     def _hindrance(self) -> str:
         """Return why `~/start` would fail to create a bag, empty if no reason is known."""
         try:
-            if name := self.parameters.read(RecorderSettings).name:
+            if name := self._named():
                 one_name(name, "name")
             folder = self._parent()
         except ValueError as error:
@@ -263,11 +251,11 @@ class SessionRecorder(Node):
 
     def health(self) -> Health:
         """Report whether a recording runs and what is missing in it."""
-        session, intake = self._session, self._intake
-        status = session.status() if session is not None else self._last
-        values = {"recording": session is not None and not status.error, "bag": self._folder or ""}
+        recording, taps = self._recording, self._taps
+        status = recording.status() if recording is not None else self._last
+        values = {"recording": recording is not None and not status.error}
         refusal = self._refusal
-        if session is None:
+        if recording is None:
             refusal = refusal or self._hindrance()
         if status is None:
             return Health(ERROR if refusal else OK, refusal or "not recording", values)
@@ -278,7 +266,7 @@ class SessionRecorder(Node):
             "size [B]": status.size,
         }
         values |= {name: counts.as_text() for name, counts in status.audit.items()}
-        refused = intake.refused if intake is not None else {}
+        refused = taps.refused if taps is not None else {}
         values |= {f"not recorded: {name}": why for name, why in refused.items()}
         if refusal or status.error:
             return Health(ERROR, refusal or status.error, values)

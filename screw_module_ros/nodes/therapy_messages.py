@@ -1,59 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts records of a session to messages, and a message to the hand's sample."""
+"""Converts records of a session to messages."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
-from screw_module_msgs.msg import (
-    AssistanceChange,
-    EndpointState,
-    TherapySlot,
-    TherapyState,
-    TrialResult,
-)
+from screw_module_msgs.msg import AssistanceChange, TherapySlot, TherapyState, TrialResult
 
-from screw_module_ros.therapy import result as records
 from screw_module_ros.therapy.adaptation import Change
+from screw_module_ros.therapy.hand import HandSample, Point
 from screw_module_ros.therapy.line import SlotWish
-from screw_module_ros.therapy.readiness import stop_reason
-from screw_module_ros.therapy.record import flat
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
-from screw_module_ros.therapy.trial import MOVING, OVER_TIME, PREPARE, REACHED, WAIT
+from screw_module_ros.therapy.measures import COLUMNS, Row
+from screw_module_ros.therapy.session import Session
+from screw_module_ros.therapy.trial import Phase
 
 _S = 1_000_000_000
-STATES = {
-    RUNNING: TherapyState.RUNNING,
-    PAUSED: TherapyState.PAUSED,
-    FINISHED: TherapyState.FINISHED,
-    ABORTED: TherapyState.ABORTED,
-}
-_PHASES = {
-    PREPARE: TherapyState.PREPARE,
-    WAIT: TherapyState.WAIT,
-    MOVING: TherapyState.MOVING,
-    OVER_TIME: TherapyState.OVER_TIME,
-    REACHED: TherapyState.REACHED,
-}
 _SLOT_NUMBERS = (
     "duration", "back_stiffness", "side_stiffness", "damping", "half_width", "end_half_width",
     "growth",
 )  # fmt: skip
-
-
-def hand_sample(message: EndpointState, space: str) -> HandSample:
-    """Return the hand's sample from an endpoint_state, with a reason to pause, if any."""
-    p, v, f = message.position, message.velocity, message.force
-    return HandSample(
-        message.sequence,
-        message.header.stamp.sec * _S + message.header.stamp.nanosec,
-        p.x, p.y, p.z, v.x, v.y, v.z, f.x, f.y, f.z,
-        stop_reason(
-            space, message.valid, message.enabled, message.vertical_locked, message.safety
-        ),
-    )  # fmt: skip
 
 
 def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:
@@ -71,54 +37,45 @@ def fill_slot(message: TherapySlot, wish: SlotWish, start_ns: int) -> None:
         setattr(message, name, getattr(slot, name))
 
 
-def fill_state(message: TherapyState, session: Session, sample: HandSample | None) -> None:
-    """Write the state of a session; sample: the newest."""
-    message.state, message.reason = STATES[session.state], session.reason
+def fill_state(
+    message: TherapyState, session: Session, patient: str, sample: HandSample | None
+) -> None:
+    """Write the state of a patient's session; sample: the newest."""
+    message.patient, message.protocol = patient, session.protocol.name
+    message.sequence = sample.sequence if sample else 0
+    message.state, message.reason = session.state, session.reason
     message.trials = session.trials
     message.duration, message.side_stiffness = session.assistance
     message.hit_radius = session.protocol.rules.hit_radius
     trial = session.trial
-    message.phase, message.since = TherapyState.NONE, math.nan
+    message.phase, message.since = Phase.NONE, math.nan
     if trial is None:
         return
     block = session.protocol.blocks[trial.plan.block - 1]
     message.trial, message.circuit = trial.plan.number, trial.plan.circuit
     message.block, message.kind, message.assisted = block.title, block.kind, block.assisted
-    message.phase = _PHASES.get(trial.phase, TherapyState.NONE)
-    _fill_points(message, trial.plan)
+    message.phase = trial.phase
+    _fill_points(message, trial.plan.start, trial.plan.target)
     start_ns = session.wish.start_ns
-    if start_ns is not None and sample is not None and trial.phase != PREPARE:
+    if start_ns is not None and sample is not None and trial.phase != Phase.PREPARE:
         message.since = (sample.time_ns - start_ns) * 1e-9
 
 
-def result_message(result: records.TrialResult, patient: str, protocol: str) -> TrialResult:
+def result_message(result: Row, patient: str, protocol: str) -> TrialResult:
     """Return a trial's result as a message, without header."""
-    message = TrialResult(
-        patient=patient,
-        protocol=protocol,
-        **flat(result),
-    )
-    _fill_points(message, result.plan)
-    for stamp, time_ns in ((message.started, result.start_ns), (message.ended, result.end_ns)):
-        stamp.sec, stamp.nanosec = divmod(time_ns, _S)
+    values = {name: result[name] for name in COLUMNS}
+    message = TrialResult(patient=patient, protocol=protocol, **values)
+    _fill_points(message, result["start"], result["target"])
+    message.started.sec, message.started.nanosec = divmod(result["started_ns"], _S)
+    message.ended.sec, message.ended.nanosec = divmod(result["ended_ns"], _S)
     return message
 
 
 def change_message(change: Change, patient: str, protocol: str, block: int) -> AssistanceChange:
     """Return a change of assistance as a message, without header."""
-    return AssistanceChange(
-        patient=patient,
-        protocol=protocol,
-        block=block,
-        circuit=change.circuit,
-        duration_before=change.before.duration,
-        duration=change.after.duration,
-        side_stiffness_before=change.before.side_stiffness,
-        side_stiffness=change.after.side_stiffness,
-        reason=change.reason,
-    )
+    return AssistanceChange(patient=patient, protocol=protocol, **change.row(block))
 
 
-def _fill_points(message: Any, plan) -> None:
-    message.start.x, message.start.y, message.start.z = plan.start
-    message.target.x, message.target.y, message.target.z = plan.target
+def _fill_points(message: Any, start: Point, target: Point) -> None:
+    message.start.x, message.start.y, message.start.z = start
+    message.target.x, message.target.y, message.target.z = target

@@ -8,8 +8,7 @@ dies, the controllers fade out its slot, because nothing renews it. The node nev
 Games request set points by `therapy/wish`. The node passes them on within the workspace, no faster
 than `wish.speed`, and only while no session runs and `allow_wishes` is true.
 
-A therapist's page publishes `therapy/attendance`. Once a session has received it, the session
-continues only while it does: if page, network or bridge fail, the session pauses.
+A therapist's page publishes `therapy/attendance`; a session that has received it pauses without it.
 """
 
 from __future__ import annotations
@@ -18,43 +17,41 @@ import threading
 from collections.abc import Callable
 from datetime import datetime
 from itertools import islice
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from screw_module_msgs.msg import (
-    EndpointState,
-    TherapySlot,
-    TherapyState,
-)
+from screw_module_msgs.msg import EndpointState, TherapySlot, TherapyState
 from screw_module_msgs.srv import StartTherapy
 from std_srvs.srv import Trigger
 
 from screw_module_ros import graph
 from screw_module_ros.settings import Setting
 from screw_module_ros.therapy.attendance import Attendance, AttendanceSettings
-from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol
-from screw_module_ros.therapy.line import PLANE
-from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text, sha256
+from screw_module_ros.therapy.hand import PLANE, HandSample, hand_sample
+from screw_module_ros.therapy.protocol_file import (
+    SHIPPED,
+    AssistanceLimits,
+    allowed_protocol,
+    protocol_text,
+    sha256,
+)
 from screw_module_ros.therapy.pseudonym import checked_pseudonym
-from screw_module_ros.therapy.recorder_watch import RecorderWatchSettings
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import PAUSED, RUNNING, Outcome, Session
+from screw_module_ros.therapy.session import UNDER_WAY, Outcome, Session, State
 from screw_module_ros.therapy.wishes import WishLimits
 
-from .session_recording import BEGUN, LOST, REFUSED, SessionRecording
 from .support import topics
 from .support.node import Node
 from .support.place import below, root_folder
 from .support.runtime import main as run_node
 from .support.states import OK, WARN, Due, Health
 from .support.topics import offered, requested
-from .therapy_messages import change_message, fill_slot, fill_state, hand_sample, result_message
+from .therapy_messages import change_message, fill_slot, fill_state, result_message
+from .therapy_recording import BEGUN, LOST, REFUSED, RecorderSettings, SessionRecording
 from .wish_relay import WishRelay
 
 _LISTENS_NS = 50_000_000
 _RENEW_HZ = 20.0
 _SILENT_NS = 300_000_000
 _WAITS = "waiting for the recording"
-_BY_HAND = "the therapist paused it"
 
 
 class TherapySettings(NamedTuple):
@@ -77,7 +74,7 @@ class TherapySessionNode(Node):
         self.parameters.declare(WishLimits, "wish")
         self.parameters.declare(AssistanceLimits, "assistance")
         self.parameters.declare(AttendanceSettings, "attendance")
-        self.parameters.declare(RecorderWatchSettings, "recorder")
+        self.parameters.declare(RecorderSettings, "recorder")
         self._lock = threading.Lock()
         self._session: Session | None = None
         self._patient = self._definition = ""
@@ -85,21 +82,16 @@ class TherapySessionNode(Node):
         self._sampled_ns: int | None = None
         self._attendance = Attendance()
         self._recording = SessionRecording(self, self.clock)
-        self._slot: TherapySlot
-        self._state: TherapyState
         self.serve(StartTherapy, "~/start", self._start)
-        self.serve(Trigger, "~/pause", self._pause)
+        self.serve(Trigger, "~/pause", lambda _: self._act("pause", "the therapist paused it"))
         self.serve(Trigger, "~/resume", self._resume)
         self.serve(Trigger, "~/abort", lambda _: self._act("abort", "the therapist ended it"))
-
-    # Lifecycle -----------------------------------------------------------------------------
 
     def connect(self) -> None:
         """Make the topics."""
         self._inbox = inbox = self.new_inbox()
-        self._take = inbox.subscribe(
-            *requested(graph.ENDPOINT_STATE, topics.EACH_STATE), wakes=True
-        )
+        hand = requested(graph.ENDPOINT_STATE, topics.EACH_STATE)
+        self._take = inbox.subscribe(*hand, wakes=True)
         self._wishes = WishRelay(self, inbox, self.parameters.read(WishLimits, "wish"))
         self._take_attendance = inbox.subscribe(*requested(graph.THERAPY_ATTENDANCE))
         self._recording.connect(inbox)
@@ -115,10 +107,9 @@ class TherapySessionNode(Node):
             message.header.frame_id = "manus_base"
         self._due = Due(_RENEW_HZ)
         self._wishes.limit(self.parameters.read(WishLimits, "wish"))
-        self._session, self._sent, self._wish = None, None, None
-        self._sampled_ns = None
+        self._session = self._sent = self._wish = self._sampled_ns = None
         self._attendance = Attendance(self.parameters.read(AttendanceSettings, "attendance"))
-        self._recording.begin(self.parameters.read(RecorderWatchSettings, "recorder"))
+        self._recording.begin(self.parameters.read(RecorderSettings, "recorder"))
 
     def changed(self, kind: type) -> None:
         """Apply live parameters; a session keeps its limits from its start."""
@@ -136,8 +127,6 @@ class TherapySessionNode(Node):
             self._recording.close()
             self._relay_wishes(now_ns, ends=True)
 
-    # Loop ----------------------------------------------------------------------------------
-
     def step(self) -> None:
         """Process new messages; renew slot and state."""
         self._inbox.wait(self.clock.now_ns() + _LISTENS_NS)
@@ -151,15 +140,14 @@ class TherapySessionNode(Node):
             self._send(now_ns)
 
     def _take_sample(self, message: EndpointState, now_ns: int) -> None:
-        session = self._session
-        self._sampled_ns = now_ns
+        session, self._sampled_ns = self._session, now_ns
         self._sample = hand_sample(message, session.protocol.space if session else PLANE)
         if session is not None:
             before = session.state
             self._publish(session.take(self._sample))
             self._note_state(session, before)
 
-    def _note_state(self, session: Session, before: str) -> None:
+    def _note_state(self, session: Session, before: State) -> None:
         """Record the sample after which a state began: a replay needs it."""
         if session.state != before:
             self._state.state_since = self._sample.sequence if self._sample else 0
@@ -175,16 +163,16 @@ class TherapySessionNode(Node):
             self._change(self._session.pause, reason)
 
     def _begin_attendance(self, now_ns: int) -> None:
-        """Forget a silent page; take the attendance that was sent ahead of this request.
-
-        At once, as the middleware may drop what a process that ends has sent.
-        """
+        """Forget a silent page; take now, before it could be lost, what was sent ahead."""
         self._attendance.begin(now_ns)
         self._take_page(now_ns)
 
     def _take_page(self, now_ns: int) -> None:
         if self._take_attendance() is not None:
             self._attendance.hear(now_ns)
+
+    def _is_under_way(self) -> bool:
+        return self._session is not None and self._session.state in UNDER_WAY
 
     def _silent(self, now_ns: int) -> bool:
         return self._sampled_ns is None or now_ns - self._sampled_ns > _SILENT_NS
@@ -202,74 +190,57 @@ class TherapySessionNode(Node):
         if session is None:
             self._recording.listen(now_ns)
             return
-        news = self._recording.follow(session.state in (RUNNING, PAUSED), now_ns)
+        news = self._recording.follow(self._is_under_way(), now_ns)
         if news == REFUSED:
             self._change(session.abort, self._recording.message)
         elif news == LOST:
             self._change(session.pause, self._recording.message)
-        elif news == BEGUN and session.reason == _WAITS:
-            self._change(session.resume)
+        elif news == BEGUN:
+            self._change(session.begin)
 
     def _publish(self, outcome: Outcome) -> None:
         name = self._session.protocol.name
         if outcome.result is not None:
-            message = result_message(outcome.result, self._patient, name)
-            self.stamp(message.header)
-            self._publish_result(message)
+            self._tell(self._publish_result, result_message(outcome.result, self._patient, name))
         if outcome.change is not None:
-            block = outcome.result.plan.block
-            message = change_message(outcome.change, self._patient, name, block)
-            self.stamp(message.header)
-            self._publish_change(message)
+            message = change_message(outcome.change, self._patient, name, outcome.result["block"])
+            self._tell(self._publish_change, message)
+
+    def _tell(self, publish: Callable[[Any], None], message: Any) -> None:
+        self.stamp(message.header)
+        publish(message)
 
     def _send(self, now_ns: int) -> None:
         """Publish slot and state when they have changed, and repeat them now and then."""
         session = self._session
+        self._state.monotonic_ns = now_ns
         if session is None:
             if self._due(now_ns):
                 self._state.state = TherapyState.IDLE
-                self.stamp(self._state.header)
-                self._publish_state(self._state)
+                self._tell(self._publish_state, self._state)
             return
         progress = (session.state, session.reason, session.trial and session.trial.phase)
-        changed = progress != self._sent or session.wish != self._wish
-        if not (self._due(now_ns) or changed):
+        if not (self._due(now_ns) or progress != self._sent or session.wish != self._wish):
             return
         if session.wish != self._wish:
-            self._start_ns = self._on_monotonic(session.wish.start_ns)
+            self._start_ns = session.wish.start_ns or 0
         if progress[:2] != (self._sent or ())[:2]:
             detail = session.reason or session.protocol.name  # logs name no patient
-            self.get_logger().info(f"session {session.state}: {detail}")
+            self.get_logger().info(f"session {session.state.word}: {detail}")
         self._sent, self._wish = progress, session.wish
         fill_slot(self._slot, session.wish, self._start_ns)
-        self.stamp(self._slot.header)
-        self._publish_slot(self._slot)
-        self._send_state(session)
-
-    def _send_state(self, session: Session) -> None:
-        fill_state(self._state, session, self._sample)
-        self._state.patient, self._state.protocol = self._patient, session.protocol.name
-        self._state.sequence = self._sample.sequence if self._sample else 0
+        self._tell(self._publish_slot, self._slot)
+        fill_state(self._state, session, self._patient, self._sample)
         self._state.recorded = self._recording.runs
-        if session.state == RUNNING:
+        self._state.definition = ""
+        if session.state == State.RUNNING:  # once, in the first message of the running session
             self._state.definition, self._definition = self._definition, ""
-        else:
-            self._state.definition = ""
-        self.stamp(self._state.header)
-        self._publish_state(self._state)
-
-    def _on_monotonic(self, stamp_ns: int | None) -> int:
-        """Return a stamp on the robot's monotonic clock [ns], 0 for none."""
-        if stamp_ns is None:
-            return 0
-        return stamp_ns + self.clock.now_ns() - self.clock.stamp_ns()
+        self._tell(self._publish_state, self._state)
 
     def _relay_wishes(self, now_ns: int, ends: bool = False) -> None:
-        running = self._session is not None and self._session.state in (RUNNING, PAUSED)
-        allowed = not (running or ends) and self.parameters.read(TherapySettings).allow_wishes
+        is_free = not (self._is_under_way() or ends)
+        allowed = is_free and self.parameters.read(TherapySettings).allow_wishes
         self._wishes.relay(allowed, None if self._silent(now_ns) else self._sample.position, now_ns)
-
-    # Services ------------------------------------------------------------------------------
 
     def _start(self, request: StartTherapy.Request) -> str:
         patient = checked_pseudonym(request.patient)
@@ -279,28 +250,24 @@ class TherapySessionNode(Node):
             self.parameters.read(WishLimits, "wish"),
         )  # fmt: skip
         with self._lock:
-            running = self._session
-            if running is not None and running.state in (RUNNING, PAUSED):
-                return f"a session of {self._patient} is {running.state}: end it first"
+            if self._is_under_way():
+                return f"a session of {self._patient} is {self._session.state.word}: end it first"
             if self._sampled_ns is None:
                 return "no endpoint_state has come yet"
             now_ns = self.clock.now_ns()
-            if hindrance := self._recording.hindrance(now_ns):
+            if hindrance := self._recording.hindrance(patient, request.record, now_ns):
                 return hindrance
-            if not request.record and (owner := self._recording.of_another(patient, now_ns)):
-                return (
-                    f"session_recorder still records a session of {owner}, whose bag would hold "
-                    "this one too: stop it first (session_recorder/stop)"
-                )
             self._begin_attendance(now_ns)
+            if request.attended:
+                self._attendance.hear(now_ns)
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
-            self._session, self._sent, self._wish = Session(protocol), None, None
+            self._session = Session(protocol, _WAITS if request.record else "")
+            self._sent = self._wish = None
             self._state.state_since = self._sample.sequence
             if request.record:
-                name = f"{patient}_{protocol.name}_{datetime.now():%Y_%m_%d-%H_%M_%S}"
-                self._recording.ask(name)
-                self._session.pause(_WAITS)
+                date = f"{datetime.now():%Y_%m_%d-%H_%M_%S}"
+                self._recording.ask(f"{patient}_{protocol.name}_{date}")
             self._wishes.begin(self.parameters.read(WishLimits, "wish"))
         return ""
 
@@ -317,15 +284,7 @@ class TherapySessionNode(Node):
             if session is None:
                 return "no session has been started"
             changed = self._change(getattr(session, name), *reason)
-            return "" if changed else f"the session is {session.state}"
-
-    def _pause(self, request: Trigger.Request) -> str:
-        with self._lock:
-            session = self._session
-            if session is not None and session.state == PAUSED and session.reason == _WAITS:
-                session.reason = _BY_HAND  # so that it does not begin with its recording
-                return ""
-        return self._act("pause", _BY_HAND)
+            return "" if changed else f"the session is {session.state.word}"
 
     def _resume(self, request: Trigger.Request) -> str:
         if self._recording.waits:
@@ -341,8 +300,8 @@ class TherapySessionNode(Node):
         if session is None:
             return Health(OK, "no session", values)
         values |= {"trials done": len(session.results), "trials": session.trials}
-        level = WARN if session.state == PAUSED else OK
-        return Health(level, f"session {session.state}: {session.reason}".rstrip(": "), values)
+        level = WARN if session.state == State.PAUSED else OK
+        return Health(level, f"session {session.state.word}: {session.reason}".rstrip(": "), values)
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
 from screw_module_ros.settings import Setting
-from screw_module_ros.therapy.screens import protocols_for_screens
+from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
 from .support.node import Node

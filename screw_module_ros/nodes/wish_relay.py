@@ -8,7 +8,7 @@ import math
 from screw_module_msgs.msg import EndpointSetpoint
 
 from screw_module_ros import graph
-from screw_module_ros.therapy.samples import Point
+from screw_module_ros.therapy.hand import Point
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
 from .support.inbox import Inbox

@@ -1,244 +1,258 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a rosbag2 bag: folder, MCAP files, metadata.yaml, audit of the sequences.
+"""Writes a rosbag2 bag with the mcap library: a folder with MCAP files and metadata.yaml.
 
-The format is that of `ros2 bag record -s mcap` of Jazzy, plus the audit and the recorder's own
-metadata. Both are stored twice: as MCAP metadata records and as JSON in the `custom_data` of
-metadata.yaml, which survives a file torn by a power failure.
+The format is that of `ros2 bag record -s mcap` of Jazzy. Each flush closes a chunk and brings it to
+the disk, so that a kill or a power failure costs what came after the last flush. `close` writes
+index, footer and metadata.yaml, which holds the SHA-256 of each file. A bag without metadata.yaml
+is unfinished: `recover` makes a readable copy of it.
+
+Errors name no path: a bag's name may be a patient's, and errors reach logs.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from .audit import Counts, TopicAudit
+import yaml
+
+from ..settings import Setting
 from .definitions import Definition
-from .errors import BagExistsError, BagFolderError, BagWriteError
-from .expected import layout_of, stride_of
-from .files import write_atomically
-from .mcap_file import McapFile, Message
-from .metadata import FileLine, Qos, TopicLine, document, information, qos_yaml
-from .seal import HASHES, sealed
-from .storage import StorageSettings
+from .mcap_file import NO_TIME, McapFile, Message, write_private
 
 PREFIX = "screw_module_ros/"
-AUDIT = PREFIX + "audit"
-STATE = PREFIX + "state"
-REFUSED = "not recorded"  # section with the requested topics that are not recorded, and reasons
-RECORDING, CLOSED, RECOVERED = "recording", "closed", "recovered"
+"""Before the names of our entries in a bag's metadata."""
+STATE, HASHES = "state", "sha256"
+CLOSED, RECOVERED = "closed", "recovered"
 METADATA_FILE = "metadata.yaml"
+_LIBRARY = "screw_module_ros"
+_VERSION = 9  # of metadata.yaml in Jazzy
+_MASK = 0xFFFFFFFF
+
+
+class BagError(Exception):
+    """A bag cannot be written or read; the message says why and what to do."""
+
+
+class BagExistsError(BagError):
+    """A bag of this name exists: the recorder never overwrites."""
 
 
 class Topic(NamedTuple):
-    """A topic to record.
+    """A recorded topic.
 
-    name: full name. type: `package/msg/Type`. definition: see `definitions.Definitions`. type_hash:
-    RIHS01 hash that the publishers announce, empty for the definition's own. qos: what its
-    publishers offer.
+    name: full name. type: `package/msg/Type`. type_hash: RIHS01 hash that the publishers announce,
+    empty for the definition's own. qos: what its publishers offer, in rosbag2's terms.
     """
 
     name: str
     type: str
     definition: Definition
     type_hash: str = ""
-    qos: Sequence[Qos] = ()
+    qos: tuple[dict[str, Any], ...] = ()
 
 
-class BagWriter:
-    """Writes one bag. Not thread-safe: `session.Session` gives it a thread of its own."""
+class StorageSettings(NamedTuple):
+    """Storage settings, like rosbag2's `zstd_fast`; changes apply to the next recording."""
+
+    chunk_size: Annotated[
+        int, Setting("uncompressed size at which a chunk is closed", "B", 1024, 2**26, live=True)
+    ] = 786_432
+    flush_period: Annotated[
+        float, Setting("longest time until a message is on the disk", "s", 0.1, 1.0, live=True)
+    ] = 0.8
+    max_file_duration: Annotated[
+        float,
+        Setting(
+            "duration after which a new file of the bag begins, 0 = never", "s", 0.0, live=True
+        ),
+    ] = 1800.0
+    max_cache: Annotated[
+        int,
+        Setting(
+            "memory for messages waiting for the disk; more are dropped and counted",
+            "B",
+            2**20,
+            2**33,
+            live=True,
+        ),
+    ] = 100 * 2**20
+    min_free_space: Annotated[
+        int,
+        Setting("free disk space below which the recording is closed", "B", 0, 2**40, live=True),
+    ] = 50 * 2**20  # fmt: skip
+
+
+class Bag:
+    """Writes one bag. Not thread-safe: `recorder.Recording` gives it a thread of its own.
+
+    topics: by channel, from 1. message_count: on the disk.
+    """
 
     def __init__(self, folder: Path | str, settings: StorageSettings | None = None):
-        """Create the bag's folder with an empty, complete bag in it.
+        """Create the bag's folder with its first file.
 
-        Raises BagExistsError if `folder` exists, BagFolderError if it cannot be made or written.
+        Raises BagExistsError if `folder` exists, BagError if it cannot be made or written: then it
+        leaves nothing behind.
         """
         self.folder = Path(folder)
+        self.topics: list[Topic] = []
+        self.message_count = 0
         self._settings = settings or StorageSettings()
-        self._topics: list[Topic] = []
-        self._hashes: list[str] = []
-        self._qos: list[str] = []
-        self._audits: list[TopicAudit] = []
-        self._done: list[FileLine] = []
-        self._done_counts: list[int] = []
-        self._values: dict[str, dict[str, str]] = {}
-        self._state = RECORDING
-        self._broken = self._closed = False
+        self._counts: list[int] = []
+        self._files: list[McapFile] = []
+        self._ended = False
         _make_folder(self.folder)
         try:
-            self._file = self._next_file()
-        except OSError as error:
-            raise self._impossible(error.strerror) from None
-        try:
-            self.flush()
-        except BagWriteError as error:
-            self._file.close()
-            raise self._impossible(str(error)) from None
-
-    def _impossible(self, why: str) -> BagFolderError:
-        """Remove the folder of a bag that could not be started; return the error to raise."""
-        for path in self.folder.glob("*"):
-            path.unlink()
-        self.folder.rmdir()
-        return BagFolderError(f"cannot write a bag to {self.folder}: {why}")
-
-    def _next_file(self) -> McapFile:
-        name = f"{self.folder.name}_{len(self._done)}.mcap"
-        file = McapFile(self.folder / name, self._settings)
-        for number in range(len(self._topics)):
-            self._declare(file, number)
-        return file
-
-    def _declare(self, file: McapFile, number: int) -> int:
-        topic = self._topics[number]
-        known = {schema.name: schema.id for schema in file.schemas}
-        schema = known.get(topic.type) or file.add_schema(
-            topic.type, topic.definition.encoding, topic.definition.text
-        )
-        metadata = {
-            "offered_qos_profiles": self._qos[number],
-            "topic_type_hash": self._hashes[number],
-        }
-        return file.add_channel(topic.name, schema, metadata)
-
-    def add_topic(self, topic: Topic) -> int:
-        """Add a topic; return its channel."""
-        self._topics.append(topic)
-        self._hashes.append(topic.type_hash or topic.definition.type_hash)
-        self._qos.append(qos_yaml(topic.qos))
-        stride = stride_of(topic.name, topic.type)
-        self._audits.append(TopicAudit(layout_of(topic.type, topic.definition.text), stride))
-        self._done_counts.append(0)
-        return self._declare(self._file, len(self._topics) - 1)
-
-    def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Store `values` in the bag under `name`; they replace earlier ones.
-
-        Each value is stored with its hash, see `seal`.
-        """
-        self._values[PREFIX + name] = dict(values)
-        sections = {key.removeprefix(PREFIX): kept for key, kept in self._values.items()}
-        self._values[PREFIX + HASHES] = sealed(sections)
-
-    def write(self, messages: Iterable[Message]) -> None:
-        """Append messages, oldest first. Raises BagWriteError if writing fails."""
-        audits = self._audits
-        kept = list(messages)
-        for message in kept:
-            audits[message[0] - 1].update(message[4], message[3])
-        try:
-            self._file.extend(kept)
-        except OSError as error:
-            raise self._failure(error) from None
-
-    def dropped(self, channel: int, number: int) -> None:
-        """Set the total number of received messages of a topic that were not written."""
-        self._audits[channel - 1].dropped = number
-
-    def several_publishers(self, channel: int) -> None:
-        """Note that a topic has several publishers, with separate message numbers."""
-        self._audits[channel - 1].single_publisher = False
-
-    def flush(self) -> None:
-        """Write all messages so far and metadata.yaml to the disk.
-
-        Raises BagWriteError on failure; the bag then has the state of the previous flush.
-        """
-        try:
-            self._file.close_chunk()
-            text = self._information()
-            self._file.metadata = {
-                "rosbag2": {"serialized_metadata": text},
-                AUDIT: {name: counts.as_text() for name, counts in self.audit().items()},
-                **self._values,
-            }
-            self._file.flush()
-            write_atomically(self.folder / METADATA_FILE, document(text))
-        except OSError as error:
-            raise self._failure(error) from None
-        self._split_when_long()
-
-    def _failure(self, error: OSError) -> BagWriteError:
-        self._broken = True
-        lost = sum(audit.messages for audit in self._audits) - self.message_count
-        where = error.filename or self._file.path
-        text = f"{where}: {error.strerror}"
-        if lost:
-            text += f"; the last {lost} messages are not in the bag, all earlier ones are"
-        return BagWriteError(text)
-
-    def _split_when_long(self) -> None:
-        limit = int(self._settings.max_file_duration * 1e9)
-        file = self._file
-        if not limit or self._state != RECORDING or file.end_time - file.start_time < limit:
-            return
-        self._done.append(_line(file))
-        for channel, count in file.counts.items():
-            self._done_counts[channel - 1] += count
-        file.close()
-        try:
-            self._file = self._next_file()
-        except OSError as error:
-            raise self._failure(error) from None
-        self.flush()
-
-    def close(self, state: str = CLOSED) -> None:
-        """Flush, mark the bag as closed, and close it; a second call does nothing.
-
-        Raises BagWriteError if the last flush fails; after a failed write it only closes the file.
-        """
-        if self._closed:
-            return
-        self._closed, self._state = True, state
-        try:
-            if not self._broken:
-                self.flush()
-        finally:
-            self._file.close()
-
-    def audit(self) -> dict[str, Counts]:
-        """Return the counts of each topic."""
-        return {t.name: a.counts() for t, a in zip(self._topics, self._audits, strict=True)}
+            self._next_file()
+        except BagError:
+            for path in self.folder.iterdir():
+                path.unlink()
+            self.folder.rmdir()
+            raise
 
     @property
     def size(self) -> int:
         """Size of the file being written [B]."""
-        return self._file.size
+        return self._files[-1].size
 
-    @property
-    def message_count(self) -> int:
-        """Number of messages on the disk."""
-        return self._file.saved + sum(self._done_counts)
+    def _next_file(self) -> None:
+        with self._writing():
+            path = self.folder / f"{self.folder.name}_{len(self._files)}.mcap"
+            self._files.append(McapFile(path, self._settings.chunk_size))
+            self._files[-1].writer.start("ros2", _LIBRARY)
+            for topic in self.topics:
+                self._declare(topic)
+            self._files[-1].writer.flush()
 
-    def _information(self) -> str:
-        topics = [
-            TopicLine(
-                topic.name,
-                topic.type,
-                self._hashes[number],
-                self._qos[number],
-                self._done_counts[number] + self._file.counts.get(number + 1, 0),
+    def _declare(self, topic: Topic) -> None:
+        file, definition = self._files[-1], topic.definition
+        key = topic.type, definition.text
+        if key not in file.schemas:
+            file.schemas[key] = file.writer.register_schema(
+                topic.type, definition.encoding, definition.text.encode()
             )
-            for number, topic in enumerate(self._topics)
-        ]
-        custom = {STATE: self._state}
-        custom[AUDIT] = json.dumps({name: c._asdict() for name, c in self.audit().items()})
-        for name, values in self._values.items():
-            custom[name] = json.dumps(values)
-        return information(topics, [*self._done, _line(self._file)], custom)
+        metadata = {
+            "offered_qos_profiles": yaml.safe_dump(list(topic.qos), sort_keys=False),
+            "topic_type_hash": topic.type_hash or definition.type_hash,
+        }
+        file.writer.register_channel(topic.name, "cdr", file.schemas[key], metadata)
 
+    def add_topic(self, topic: Topic) -> int:
+        """Add a topic; return its channel. Raises BagError."""
+        self.topics.append(topic)
+        self._counts.append(0)
+        with self._writing():
+            self._declare(topic)
+        return len(self.topics)
 
-def _line(file: McapFile) -> FileLine:
-    return FileLine(file.path.name, file.start_time, file.end_time, file.message_count)
+    def note(self, name: str, values: dict[str, str]) -> None:
+        """Store `values` under `name`; they replace earlier ones. Raises BagError."""
+        with self._writing():
+            self._files[-1].writer.add_metadata(PREFIX + name, values)
+
+    def write(self, messages: Iterable[Message]) -> None:
+        """Append messages; they are safe after the next `flush`. Raises BagError."""
+        file = self._files[-1]
+        with self._writing():
+            for message in messages:
+                channel, log_time, publish_time, sequence, data = message
+                file.writer.add_message(channel, log_time, data, publish_time, sequence & _MASK)
+                file.note_times(message)
+                self._counts[channel - 1] += 1
+
+    def flush(self) -> None:
+        """Close the chunk and bring it to the disk: readable up to here, whatever happens.
+
+        Raises BagError if that fails; the file then ends with the last flush.
+        """
+        file = self._files[-1]
+        with self._writing():
+            file.writer.flush()
+        self.message_count = sum(self._counts)
+        longest = self._settings.max_file_duration * 1e9
+        if longest and file.messages and file.end - file.begin >= longest:
+            self._finish_file()
+            self._next_file()
+
+    def _finish_file(self) -> None:
+        file = self._files[-1]
+        with self._writing():
+            file.writer.finish()
+            file.writer.flush()
+            file.close()
+
+    def close(self, state: str = CLOSED) -> None:
+        """Write index, footer and metadata.yaml; a second call does nothing.
+
+        After a failed write the bag stays unfinished. Raises BagError if this fails.
+        """
+        if self._ended:
+            return
+        self._finish_file()
+        self.message_count = sum(self._counts)
+        with self._writing():
+            write_private(self.folder / METADATA_FILE, self._metadata(state))
+        self._ended = True
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Turn an OSError into a BagError and end the bag at its last flush."""
+        if self._ended:
+            raise BagError("the bag is closed")
+        try:
+            yield
+        except OSError as error:
+            self._ended = True
+            for file in self._files[-1:]:
+                file.cut_back()
+                file.close()
+            raise BagError(f"writing the bag failed: {error.strerror}") from None
+
+    def _metadata(self, state: str) -> str:
+        filled = [file for file in self._files if file.messages]
+        begin = min((file.begin for file in filled), default=NO_TIME)
+        end = max((file.end for file in filled), default=NO_TIME)
+        hashes = {file.path.name: file.sha256 for file in self._files}
+        information = {
+            "version": _VERSION,
+            "storage_identifier": "mcap",
+            "duration": {"nanoseconds": end - begin},
+            "starting_time": {"nanoseconds_since_epoch": begin},
+            "message_count": self.message_count,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic.name,
+                        "type": topic.type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": list(topic.qos),
+                        "type_description_hash": topic.type_hash or topic.definition.type_hash,
+                    },
+                    "message_count": count,
+                }
+                for topic, count in zip(self.topics, self._counts, strict=True)
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [file.path.name for file in self._files],
+            "files": [file.as_yaml() for file in self._files],
+            "custom_data": {PREFIX + STATE: state, PREFIX + HASHES: json.dumps(hashes)},
+            "ros_distro": "jazzy",
+        }
+        return yaml.safe_dump({"rosbag2_bagfile_information": information}, sort_keys=False)
 
 
 def _make_folder(folder: Path) -> None:
     try:
-        folder.mkdir(parents=True)
+        folder.mkdir(mode=0o700, parents=True)
     except FileExistsError:
         raise BagExistsError(
-            f"{folder} exists already and is never overwritten: choose another name or move it away"
+            "a bag of this name exists already and is never overwritten: choose another name or "
+            "move it away"
         ) from None
     except OSError as error:
-        raise BagFolderError(f"cannot make the bag folder {folder}: {error.strerror}") from None
+        raise BagError(f"cannot make the bag's folder: {error.strerror}") from None

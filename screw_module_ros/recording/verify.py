@@ -1,54 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Audits a bag: damage, missing messages and their places, altered metadata.
+"""Audits a bag. `complete` means:
 
-All messages are counted again; the recorder's counts and metadata.yaml must agree. Configuration,
-parameters and calibration identities must match their hashes. The report names what cannot be
-counted, so that the verdict states its coverage.
+1. the SHA-256 of each file is the one in metadata.yaml;
+2. every chunk matches its checksum, index and counts agree;
+3. every topic with ticks has each due number from first to last, begins and ends within 1 s of the
+   recording, and is not silent;
+4. the message numbers of every topic with one publisher are contiguous;
+5. the recorder dropped nothing;
+6. every topic of a node whose parameters are in the bag is there, and so is every topic that was
+   asked for; each node told its parameters.
+
+All messages are counted again. What cannot be counted is named, so that the verdict states its
+coverage.
 """
 
 from __future__ import annotations
 
-from array import array
+import hashlib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .audit import Counts, TopicAudit, monotonic_of, sequence_of
-from .bag import CLOSED, METADATA_FILE, REFUSED
-from .catalogue import resolved
-from .errors import BagBusyError, BagReadError
-from .expected import TICKED, absent, layout_of, stride_of, wrong_rate
-from .files import Source, check_at_rest, files_of
-from .noted import Noted, own, read_noted
-from .seal import PARAMETERS, Sections, broken, disowned
-from .survey import Survey, chunks, survey
+from .bag import CLOSED, HASHES, METADATA_FILE, PREFIX, RECOVERED, STATE, BagError, Topic
+from .counts import TICKED, Count, Counts, Gap
+from .recorder import AUDIT, NO_ANSWER, PARAMETERS, REFUSED
+from .records import File, decoded, files_of, information, noted
 
-_SHOWN = 5  # gaps listed per topic
-_END_S = 1.0  # longest accepted silence of a topic with ticks at an end of the bag
-
-
-class Gap(NamedTuple):
-    """A gap in the sequence: log time of the message before it [ns], number of missing ones."""
-
-    log_time: int
-    missing: int
+_END_S = 1.0  # longest accepted silence of a topic with ticks at an end of the recording
+_KINDS = (
+    "counted by ticks and message numbers",
+    "counted by ticks",
+    "counted by message numbers",
+    "not counted",
+    "without a message",
+)
 
 
 class Report(NamedTuple):
     """Result of `verify`.
 
     topics: counts by topic name. gaps: the first ones per topic. problems: sentences, empty if the
-    bag is complete. notes: metadata of the recorder (configuration and so on). remarks: sentences
-    about what could not be checked.
+    bag is complete. remarks: sentences about what could not be checked. notes: of the recorder.
     """
 
     topics: dict[str, Counts]
     gaps: dict[str, list[Gap]]
     problems: list[str]
-    notes: dict[str, Any]
-    remarks: Sequence[str] = ()
+    remarks: list[str]
+    notes: dict[str, dict[str, str]]
 
     @property
     def complete(self) -> bool:
@@ -64,15 +64,6 @@ class Report(NamedTuple):
         return f"{'complete' if self.complete else 'NOT complete'}; {covered}"
 
 
-_KINDS = (
-    "counted by ticks and message numbers",
-    "counted by ticks",
-    "counted by message numbers",
-    "not counted",
-    "without a message",
-)
-
-
 def _counted_by(count: Counts) -> str:
     if not count.messages:
         return _KINDS[4]
@@ -82,215 +73,142 @@ def _counted_by(count: Counts) -> str:
     return _KINDS[2 if numbered else 3]
 
 
-class _Track:
-    """Data of one topic, collected during the scan of the files."""
+class _Track(Count):
+    """The messages of one topic; first, last: their log times [ns]."""
 
-    def __init__(self, type_name: str, definition: str):
-        self.type = type_name
-        self.where = layout_of(type_name, definition)
-        self.audit = TopicAudit(self.where)
-        self.numbered = False
+    def __init__(self, topic: Topic):
+        super().__init__(topic)
         self.first = self.last = 0
-        self.oldest = b""
-        self.times = array("Q")
-        self.sequences = array("I")
-        self.newest = b""
 
-    def add(self, log_time: int, number: int, data: bytes) -> None:
-        self.audit.update(data, number)
-        self.numbered = self.numbered or number > 0
-        self.first, self.last = self.first or log_time, log_time
-        self.oldest = self.oldest or data
-        self.newest = data
-        if self.where:
-            self.times.append(log_time)
-            self.sequences.append(sequence_of(data, self.where))
-
-    def wrong_rate(self, parameters: Mapping[str, str]) -> str:
-        """Return the difference of the ticks from the node's rate, empty if none or unknown."""
-        if not self.where or not self.newest:
-            return ""
-        first, last = (monotonic_of(data, self.where) for data in (self.oldest, self.newest))
-        ticks = self.sequences[-1] - self.sequences[0] & 0xFFFFFFFF
-        return wrong_rate(self.type, ticks, (last - first) * 1e-9, parameters)
-
-    def gaps(self) -> Iterator[Gap]:
-        stride = self.audit.counts().stride
-        if not stride:
-            return
-        for number in range(1, len(self.sequences)):
-            step = (self.sequences[number] - self.sequences[number - 1]) & 0xFFFFFFFF
-            missing = (2 * step + stride) // (2 * stride) - 1
-            if 0 < missing < 2**31 // stride:
-                yield Gap(self.times[number - 1], missing)
+    def add(self, number: int, data: bytes, log_time: int) -> None:
+        self.first = min(self.first, log_time) if self.messages else log_time
+        self.last = max(self.last, log_time)
+        self.take(number, data, log_time)
 
 
-def verify(folder: Path | str) -> Report:
-    """Audit the bag in `folder`. Raises BagReadError if it is not a bag of this recorder."""
-    folder = Path(folder)
+def verify(bag: Path | str) -> Report:
+    """Audit the bag in the folder `bag`. Raises BagError if it is none, or cannot be read."""
+    files = [File(path) for path in files_of(bag)]
     tracks: dict[str, _Track] = {}
     problems: list[str] = []
-    noted, unreadable = _noted(folder)
-    inside: Sections | None = None
-    files, busy = files_of(folder), ""
-    for path in files:
-        with Source(path) as source:
-            busy = busy or _in_use(source)
-            found = survey(source, bool(noted.state))
-            _walk(source, found, noted, tracks)
-        inside = own(found.metadata) if found.complete else None
-        problems += () if busy else _damage(found, folder)
-    if unreadable:
-        problems.append(
-            f"{METADATA_FILE} cannot be read ({unreadable}); run: session recover {folder}"
-        )
-    notes = noted.sections
-    for topic in noted.topics:  # a file may lack the declaration of a topic without messages
-        tracks.setdefault(topic.name, _Track(topic.type, ""))
+    for file in files:
+        problems += _walk(file, tracks)
+    try:
+        told = information(bag)
+    except BagError as error:
+        told = {}
+        problems.append(str(error))
     tracks = dict(sorted(tracks.items()))
+    notes = noted(told, files)
+    parameters = notes.get(PARAMETERS, {})
+    audit = {topic: decoded(text) for topic, text in notes.get(AUDIT, {}).items()}
+    counts = {}
     for name, track in tracks.items():
-        track.audit.stride = stride_of(name, track.type, notes.get(PARAMETERS))
-    counts = {name: track.audit.counts() for name, track in tracks.items()}
-    counts = _with_noted(counts, noted)
-    remarks = [*_uncounted(counts, tracks), *_ends(tracks), *_unexpected(tracks, notes)]
-    counts = _with_numbers(counts, tracks)
-    problems += [_missing(name, count) for name, count in counts.items() if not count.complete]
-    problems += _suspect(tracks, notes)
-    if busy:
-        problems.append(f"{busy}: verify the bag when it is closed")
-    elif not unreadable:
-        problems += _unlisted(files, noted, folder)
-        problems += _compared(counts, noted)
-        problems += broken(notes, inside)
-        problems += disowned(notes, {name: track.newest for name, track in tracks.items()})
-    gaps = {name: list(islice(track.gaps(), _SHOWN)) for name, track in tracks.items()}
-    gaps = {name: found for name, found in gaps.items() if found and counts[name].lost}
-    return Report(counts, gaps, problems, notes, remarks)
-
-
-def _noted(folder: Path) -> tuple[Noted, str]:
-    """Return the content of metadata.yaml, and the reason if it cannot be read."""
-    try:
-        return read_noted(folder), ""
-    except BagReadError as error:
-        return Noted(), str(error)
-
-
-def _in_use(source: Source) -> str:
-    """Return that another process writes the file, empty if none does."""
-    try:
-        check_at_rest(source, 0.0)
-    except BagBusyError as error:
-        return str(error)
-    return ""
-
-
-def _walk(source: Source, found: Survey, noted: Noted, tracks: dict[str, _Track]) -> None:
-    """Add the messages of one file to the tracks."""
-    channels = resolved(found.channels, {}, noted.topics, sorted(found.counts))
-    track_of = {
-        number: tracks.setdefault(d.channel.topic, _Track(d.schema.name, d.text))
-        for number, d in channels.items()
-    }
-    for chunk in chunks(source, found):
-        for message in chunk.messages:
-            track_of[message.channel].add(message.log_time, message.sequence, message.data)
-
-
-def _damage(found: Survey, folder: Path) -> Iterator[str]:
-    """Yield a sentence about the unreadable parts of a file."""
-    way_out = f"run: session recover {folder}"
-    name = found.path.name
-    if found.orderly and not found.complete:
-        yield f"{name} was cut off; {way_out}"
-    elif not found.whole:
-        lost = sum(damage.end - damage.start for damage in found.cut)
-        where = f" from byte {found.cut[0].start} on" if found.cut else ""
-        yield f"{name} is damaged: {lost} bytes cannot be read{where}; {way_out}"
-
-
-def _with_noted(counts: dict[str, Counts], noted: Noted) -> dict[str, Counts]:
-    """Add counts that only the recorder knows: unwritten messages, topics with two publishers."""
-    found = {}
-    for name, count in counts.items():
-        counted = noted.audit(name)
-        missed = -1 if counted.missed < 0 else count.missed
-        found[name] = count._replace(dropped=counted.dropped, missed=missed)
-    return found
-
-
-def _with_numbers(counts: dict[str, Counts], tracks: dict[str, _Track]) -> dict[str, Counts]:
-    """Mark the missed messages of topics without sequence numbers as unknown."""
-    return {
-        name: count._replace(missed=-1) if count.messages and not tracks[name].numbered else count
+        track.dropped = _number(audit.get(name, {}), "dropped")
+        track.several = _number(audit.get(name, {}), "missed") < 0
+        counts[name] = track.result(parameters)
+        problems += [] if counts[name].complete else [_missing(name, counts[name])]
+        problems += _ticks(track, tracks.values())
+    custom = told.get("custom_data", {})
+    problems += [*_closed(bag, told, files), *_stated(told, counts), *_absent(tracks, notes)]
+    remarks = list(_uncounted(tracks))
+    if custom and PREFIX + HASHES not in custom:
+        remarks.append("an older version recorded it, without a hash of its files")
+    gaps = {name: track.gaps(parameters) for name, track in tracks.items() if counts[name].lost}
+    counts = {
+        name: count if tracks[name].numbered or not count.messages else count._replace(missed=-1)
         for name, count in counts.items()
     }
+    return Report(counts, gaps, problems, remarks, notes)
 
 
-def _uncounted(counts: dict[str, Counts], tracks: dict[str, _Track]) -> Iterator[str]:
-    """Yield remarks about topics whose losses would not be visible."""
-    for name, count in counts.items():
-        if count.missed < 0:
-            yield f"{name}: messages not received are not counted: several publishers"
-        elif count.messages and not tracks[name].numbered:
-            yield f"{name}: messages not received are not counted: they carry no number"
-        track = tracks[name]
-        if count.stride and not track.audit.stride:
-            yield f"{name}: its stride of {count.stride} ticks is estimated from its messages"
-    silent = [name for name, count in counts.items() if not count.messages]
-    if silent:
-        yield f"no message at all: {', '.join(silent)}"
+def _number(values: Mapping[str, Any], name: str) -> int:
+    """Return a whole number of the recorder's counts, 0 if it is another value or not there."""
+    value = values.get(name)
+    return value if isinstance(value, int) else 0
 
 
-def _ends(tracks: dict[str, _Track]) -> Iterator[str]:
-    """Yield remarks about topics with ticks that begin late or end early, which leaves no gap."""
-    spoke = {name: track for name, track in tracks.items() if track.newest}
-    begin = min((track.first for track in spoke.values()), default=0)
-    end = max((track.last for track in spoke.values()), default=0)
-    for name, track in spoke.items():
-        late, early = (track.first - begin) * 1e-9, (end - track.last) * 1e-9
-        if track.type in TICKED and max(late, early) > _END_S:
-            yield (
-                f"{name}: begins {late:.1f} s after the recording and ends {early:.1f} s before it"
-            )
+def _walk(file: File, tracks: dict[str, _Track]) -> Iterator[str]:
+    """Count the messages of a file; yield what is wrong with it."""
+    read = 0
+    for topic, message in file.messages():
+        track = tracks.get(topic.name) or tracks.setdefault(topic.name, _Track(topic))
+        track.add(message.sequence, message.data, message.log_time)
+        read += 1
+    for topic in file.topics.values():
+        tracks.setdefault(topic.name, _Track(topic))
+    yield from file.problems
+    if file.stated not in (None, read):
+        yield f"{file.path.name} states {file.stated} messages and holds {read}"
 
 
-def _unexpected(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
-    return absent({track.type for track in tracks.values()}, notes.get(PARAMETERS, {}))
+def _closed(bag: Path | str, told: Mapping[str, Any], files: list[File]) -> Iterator[str]:
+    """Yield problems with the way the bag was closed, and with the hashes of its files."""
+    custom = told.get("custom_data", {})
+    state = custom.get(PREFIX + STATE)
+    if state != CLOSED:
+        yield (
+            f"the recording goes on or was not closed (state: {state or 'unfinished'}); if it has "
+            f"ended, run: session recover {bag}"
+            if state != RECOVERED
+            else "the bag is a recovered copy: what was lost before is not known"
+        )
+    names, listed = [file.path.name for file in files], told.get("relative_file_paths", [])
+    if custom and names != listed:
+        yield f"{METADATA_FILE} lists {', '.join(listed)}, but there are {', '.join(names)}"
+    hashes = decoded(custom.get(PREFIX + HASHES, "{}"))
+    for file in files:
+        wanted = hashes.get(file.path.name)
+        if wanted and _sha256(file.path) != wanted:
+            yield f"{file.path.name} was altered or damaged: its SHA-256 differs"
 
 
-def _suspect(tracks: dict[str, _Track], notes: dict[str, Any]) -> Iterator[str]:
-    """Yield problems that leave no gap: topics not recorded or silent, jumps, wrong rates."""
+def _sha256(path: Path) -> str:
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(2**20):
+            found.update(block)
+    return found.hexdigest()
+
+
+def _stated(told: Mapping[str, Any], counts: Mapping[str, Counts]) -> Iterator[str]:
+    """Yield where the counts in metadata.yaml are not those of the files."""
+    for name, stated in told.get("topics_with_message_count", {}).items():
+        found = counts.get(name, Counts()).messages
+        if stated != found:
+            yield f"{name}: {METADATA_FILE} states {stated} messages, the files contain {found}"
+
+
+def _ticks(track: _Track, tracks: Iterable[_Track]) -> Iterator[str]:
+    """Yield what is wrong with a topic of the graph that has ticks, beside gaps."""
+    name = track.topic.name
+    if not track.ticked:
+        return
+    if not track.messages:
+        yield f"{name}: subscribed to, but no message arrived"
+        return
+    if restarts := track.result({}).restarts:
+        yield f"{name}: its sequence jumped {restarts} times, too far to count losses"
+    spoke = [each for each in tracks if each.messages]
+    late = (track.first - min(each.first for each in spoke)) * 1e-9
+    early = (max(each.last for each in spoke) - track.last) * 1e-9
+    if max(late, early) > _END_S:
+        yield f"{name}: begins {late:.1f} s after the recording and ends {early:.1f} s before it"
+
+
+def _absent(tracks: Mapping[str, _Track], notes: Mapping[str, Any]) -> Iterator[str]:
+    """Yield topics that should be there, and nodes whose settings are unknown."""
+    nodes = notes.get(PARAMETERS, {})
+    types = {track.topic.type for track in tracks.values()}
+    for kind, ticked in TICKED.items():
+        there = [node for node in nodes if node.rpartition("/")[2] == ticked.publisher]
+        if there and kind not in types:
+            yield f"{there[0]} was there, but no topic of type {kind} is in the bag"
     for name, why in notes.get(REFUSED, {}).items():
         yield f"{name}: requested but not recorded: {why}"
-    for name, track in tracks.items():
-        if track.type not in TICKED:
-            continue
-        count = track.audit.counts()
-        if not count.messages:
-            yield f"{name}: subscribed to, but no message arrived"
-        elif count.restarts:
-            yield f"{name}: its sequence jumped {count.restarts} times, too far to count losses"
-        elif why := track.wrong_rate(notes.get(PARAMETERS, {})):
-            yield f"{name}: {why}"
-
-
-def _unlisted(files: list[Path], noted: Noted, folder: Path) -> Iterator[str]:
-    """Yield a sentence if metadata.yaml lists other files: readers open those that it lists."""
-    names = tuple(path.name for path in files)
-    if noted.files != names:
-        listed = f"lists {', '.join(noted.files) or 'none'}, but there are {', '.join(names)}"
-        yield f"{METADATA_FILE} {listed}; run: session recover {folder}"
-
-
-def _compared(counts: dict[str, Counts], noted: Noted) -> Iterator[str]:
-    if noted.state != CLOSED:
-        yield f"the recording was not closed properly (state: {noted.state or None})"
-    for line in noted.topics:
-        found = counts[line.name].messages
-        if line.messages != found:
-            claim = f"{METADATA_FILE} states {line.messages} messages"
-            yield f"{line.name}: {claim}, the files contain {found}"
+    for node, told in nodes.items():
+        if told == NO_ANSWER:
+            yield f"{node}: the node did not report its parameters"
 
 
 def _missing(name: str, count: Counts) -> str:
@@ -305,3 +223,14 @@ def _missing(name: str, count: Counts) -> str:
         if number > 0
     ]
     return f"{name}: of {count.messages} messages " + ", ".join(parts)
+
+
+def _uncounted(tracks: Mapping[str, _Track]) -> Iterator[str]:
+    """Yield remarks about topics whose losses would not be visible."""
+    for name, track in tracks.items():
+        if track.several or (track.messages and not track.numbered):
+            why = "several publishers" if track.several else "they carry no number"
+            yield f"{name}: messages not received are not counted: {why}"
+    silent = [name for name, track in tracks.items() if not track.messages]
+    if silent:
+        yield f"no message at all: {', '.join(silent)}"

@@ -180,7 +180,7 @@ def encoder_problem(
 
     motion: is brought up to date. period_ns: of the samples [ns].
     """
-    if not (math.isfinite(sample.position) and math.isfinite(sample.velocity)):
+    if not is_measured(sample):
         return "encoder: position or velocity is not a finite number"
     lost = motion.homed and not sample.homed
     if sample.homed and not motion.homed:
@@ -194,6 +194,11 @@ def encoder_problem(
     if sample.homed and not bounds.lowest <= sample.position <= bounds.highest:
         return f"encoder: {sample.position:.4g} m lies outside the travel"
     return jump
+
+
+def is_measured(sample: EncoderLike) -> bool:
+    """Return whether position and velocity of a sample are finite numbers."""
+    return math.isfinite(sample.position) and math.isfinite(sample.velocity)
 
 
 def _jump(bounds: WatchSettings, motion: Motion, sample: EncoderLike, period_ns: int) -> str:
@@ -278,7 +283,7 @@ class VerticalChecks:
         if not self._encoder.accept(sample.sequence, sample.monotonic_ns, now_ns):
             return False
         self.fault.set(encoder_problem(self._settings, self._motion, sample, self._period_ns))
-        return math.isfinite(sample.position) and math.isfinite(sample.velocity)
+        return is_measured(sample)
 
     def force(self, sample: ForceLike, now_ns: int) -> bool:
         """Check a force sample; return whether the controller may use it."""

@@ -19,12 +19,11 @@ robot; the bounds are ours. At rest m = 0: walls settle at K = 33 125 N/m^2 time
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, NamedTuple
 
 from ..control.limits import clamp
-from ..settings import Setting, validated
-from .measures import Measures
+from ..settings import Setting
 
 POWER_WEIGHT = 0.65  # [1/W]
 LEAD_WEIGHT = 6.0  # [1/m]
@@ -45,16 +44,15 @@ class AdaptationBounds(NamedTuple):
     softest: Annotated[float, Setting("softest side walls", "N/m", 0.0, 1000.0)] = 25.0
     stiffest: Annotated[float, Setting("stiffest side walls", "N/m", 0.0, 1000.0)] = 300.0
 
-    def validated(self) -> AdaptationBounds:
-        """Return self if both ranges are valid. Raises ValueError naming the field."""
-        validated(self)
+    def flaw(self) -> str:
+        """Return which range is empty, nothing if none is."""
         for low, high in (("shortest", "longest"), ("softest", "stiffest")):
             if getattr(self, low) >= getattr(self, high):
-                raise ValueError(
-                    f"AdaptationBounds: {low} = {getattr(self, low):g} must be less than "
+                return (
+                    f"{low} = {getattr(self, low):g} must be less than "
                     f"{high} = {getattr(self, high):g}"
                 )
-        return self
+        return ""
 
 
 class Assistance(NamedTuple):
@@ -79,9 +77,21 @@ class Change(NamedTuple):
     after: Assistance
     reason: str
 
+    def row(self, block: int) -> dict[str, Any]:
+        """Return it by the names of AssistanceChange.msg; block: number of its block."""
+        return {
+            "block": block,
+            "circuit": self.circuit,
+            "duration_before": self.before.duration,
+            "duration": self.after.duration,
+            "side_stiffness_before": self.before.side_stiffness,
+            "side_stiffness": self.after.side_stiffness,
+            "reason": self.reason,
+        }
 
-def circuit_of(movements: Sequence[Measures], stiffness: float) -> Circuit:
-    """Return the metrics of one circuit from its movements.
+
+def circuit_of(movements: Sequence[Mapping[str, float]], stiffness: float) -> Circuit:
+    """Return the metrics of one circuit from the results of its movements.
 
     stiffness: of the side walls during the circuit [N/m]. Raises ValueError without a movement.
     """
@@ -93,17 +103,17 @@ def circuit_of(movements: Sequence[Measures], stiffness: float) -> Circuit:
     )
 
 
-def speed_metric(movement: Measures) -> float:
+def speed_metric(movement: Mapping[str, float]) -> float:
     """Return the speed metric of a movement [1], positive if less assistance is needed."""
-    return POWER_WEIGHT * min(0.0, movement.pm2a) + LEAD_WEIGHT * movement.pm2b
+    return POWER_WEIGHT * min(0.0, movement["pm2a"]) + LEAD_WEIGHT * movement["pm2b"]
 
 
-def accuracy_metric(movement: Measures, stiffness: float) -> float:
+def accuracy_metric(movement: Mapping[str, float], stiffness: float) -> float:
     """Return the accuracy metric of a movement [1], positive if softer walls are sufficient.
 
     stiffness: of the side walls [N/m].
     """
-    stray = STRAY_WEIGHT * math.sqrt(movement.pm3) - STIFFNESS_WEIGHT * stiffness
+    stray = STRAY_WEIGHT * math.sqrt(movement["pm3"]) - STIFFNESS_WEIGHT * stiffness
     return -(MORE_WEIGHT if stray > 0.0 else LESS_WEIGHT) * stray
 
 

@@ -35,6 +35,6 @@ class Attendance:
         return f"the therapist's page has been silent for {timeout:g} s"
 
     def begin(self, now_ns: int) -> None:
-        """Forget a silent page: the operator starts or resumes the session without it."""
+        """Forget a silent page: the operator resumes the session without it."""
         if self.missed(now_ns):
             self._heard_ns = None

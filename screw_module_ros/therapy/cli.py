@@ -4,17 +4,21 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
+import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from ..recording.errors import BagError
-from .bag import Recorded, in_order, read_sessions, replayed
-from .definitions import DEFINITIONS
+from ..recording.bag import BagError
+from .measures import COLUMNS, MEASURES
 from .pseudonym import new_pseudonym, patient_folder, write_private
-from .record import csv_text, definitions_text
+from .recorded import Recorded, in_order, read_sessions, without_copies
+from .replay import replayed
 
 _FIRST = (
     "patient", "protocol", "protocol_sha256", "started_ns",
@@ -29,7 +33,7 @@ def add_commands(commands: argparse._SubParsersAction) -> None:
     new.set_defaults(run=_new)
     for name, run, text, several in (
         ("replay", _replay, "compute a therapy session again and compare the results", False),
-        ("report", _report, "one page on a patient's sessions: HTML and PDF", True),
+        ("report", _report, "a page on a patient's sessions: HTML, to read or to print", True),
         ("export", _export, "the trials of therapy sessions as CSV", True),
     ):
         command = commands.add_parser(name, help=text, description=text)
@@ -59,8 +63,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from .report.page import patient_of, write_page  # matplotlib takes a second
-    from .report.pdf import write_pdf
+    from .report import patient_of, write_report  # matplotlib takes a second
 
     sessions = _in_order(options.bags)
     replays = [replayed(session) for session in sessions]
@@ -70,11 +73,7 @@ def _report(options: argparse.Namespace) -> int:
         raise BagError(str(error)) from None
     with _writing(options.out):
         folder = patient_folder(options.out, patient)
-        files = (
-            write_page(folder / "report.html", sessions, replays),
-            write_pdf(folder / "report.pdf", sessions, replays),
-        )
-    print(*files, sep="\n")
+        print(write_report(folder / "report.html", sessions, replays))
     return 0
 
 
@@ -85,8 +84,8 @@ def _export(options: argparse.Namespace) -> int:
     for patient, own in rows.items():
         with _writing(options.out):
             folder = patient_folder(options.out, patient)
-            write_private(folder / "trials.csv", csv_text(own, _FIRST).encode())
-            write_private(folder / "columns.csv", definitions_text(DEFINITIONS).encode())
+            write_private(folder / "trials.csv", csv_text((*_FIRST, *COLUMNS), own).encode())
+            write_private(folder / "columns.csv", columns_text().encode())
         print(folder / "trials.csv")
     return 0
 
@@ -104,6 +103,31 @@ def _exported(session: Recorded) -> list[dict]:
         }
         for row in session.trials
     ]  # fmt: skip
+
+
+def csv_text(columns: Sequence[str], rows: Sequence[dict[str, Any]]) -> str:
+    """Return rows as CSV; SI units, empty for NaN.
+
+    Numbers have all digits: reading them gives the same bits.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(row[name]) for name in columns] for row in rows)
+    return stream.getvalue()
+
+
+def columns_text() -> str:
+    """Return what the measures among the columns mean: a value times `factor` is in `unit`."""
+    names = ("column", "label", "factor", "unit", "definition")
+    rows = [(m.name, m.label, m.factor, m.unit, m.text) for m in MEASURES]
+    return csv_text(names, [dict(zip(names, row, strict=True)) for row in rows])
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if isinstance(value, float) and math.isnan(value) else str(value)
 
 
 def _read(bag: Path) -> list[Recorded]:
@@ -124,11 +148,7 @@ def _writing(root: Path) -> Iterator[None]:
 
 def _in_order(bags: list[Path]) -> list[Recorded]:
     once = {os.path.realpath(bag): bag for bag in bags}.values()  # also if named by two patterns
-    found: dict[tuple, Recorded] = {}
-    for session in (session for bag in once for session in _read(bag)):
-        known = found.setdefault(session.identity, session)
-        if known is not session:  # else a backup would count as a second session
-            less, more = sorted((session, known), key=lambda one: len(one.samples))
-            found[session.identity] = more  # a bag that was cut off has less than its copy
-            print(f"NOTE {less.folder} is a copy of {more.folder}: left out", file=sys.stderr)
-    return in_order(list(found.values()))
+    sessions, notes = without_copies(session for bag in once for session in _read(bag))
+    for note in notes:
+        print(f"NOTE {note}", file=sys.stderr)
+    return in_order(sessions)

@@ -1,20 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The line of a movement from start to target, on the axes of the movement."""
+"""The line of a movement from start to target, and the slots along it."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from ..control.slot import Slot, in_space
-from .samples import HandSample, Point
-
-PLANE, VERTICAL, SPACE = "plane", "vertical", "space"
-AXES = {PLANE: (0, 1), VERTICAL: (2,), SPACE: (0, 1, 2)}
-"""Axes of a movement, by the protocol's space."""
-
-FARTHEST = 1.0  # [m] on any axis; larger positions are impossible on this robot
-FASTEST = 10.0  # [m/s] on any axis; larger velocities are impossible
+from .hand import AXES, PLANE, VERTICAL, Point, distance
 
 
 class Line(NamedTuple):
@@ -27,7 +19,7 @@ class Line(NamedTuple):
     @property
     def length(self) -> float:
         """Return the way from start to target [m]."""
-        return math.sqrt(sum((self.target[a] - self.start[a]) ** 2 for a in AXES[self.space]))
+        return distance(self.space, self.target, self.start)
 
     def along(self, vector: Point) -> float:
         """Return a vector's component along the line, in its unit; zero without a direction."""
@@ -63,25 +55,6 @@ class SlotWish(NamedTuple):
 
 
 NO_SLOT = SlotWish()
-
-
-def distance(space: str, one: Point, other: Point) -> float:
-    """Return the distance of two points [m] on the axes of a space."""
-    return math.sqrt(sum((one[a] - other[a]) ** 2 for a in AXES[space]))
-
-
-def speed_of(space: str, sample: HandSample) -> float:
-    """Return the hand's speed [m/s] on the axes of a space."""
-    velocity = sample.velocity
-    return math.sqrt(sum(velocity[a] ** 2 for a in AXES[space]))
-
-
-def is_known(space: str, sample: HandSample) -> bool:
-    """Return whether position and velocity are plausible on the axes of a space; NaN is not."""
-    position, velocity = sample.position, sample.velocity
-    return all(
-        abs(position[a]) <= FARTHEST and abs(velocity[a]) <= FASTEST for a in AXES[space]
-    )
 
 
 def slots(line: Line, like: Slot, start_ns: int | None) -> SlotWish:

@@ -1,67 +1,253 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Performance measures pm1 to pm4 of one assisted movement, for the adaptation (Krebs 2003)."""
+"""The one table of what is measured on a trial: names, units, definitions and computation.
+
+The names are those of TrialResult.msg and of the CSV. pm1 (`initiated`) to pm4 are the measures
+that the adaptation uses (Krebs et al. 2003).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from statistics import mean, variance
+from typing import Any, NamedTuple
 
-from ..control.minimum_jerk import way
-from .line import Line
-from .samples import HandSample
+import numpy as np
 
+from .columns import Trial
+from .kinematics import (
+    direction_error,
+    ellipse_area,
+    hold_deviation,
+    independence,
+    path_error,
+    path_ratio,
+    ratio,
+    speed_peaks,
+    time_in_motion,
+)
+from .protocol import CIRCLE, HOLD, KINDS, REACH, RESISTED, STRENGTH
+from .smoothness import dimensionless_jerk, log_dimensionless_jerk, sparc
 
-class Measures(NamedTuple):
-    """Performance measures of one movement.
-
-    pm1: the patient started it before the end of the wait; pm2a: mean of handle force times
-    velocity along the line while behind the back wall [W], negative if the robot moves the hand;
-    pm2b: mean lead over the back wall [m]; pm3: mean square of the distance from the line [m^2];
-    pm4: largest distance along the line [m].
-    """
-
-    pm1: bool
-    pm2a: float
-    pm2b: float
-    pm3: float
-    pm4: float
-
-
-def measures(
-    samples: Sequence[HandSample], line: Line, duration: float, start_ns: int, initiated: bool
-) -> Measures:
-    """Return the measures of the samples from the start of a movement to its end.
-
-    duration: of the back wall's way [s]; start_ns: stamp of the start [ns]; initiated: pm1. After
-    its arrival the wall stays at the target, so that a late hand lags. Without a sample pm2a and
-    pm2b are zero, which means no change of the assistance.
-    """
-    length = line.length
-    leads, powers, off, farthest = [], [], [], 0.0
-    for sample in samples:
-        since = (sample.time_ns - start_ns) * 1e-9
-        gone = line.gone(sample.position)
-        farthest = max(farthest, gone)
-        off.append(line.off(sample.position))
-        lead = gone - length * way(since / duration)
-        leads.append(lead)
-        if lead < 0.0:
-            powers.append(_power(sample, line))
-    return Measures(
-        pm1=initiated,
-        pm2a=_mean(powers),
-        pm2b=_mean(leads),
-        pm3=_mean(off),
-        pm4=farthest,
-    )
+Row = dict[str, Any]
+"""Result of a trial by name, in SI units: `COLUMNS`, and `start`, `target`, `started_ns`,
+`ended_ns`. NaN if a kind of trial has no value."""
 
 
-def _power(sample: HandSample, line: Line) -> float:
-    """Return handle force times velocity along the line [W], zero without a valid force."""
-    power = line.along(sample.force) * line.along(sample.velocity)
-    return power if math.isfinite(power) else 0.0
-
-
-def _mean(values: list[float]) -> float:
+def _mean(values: Sequence[float]) -> float:
+    """Return the mean, zero of nothing, which changes no assistance."""
     return math.fsum(values) / len(values) if values else 0.0
+
+
+def _largest(values: Iterable[float]) -> float:
+    """Return the largest number, NaN without one; samples without a valid force are NaN."""
+    return max((value for value in values if math.isfinite(value)), default=math.nan)
+
+
+def _power_behind(trial: Trial) -> float:
+    pairs = zip(trial.during, trial.leads, strict=True)
+    return _mean([trial.power(sample) for sample, lead in pairs if lead < 0.0])
+
+
+def _farthest(trial: Trial) -> float:
+    return max([0.0, *(trial.line.gone(s.position) for s in trial.during)])
+
+
+def _reach_error(trial: Trial) -> float:
+    return float(np.linalg.norm(trial.path[-1] - np.asarray(trial.ends[1])))
+
+
+def _hold_deviation(trial: Trial) -> float:
+    return hold_deviation(np.array([trial.on_axes(s.position) for s in trial.during]),
+                          trial.ends[0])  # fmt: skip
+
+
+class Measure(NamedTuple):
+    """One measure.
+
+    label, unit: as displayed; factor: from SI to this unit; kinds: of trials that have it;
+    of: computes it from a trial, None if the course of the trial has it; text: the definition.
+    """
+
+    name: str
+    label: str
+    unit: str
+    factor: float
+    kinds: tuple[str, ...]
+    of: Callable[[Trial], float] | None
+    text: str
+
+    def value(self, trial: Trial) -> float:
+        """Return its value of a trial [SI], NaN if the trial has none.
+
+        What only trials with a movement have, is NaN where the hand did not move.
+        """
+        missing = trial.cut is None and set(self.kinds) <= set(MOVED)
+        return math.nan if missing or trial.kind not in self.kinds else self.of(trial)
+
+
+MOVED, LINED = (REACH, CIRCLE, RESISTED), (REACH, RESISTED)
+_SMOOTH = "It depends on the sampling rate, which the report states. Nearer to zero is smoother."
+_MOVEMENT = "from the first to the last sample above a tenth of the peak speed"
+
+MEASURES = (
+    Measure(
+        "initiated", "started by the patient", "", 1.0, KINDS, None,
+        "The hand exceeded the start speed, or left the start, before the wait had passed (pm1).",
+    ),
+    Measure(
+        "reached", "target reached", "", 1.0, KINDS, None,
+        "The hand came within the hit radius of the target before the time limit of the trial.",
+    ),
+    Measure(
+        "pm2a", "power while behind the wall", "W", 1.0, KINDS, _power_behind,
+        "Mean of handle force times velocity along the line, over the samples in which the hand "
+        "was behind the back wall; the force is the patient's on the robot, so it is negative "
+        "where the robot moved the hand (Krebs et al. 2003).",
+    ),
+    Measure(
+        "pm2b", "lead over the wall", "mm", 1e3, KINDS, lambda t: _mean(t.leads),
+        "Mean of the hand's way along the line minus the back wall's, from start to end of the "
+        "movement; after its duration the wall stays at the target.",
+    ),
+    Measure(
+        "pm3", "mean square off the line", "mm²", 1e6, KINDS,
+        lambda t: _mean([t.line.off(s.position) for s in t.during]),
+        "Mean of the squared distance from the straight line, from start to end of the movement.",
+    ),
+    Measure(
+        "pm4", "way along the line", "mm", 1e3, KINDS, _farthest,
+        "Farthest the hand came along the line.",
+    ),
+    Measure(
+        "duration", "duration", "s", 1.0, MOVED, lambda t: t.speed.size / t.rate,
+        f"Time {_MOVEMENT}.",
+    ),
+    Measure(
+        "time_to_start", "time to start", "s", 1.0, MOVED, lambda t: float(t.times[t.cut.start]),
+        "From the display of the target to the movement's first sample.",
+    ),
+    Measure(
+        "mean_speed", "mean speed", "mm/s", 1e3, MOVED, lambda t: float(t.speed.mean()),
+        f"Mean speed {_MOVEMENT}.",
+    ),
+    Measure(
+        "peak_speed", "peak speed", "mm/s", 1e3, MOVED, lambda t: float(t.speed.max()),
+        "Largest speed of the movement.",
+    ),
+    Measure(
+        "speed_ratio", "mean over peak speed", "", 1.0, MOVED,
+        lambda t: ratio(float(t.speed.mean()), float(t.speed.max())),
+        "A minimum-jerk reach has 0.53; many stops make it less.",
+    ),
+    Measure(
+        "speed_peaks", "speed peaks", "", 1.0, MOVED, lambda t: speed_peaks(t.speed),
+        "Local maxima of the speed with a prominence of at least a twentieth of the peak speed.",
+    ),
+    Measure(
+        "arrest_ratio", "time in motion", "%", 100.0, MOVED, lambda t: time_in_motion(t.speed),
+        "Share of the movement's time in which the speed exceeds a tenth of its peak (movement "
+        "arrest period ratio, Rohrer et al. 2002).",
+    ),
+    Measure(
+        "sparc", "SPARC", "", 1.0, MOVED, lambda t: sparc(t.speed, t.rate),
+        "Spectral arc length of the speed profile: cut-off 10 Hz, threshold 0.05, padding 4 "
+        f"(Balasubramanian et al. 2012, 2015). {_SMOOTH}",
+    ),
+    Measure(
+        "jerk", "dimensionless jerk", "", 1.0, MOVED, lambda t: dimensionless_jerk(t.speed, t.rate),
+        "-(T³/vpeak²) times the integral of the speed's squared second derivative. " + _SMOOTH,
+    ),
+    Measure(
+        "log_jerk", "LDLJ", "", 1.0, MOVED, lambda t: log_dimensionless_jerk(t.speed, t.rate),
+        "-ln of the size of the dimensionless jerk. " + _SMOOTH,
+    ),
+    Measure(
+        "path_error", "path error", "mm", 1e3, LINED, lambda t: path_error(t.path, *t.ends),
+        "Mean distance of the hand from the straight line to the target.",
+    ),
+    Measure(
+        "path_ratio", "path ratio", "", 1.0, LINED, lambda t: path_ratio(t.path, *t.ends),
+        "Length of the hand's path over that of the straight line.",
+    ),
+    Measure(
+        "direction_error", "initial direction error", "°", 57.29577951308232, LINED,
+        lambda t: direction_error(t.path, *t.ends),
+        "Angle between the line to the target and the direction to the hand's position after a "
+        "fifth of the way.",
+    ),
+    Measure(
+        "reach_error", "reach error", "mm", 1e3, (REACH,), _reach_error,
+        f"Distance from the target at the end of the movement ({_MOVEMENT}). It is not 0 for a "
+        "target that was reached slowly, for instance by the push of the robot's wall afterwards.",
+    ),
+    Measure(
+        "robot_share", "robot's share of the work", "%", 100.0, MOVED,
+        lambda t: ratio(t.work[1], t.work[0] + t.work[1]),
+        "Work that the robot did on the hand over all work across the handle in both directions, "
+        "on the protocol's axes. It includes mass and friction of the robot, so it is not zero "
+        "without assistance.",
+    ),
+    Measure(
+        "patient_work", "work of the patient", "J", 1.0, MOVED, lambda t: t.work[0],
+        "Positive part of handle force times velocity, over time.",
+    ),
+    Measure(
+        "robot_work", "work of the robot", "J", 1.0, MOVED, lambda t: t.work[1],
+        "Negative part of handle force times velocity, over time.",
+    ),
+    Measure(
+        "independence", "independence of circles", "", 1.0, (CIRCLE,),
+        lambda t: independence(t.path),
+        "Small over large axis of the path's ellipse, from the covariance of x and y; a circle has "
+        "1 (Dipietro et al. 2007).",
+    ),
+    Measure(
+        "size", "size of circles", "cm²", 1e4, (CIRCLE,), lambda t: ellipse_area(t.path),
+        "Area of the path's ellipse.",
+    ),
+    Measure(
+        "hold_deviation", "hold deviation", "mm", 1e3, (HOLD,), _hold_deviation,
+        "Root mean square distance from the hold point.",
+    ),
+    Measure(
+        "largest_force", "largest force", "N", 1.0, (STRENGTH,),
+        lambda t: _largest(t.line.along(s.force) for s in t.during),
+        "Largest force of the patient in the requested direction.",
+    ),
+    Measure(
+        "largest_vertical_force", "largest vertical force", "N", 1.0, (STRENGTH,),
+        lambda t: _largest(abs(s.fz) for s in t.during),
+        "Largest vertical force of the patient, up or down.",
+    ),
+    Measure(
+        "missing", "samples lost", "", 1.0, KINDS, None,
+        "Missing samples between a trial's first and last one.",
+    ),
+)  # fmt: skip
+BY_NAME = {measure.name: measure for measure in MEASURES}
+COMPUTED = tuple(measure.name for measure in MEASURES if measure.of is not None)
+COLUMNS = (
+    "trial", "block", "circuit", "kind", "assisted", "slot_duration", "side_stiffness",
+    "initiated", "reached", "moved", "first", "last", "samples", "missing", "rate", *COMPUTED,
+)  # fmt: skip
+"""Fields of a result without its points and stamps, in the order of the export."""
+
+
+def computed(trial: Trial) -> dict[str, float]:
+    """Return all computed measures of a trial by name [SI], NaN where it has none."""
+    return {name: BY_NAME[name].value(trial) for name in COMPUTED}
+
+
+def effect_size(one: Sequence[float], other: Sequence[float]) -> float:
+    """Return Cohen's d [1]: mean of `other` minus mean of `one`, over the pooled deviation.
+
+    The pooled deviation weights the groups by their sizes (Cohen 1988, 2.5.1). NaN for fewer than
+    two values in a group, or if all values equal the means of their groups.
+    """
+    degrees = len(one) + len(other) - 2
+    if min(len(one), len(other)) < 2:
+        return math.nan
+    spread = (len(one) - 1) * variance(one) + (len(other) - 1) * variance(other)
+    pooled = math.sqrt(spread / degrees)
+    return (mean(other) - mean(one)) / pooled if pooled > 0.0 else math.nan

@@ -11,10 +11,10 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
 from ..control.slot import Slot
-from ..settings import Setting, validated
+from ..settings import Setting
 from .adaptation import AdaptationBounds
-from .line import AXES, Line
-from .samples import Point
+from .hand import AXES, Point
+from .line import Line
 
 REACH, CIRCLE, HOLD, RESISTED, STRENGTH = "reach", "circle", "hold", "resisted", "strength"
 KINDS = (REACH, CIRCLE, HOLD, RESISTED, STRENGTH)
@@ -118,25 +118,22 @@ class Protocol(NamedTuple):
     blocks: tuple[Block, ...]
     adaptation: AdaptationBounds | None = None
 
-    def validated(self) -> Protocol:
-        """Return self if all settings are consistent and all targets are within reach.
+    def flaw(self) -> str:
+        """Return what does not fit together or lies out of reach, empty if nothing."""
+        return next(self._flaws(), "")
 
-        Raises ValueError naming the wrong setting.
-        """
-        validated(self)
+    def _flaws(self) -> Iterator[str]:
         if not self.blocks:
-            raise ValueError("blocks: at least one is wanted")
-        self.guidance.slot().validated()
+            yield "blocks: at least one is wanted"
+        if self.guidance.end_half_width > self.guidance.half_width:
+            yield (
+                f"guidance.end_half_width = {self.guidance.end_half_width:g} m: must not be more "
+                f"than half_width = {self.guidance.half_width:g} m"
+            )
         if self.adaptation is not None:
-            _check_adaptation(self)
+            yield from _start_flaws(self.guidance, self.adaptation)
         for block in self.blocks:
-            if block.kind != REACH:
-                _check_other(block)
-            for point in (self.centre, *points(self, block)):
-                _check_point(block, point)
-            if block.kind != HOLD:
-                _check_ways(self, block)
-        return self
+            yield from (f"block {block.title!r}: {text}" for text in _block_flaws(self, block))
 
 
 class TrialPlan(NamedTuple):
@@ -189,44 +186,37 @@ def points(protocol: Protocol, block: Block) -> list[Point]:
     return found
 
 
-def _check_adaptation(protocol: Protocol) -> None:
-    bounds, guidance = protocol.adaptation.validated(), protocol.guidance
-    for name, value, low, high in (
-        ("duration", guidance.duration, bounds.shortest, bounds.longest),
-        ("side_stiffness", guidance.side_stiffness, bounds.softest, bounds.stiffest),
+def _start_flaws(guidance: Guidance, bounds: AdaptationBounds) -> Iterator[str]:
+    for name, low, high in (
+        ("duration", bounds.shortest, bounds.longest),
+        ("side_stiffness", bounds.softest, bounds.stiffest),
     ):
+        value = getattr(guidance, name)
         if not low <= value <= high:
-            raise ValueError(
+            yield (
                 f"guidance.{name} = {value:g}: outside what adaptation allows, {low:g} to {high:g}"
             )
 
 
-def _check_other(block: Block) -> None:
-    """Raise ValueError for a trial that is no reach without time, or with a reach's assistance.
+def _block_flaws(protocol: Protocol, block: Block) -> Iterator[str]:
+    """Yield what is wrong with a block.
 
-    There is no way along which walls could guide it, nor one that the adaptation could judge.
+    Only a reach has a way along which walls guide, and which the adaptation can judge.
     """
-    if block.duration <= 0.0:
-        raise ValueError(f"block {block.title!r}: duration: a {block.kind} needs some time")
-    if block.assisted:
-        raise ValueError(f"block {block.title!r}: assisted: only a reach is, a {block.kind} is not")
-
-
-def _check_ways(protocol: Protocol, block: Block) -> None:
-    """Raise ValueError if start and target of a trial are one point on the protocol's axes."""
-    for start, target in ways(protocol, block):
+    if block.kind != REACH and block.duration <= 0.0:
+        yield f"duration: a {block.kind} needs some time"
+    if block.kind != REACH and block.assisted:
+        yield f"assisted: only a reach is, a {block.kind} is not"
+    for x, y, z in (protocol.centre, *points(protocol, block)):
+        if abs(x) > LARGEST_X or abs(y) > LARGEST_Y or not LOWEST_Z <= z <= HIGHEST_Z:
+            yield (
+                f"the point ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside what the robot reaches: "
+                f"x +-{LARGEST_X} m, y +-{LARGEST_Y} m, z {LOWEST_Z} to {HIGHEST_Z} m"
+            )
+    for start, target in ways(protocol, block) if block.kind != HOLD else ():
         if Line(start, target, protocol.space).length <= protocol.rules.hit_radius:
-            raise ValueError(
-                f"block {block.title!r}: a {block.kind} needs a way longer than hit_radius = "
+            yield (
+                f"a {block.kind} needs a way longer than hit_radius = "
                 f"{protocol.rules.hit_radius:g} m on the axes of space = {protocol.space!r}: "
                 "choose another layout or space, or a larger distance"
             )
-
-
-def _check_point(block: Block, point: Point) -> None:
-    x, y, z = point
-    if abs(x) > LARGEST_X or abs(y) > LARGEST_Y or not LOWEST_Z <= z <= HIGHEST_Z:
-        raise ValueError(
-            f"block {block.title!r}: the point ({x:.3f}, {y:.3f}, {z:.3f}) m lies outside what the "
-            f"robot reaches: x +-{LARGEST_X} m, y +-{LARGEST_Y} m, z {LOWEST_Z} to {HIGHEST_Z} m"
-        )

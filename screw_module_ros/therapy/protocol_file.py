@@ -1,21 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
 """Protocols as YAML files, with strict checks, as they determine forces on a patient.
 
-A missing or unknown key or a value out of range is refused with a message that names it.
+A missing or unknown key or a value out of range is refused with a message that names it. The
+therapist's limits are applied before the session starts, so that the bag records the executed
+protocol and a replay computes it again.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NamedTuple
+
+import yaml
 
 from ..resources import resource_path
-from ..settings import SettingError, parse, read, read_text
-from .protocol import Protocol
+from ..settings import Setting, SettingError, parse, plain, read, read_text
+from .hand import AXES, Point
+from .protocol import Protocol, plan, points, ways
+from .wishes import WishLimits
 
 SHIPPED = ("evaluation", "clock_adaptive", "elevator", "reach_3d")
 """Protocols that come with the package."""
+_SOFTEST_SHARE = 0.5  # of the stiffest walls, if these are softer than the protocol's softest
+_ROUNDING = 1e-9  # [m] rounding of the targets' sines
+_MOST = 50  # largest number of files offered to screens
+
+
+class AssistanceLimits(NamedTuple):
+    """Largest assistance of a session with any protocol. The default has no effect."""
+
+    stiffness: Annotated[
+        float, Setting("stiffest wall of the next session", "N/m", 0.0, 800.0, live=True)
+    ] = 800.0
 
 
 def load_protocol(name: str | Path) -> Protocol:
@@ -28,12 +47,26 @@ def load_protocol(name: str | Path) -> Protocol:
 
 def protocol_text(name: str | Path) -> str:
     """Return a protocol's YAML, name as in `load_protocol`. Raises SettingError."""
-    file = resource_path(f"params/therapy/{name}.yaml") if str(name) in SHIPPED else Path(name)
-    if str(name) not in SHIPPED and not file.is_file():
+    if str(name) in SHIPPED:
+        return read_text(resource_path(f"params/therapy/{name}.yaml"))
+    if not Path(name).is_file():
         raise SettingError(
             f"no protocol {str(name)!r}: name a YAML file, or one of {', '.join(SHIPPED)}"
         )
-    return read_text(file)
+    return read_text(name)
+
+
+def parse_protocol(text: str, name: str) -> Protocol:
+    """Return the protocol of a YAML text; name: for messages. Raises SettingError."""
+    try:
+        return read(Protocol, parse(text, "it"))
+    except SettingError as error:
+        raise SettingError(f"protocol {name}: {error}") from None
+
+
+def as_yaml(protocol: Protocol) -> str:
+    """Return a protocol as YAML; `parse_protocol` returns the same protocol."""
+    return yaml.safe_dump(plain(protocol), sort_keys=False, allow_unicode=True)
 
 
 def sha256(text: str) -> str:
@@ -41,14 +74,121 @@ def sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def parse_protocol(text: str, name: str) -> Protocol:
-    """Return the protocol of a YAML text; name: for messages. Raises SettingError."""
-    try:
-        return read_protocol(parse(text, "it"))
-    except ValueError as error:
-        raise SettingError(f"protocol {name}: {error}") from None
+def allowed_protocol(
+    text: str, name: str, assistance: AssistanceLimits, workspace: WishLimits
+) -> tuple[Protocol, str]:
+    """Return the limited protocol of a YAML text, and its YAML: the text itself if nothing changes.
+
+    Raises SettingError for an invalid protocol, ValueError for a target outside the workspace.
+    """
+    protocol = parse_protocol(text, name)
+    softened = limited(protocol, assistance.stiffness)
+    if softened != protocol:
+        text = as_yaml(softened)
+        protocol = parse_protocol(text, name)  # what is recorded is what is carried out
+    _check_workspace(protocol, workspace)
+    return protocol, text
 
 
-def read_protocol(content: Any) -> Protocol:
-    """Return the protocol of a file's content. Raises ValueError naming the wrong key."""
-    return read(Protocol, content).validated()
+def limited(protocol: Protocol, stiffest: float) -> Protocol:
+    """Return a protocol without a wall stiffer than `stiffest` [N/m], also after it has stiffened.
+
+    The adaptation stays within the limit; without walls there is nothing to adapt.
+    """
+    bounds = protocol.adaptation
+    growth = min(protocol.guidance.growth, _most_growth(protocol, stiffest))
+    if bounds is not None:
+        bounds = _softened(bounds, stiffest, "stiffest")
+        if bounds.softest >= bounds.stiffest:
+            bounds = bounds._replace(softest=_SOFTEST_SHARE * bounds.stiffest)
+    guidance = _softened(protocol.guidance, stiffest, "back_stiffness", "side_stiffness")
+    return protocol._replace(
+        guidance=guidance._replace(growth=growth),
+        rules=_softened(protocol.rules, stiffest, "prepare_stiffness"),
+        blocks=tuple(_softened(block, stiffest, "stiffness") for block in protocol.blocks),
+        adaptation=bounds if stiffest > 0.0 else None,
+    )
+
+
+def _softened(record: Any, stiffest: float, *names: str) -> Any:
+    return record._replace(**{name: min(getattr(record, name), stiffest) for name in names})
+
+
+def _most_growth(protocol: Protocol, stiffest: float) -> float:
+    """Return the growth with which no wall passes the limit by the latest end of a trial [N/m/s].
+
+    Without a limit any: the controllers then bound the growing wall.
+    """
+    if stiffest >= AssistanceLimits().stiffness:
+        return math.inf
+    guidance, rules = protocol.guidance, protocol.rules
+    shortest = protocol.adaptation.shortest if protocol.adaptation else guidance.duration
+    over_time = rules.give_up + rules.hold - shortest
+    over_prepare = rules.prepare_limit + rules.settle_time - rules.prepare_duration
+    return min(
+        (stiffest - min(stiffness, stiffest)) / longest if longest > 0.0 else math.inf
+        for stiffness, longest in (
+            (guidance.back_stiffness, over_time),
+            (rules.prepare_stiffness, over_prepare),
+        )
+    )
+
+
+def _check_workspace(protocol: Protocol, workspace: WishLimits) -> None:
+    visited = {
+        point for block in protocol.blocks for way in ways(protocol, block) for point in way
+    }
+    ranges = workspace.ranges()
+    for point in sorted(visited):
+        for axis in AXES[protocol.space]:
+            low, high = ranges[axis]
+            if not low - _ROUNDING <= point[axis] <= high + _ROUNDING:
+                raise ValueError(
+                    f"{protocol.name}: the target at {'xyz'[axis]} = {point[axis]:.3f} m lies "
+                    f"outside the workspace allowed, {low:g} to {high:g} m: widen it, or choose "
+                    "another protocol"
+                )
+
+
+def protocols_for_screens(
+    folder: Path | None = None, on_problem: Callable[[str], None] = lambda sentence: None
+) -> list[dict[str, Any]]:
+    """Return for each protocol the name to start it by (`name`), its own name (`protocol`), title,
+    space, number of trials, centre, targets [m], and those of each block by its title (`blocks`).
+
+    folder: of the user's protocols, in addition to the packaged ones. on_problem: called with the
+    error of an invalid file, or of one with the name of another protocol, which is omitted.
+    """
+    found = {each["protocol"]: each for each in (_described(name, name) for name in SHIPPED)}
+    for file in sorted(folder.glob("*.yaml"))[:_MOST] if folder is not None else ():
+        try:
+            own = _described(file.name, file)
+        except SettingError as error:
+            on_problem(str(error))
+            continue
+        other = found.setdefault(own["protocol"], own)
+        if other is not own:  # screens tell protocols apart by this name
+            on_problem(
+                f"protocol {own['name']}: name = {own['protocol']!r} is that of {other['name']}, "
+                "whose targets the pages would show: give it a name of its own"
+            )
+    return list(found.values())
+
+
+def _described(name: str, file: str | Path) -> dict[str, Any]:
+    protocol = load_protocol(file)
+    blocks: dict[str, set[Point]] = {}
+    for block in protocol.blocks:
+        targets = blocks.setdefault(block.title, set())
+        targets.update(points(protocol, block))
+        targets.discard(protocol.centre)
+    return {
+        "name": name,
+        "protocol": protocol.name,
+        "title": protocol.title,
+        "space": protocol.space,
+        "trials": sum(1 for _ in plan(protocol)),
+        "centre": protocol.centre,
+        "targets": sorted(set().union(*blocks.values())),
+        "blocks": {title: sorted(targets) for title, targets in blocks.items()},
+    }

@@ -7,25 +7,35 @@ missing samples and the figures that differ, by trial.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ..samples import sequence_gap
-from .adaptation import Change
 from .gaps import Gap, gaps_of
+from .hand import HandSample
+from .measures import COLUMNS, Row
 from .protocol import Protocol
-from .record import differing, flat
-from .result import TrialResult
-from .samples import HandSample
-from .session import ABORTED, PAUSED, RUNNING, Session
+from .recorded import Act, Recorded
+from .session import Session, State
 
 
-class Act(NamedTuple):
-    """A recorded change of state; after: tick number of the sample before it; state; reason."""
+class _Kind(NamedTuple):
+    """A kind of rows that are compared: names of key and values, and words of the sentences."""
 
-    after: int
-    state: str
-    reason: str
+    key: tuple[str, ...]
+    names: tuple[str, ...]
+    where: str
+    act: str
+    noun: str
+
+
+_TRIAL = _Kind(("trial",), COLUMNS, "trial {}", "complete", "result")
+_CHANGE = _Kind(
+    ("block", "circuit"),
+    ("duration_before", "duration", "side_stiffness_before", "side_stiffness", "reason"),
+    "assistance after circuit {1} of block {0}", "change", "change",
+)  # fmt: skip
 
 
 class Replay(NamedTuple):
@@ -36,7 +46,7 @@ class Replay(NamedTuple):
     results are equal; unseen: recorded samples that the session counted as missing.
     """
 
-    results: list[TrialResult]
+    results: list[Row]
     gaps: tuple[Gap, ...]
     samples: int
     problems: list[str]
@@ -54,21 +64,28 @@ class Replay(NamedTuple):
         return f"NOT equal: {len(self.problems)} problems, {lost}"
 
 
+def replayed(recorded: Recorded) -> Replay:
+    """Return the replay of a recorded session."""
+    return replay(
+        recorded.protocol, recorded.samples, recorded.acts, recorded.trials, recorded.changes
+    )
+
+
 def replay(
     protocol: Protocol,
     samples: Iterable[HandSample],
     acts: Sequence[Act],
-    recorded: Sequence[Mapping[str, Any]],
+    recorded: Sequence[Row],
     changes: Sequence[Mapping[str, Any]] | None = None,
 ) -> Replay:
     """Compute the session's results from the samples, and compare them with the recorded ones.
 
     samples: of `endpoint_state`, in order; acts: from `therapy/state`; recorded: the results from
-    `therapy/trial`, by the names of `record`; changes: of assistance from `therapy/assistance`, by
-    the names of AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
+    `therapy/trial`; changes: of assistance from `therapy/assistance`, by the names of
+    AssistanceChange.msg, None = not compared. Raises ValueError if no act starts the
     session.
     """
-    if not any(act.state == RUNNING for act in acts):
+    if not any(act.state == State.RUNNING for act in acts):
         raise ValueError("no therapy/state is `running`: the session's start is not recorded")
     session, used, adapted = _again(protocol, samples, list(acts))
     gaps = gaps_of(used)
@@ -82,19 +99,19 @@ def replay(
         f"trial {number}: {missing} recorded samples did not reach the session"
         for number, missing in unseen.items()
     ]
-    problems += _differences(results, recorded)
+    problems += _compared(_TRIAL, recorded, results)
     if changes is not None:
-        problems += _changed(adapted, changes)
+        problems += _compared(_CHANGE, changes, adapted)
     return Replay(results, gaps, len(used), problems, sum(unseen.values()))
 
 
 def _again(
     protocol: Protocol, samples: Iterable[HandSample], acts: list[Act]
-) -> tuple[Session | None, list[HandSample], list[tuple[int, Change]]]:
-    """Return the session, the samples it used, and its changes with their blocks."""
+) -> tuple[Session | None, list[HandSample], list[dict[str, Any]]]:
+    """Return the session, the samples it used, and its changes of assistance."""
     session: Session | None = None
     used: list[HandSample] = []
-    adapted: list[tuple[int, Change]] = []
+    adapted: list[dict[str, Any]] = []
     for sample in samples:
         while acts and sequence_gap(acts[0].after, sample.sequence) >= 0:
             session = _acted(protocol, session, acts.pop(0))
@@ -103,92 +120,65 @@ def _again(
         outcome = session.take(sample)
         used.append(sample)
         if outcome.change is not None:
-            adapted.append((outcome.result.plan.block, outcome.change))
+            adapted.append(outcome.change.row(outcome.result["block"]))
     return session, used, adapted
 
 
 def _acted(protocol: Protocol, session: Session | None, act: Act) -> Session | None:
     if session is None:
-        return Session(protocol) if act.state == RUNNING else None
-    if act.state == PAUSED:
+        return Session(protocol) if act.state == State.RUNNING else None
+    if act.state == State.PAUSED:
         session.pause(act.reason)
-    elif act.state == RUNNING:
+    elif act.state == State.RUNNING:
         session.pause(act.reason)  # a pause too short for a message: it also restarts the trial
         session.resume()
-    elif act.state == ABORTED:
+    elif act.state == State.ABORTED:
         session.abort(act.reason)
     return session
 
 
-def _where(results: Sequence[TrialResult], gap: Gap) -> str:
-    for result in results:
-        if result.gaps and gap in result.gaps:
-            return f", in trial {result.plan.number}"
+def _where(results: Sequence[Row], gap: Gap) -> str:
+    for row in results:
+        begun, ends = sequence_gap(row["first"], gap.after), sequence_gap(gap.after, row["last"])
+        if row["missing"] and begun >= -1 and ends >= 0:
+            return f", in trial {row['trial']}"
     return ", between trials"
 
 
-def _unseen(
-    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
-) -> dict[int, int]:
+def _unseen(results: Sequence[Row], recorded: Sequence[Row]) -> dict[int, int]:
     """Return by trial how many samples the session counted as missing that are recorded."""
     missing = {row["trial"]: row["missing"] for row in recorded}
-    unseen = {r.plan.number: missing.get(r.plan.number, 0) - r.missing for r in results}
+    unseen = {row["trial"]: missing.get(row["trial"], 0) - row["missing"] for row in results}
     return {number: count for number, count in unseen.items() if count > 0}
 
 
-def _differences(
-    results: Sequence[TrialResult], recorded: Sequence[Mapping[str, Any]]
+def _compared(
+    kind: _Kind, recorded: Sequence[Mapping[str, Any]], again: Sequence[Mapping[str, Any]]
 ) -> list[str]:
-    noted = {row["trial"]: row for row in recorded}
-    found = {result.plan.number: flat(result) for result in results}
+    """Return one sentence for each row that was recorded or replayed alone, or otherwise."""
+    noted, found = ({tuple(row[k] for k in kind.key): row for row in rows}
+                    for rows in (recorded, again))  # fmt: skip
     problems = []
-    for number in sorted(noted.keys() | found.keys()):
-        if number not in found:
-            problems.append(f"trial {number}: recorded, but the replay does not complete it")
-        elif number not in noted:
-            problems.append(f"trial {number}: replayed, but its result was not recorded")
-        else:
-            names = differing(found[number], noted[number])
-            if names:
-                shown = ", ".join(
-                    f"{name} {noted[number][name]!r} recorded, {found[number][name]!r} replayed"
-                    for name in names[:3]
-                )
-                more = f", and {len(names) - 3} more" if len(names) > 3 else ""
-                problems.append(f"trial {number}: {shown}{more}")
+    for key in sorted(noted.keys() | found.keys()):
+        where = kind.where.format(*key)
+        if key not in found:
+            problems.append(f"{where}: recorded, but the replay does not {kind.act} it")
+        elif key not in noted:
+            problems.append(f"{where}: replayed, but its {kind.noun} was not recorded")
+        elif shown := _differing(noted[key], found[key], kind.names):
+            more = f", and {len(shown) - 3} more" if len(shown) > 3 else ""
+            problems.append(f"{where}: {', '.join(shown[:3])}{more}")
     return problems
 
 
-def _changed(
-    adapted: Sequence[tuple[int, Change]], recorded: Sequence[Mapping[str, Any]]
-) -> list[str]:
-    """Return one sentence for each change of assistance that was recorded or replayed otherwise."""
-    noted = {(row["block"], row["circuit"]): row for row in recorded}
-    found = {(block, change.circuit): _values(change) for block, change in adapted}
-    problems = []
-    for block, circuit in sorted(noted.keys() | found.keys()):
-        where = f"assistance after circuit {circuit} of block {block}"
-        old, new = noted.get((block, circuit)), found.get((block, circuit))
-        if new is None:
-            problems.append(f"{where}: recorded, but the replay does not change it")
-        elif old is None:
-            problems.append(f"{where}: replayed, but its change was not recorded")
-        else:
-            shown = [
-                f"{name} {old[name]!r} recorded, {value!r} replayed"
-                for name, value in new.items()
-                if old[name] != value
-            ]
-            problems += [f"{where}: {', '.join(shown)}"] if shown else []
-    return problems
+def _differing(old: Mapping[str, Any], new: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """Return one phrase for each value that differs; NaN equals NaN."""
+    return [
+        f"{name} {old[name]!r} recorded, {new[name]!r} replayed"
+        for name in names
+        if old[name] != new[name] and not (_is_nan(old[name]) and _is_nan(new[name]))
+    ]
 
 
-def _values(change: Change) -> dict[str, Any]:
-    """Return a change by the names of AssistanceChange.msg."""
-    return {
-        "duration_before": change.before.duration,
-        "duration": change.after.duration,
-        "side_stiffness_before": change.before.side_stiffness,
-        "side_stiffness": change.after.side_stiffness,
-        "reason": change.reason,
-    }
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)

@@ -7,24 +7,40 @@ of both reproduces the session (`replay`).
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import NamedTuple
 
 from .adaptation import Assistance, Change, Circuit, adapted, circuit_of
-from .clock_watch import ClockWatch
-from .line import NO_SLOT, VERTICAL, SlotWish, is_known
-from .measures import Measures
-from .protocol import Protocol, TrialPlan, plan
-from .result import TrialResult
-from .samples import HandSample
-from .trial import PrepareError, Trial
+from .hand import VERTICAL, HandSample, plausible
+from .line import NO_SLOT, SlotWish
+from .measures import Row
+from .protocol import Protocol, plan
+from .trial import PrepareError, TrialCourse
 
-RUNNING, PAUSED, FINISHED, ABORTED = "running", "paused", "finished", "aborted"
+
+class State(IntEnum):
+    """States of a session, the constants of TherapyState.msg."""
+
+    IDLE = 0
+    RUNNING = 1
+    PAUSED = 2
+    FINISHED = 3
+    ABORTED = 4
+    STARTING = 5
+
+    @property
+    def word(self) -> str:
+        """Return it as a word in a sentence."""
+        return self.name.lower()
+
+
+UNDER_WAY = (State.STARTING, State.RUNNING, State.PAUSED)
 
 
 class Outcome(NamedTuple):
     """Outcome of a sample: a trial's result and a change of assistance, None if there is none."""
 
-    result: TrialResult | None = None
+    result: Row | None = None
     change: Change | None = None
 
 
@@ -34,23 +50,24 @@ _NOTHING = Outcome()
 class Session:
     """Processes the hand's samples one by one.
 
-    state: running, paused, finished or aborted; reason: of the pause or abort. assistance: current
-    values. results, changes: so far. trial: the current one, None after the end.
+    state: starting, running, paused, finished or aborted; reason: what it waits for, or of the
+    pause or abort. assistance: current values. results, changes: so far. trial: the current one,
+    None after the end.
     """
 
-    def __init__(self, protocol: Protocol):
+    def __init__(self, protocol: Protocol, awaits: str = ""):
+        """Begin; awaits: what it must wait for first, until `begin`."""
         self.protocol = protocol
-        self.state = RUNNING
-        self.reason = ""
+        self.state = State.STARTING if awaits else State.RUNNING
+        self.reason = awaits
         guidance = protocol.guidance
         self.assistance = Assistance(guidance.duration, guidance.side_stiffness)
-        self.results: list[TrialResult] = []
+        self.results: list[Row] = []
         self.changes: list[Change] = []
         self._plans = list(plan(protocol))
         self._circuits: list[Circuit] = []
-        self._movements: list[Measures] = []
-        self._clock = ClockWatch()
-        self.trial: Trial | None = self._next_trial()
+        self._movements: list[Row] = []
+        self.trial: TrialCourse | None = self._next_trial()
 
     @property
     def trials(self) -> int:
@@ -60,22 +77,17 @@ class Session:
     @property
     def wish(self) -> SlotWish:
         """Return the requested slots; none while the session does not run."""
-        return self.trial.wish if self.state == RUNNING and self.trial else NO_SLOT
+        return self.trial.wish if self.state == State.RUNNING and self.trial else NO_SLOT
 
     def take(self, sample: HandSample) -> Outcome:
         """Process one sample.
 
-        One with `stop`, without a valid position, or after a step of the system clock pauses the
-        session.
+        One with `stop` or without a valid position pauses the session.
         """
-        if self.state != RUNNING or self.trial is None:
+        if self.state != State.RUNNING or self.trial is None:
             return _NOTHING
-        if sample.stop or not is_known(self.protocol.space, sample):
+        if sample.stop or not plausible(self.protocol.space, sample):
             self.pause(sample.stop or "where the hand is, or its speed, is not known")
-            return _NOTHING
-        if jump := self._clock.jump(sample):
-            reason = f"the computer's clock was set by {jump:+.1f} s: Resume repeats the movement"
-            self.pause(reason)
             return _NOTHING
         try:
             self.trial.take(sample)
@@ -89,45 +101,50 @@ class Session:
         change = self._learn(result)
         self.trial = self._next_trial()
         if self.trial is None:
-            self.state = FINISHED
+            self.state = State.FINISHED
         return Outcome(result, change)
+
+    def begin(self) -> None:
+        """Begin, after what it waited for; a session that was paused meanwhile stays so."""
+        if self.state == State.STARTING:
+            self.state, self.reason = State.RUNNING, ""
 
     def pause(self, reason: str) -> None:
         """Pause without slots; the current trial will be repeated from its start."""
-        if self.state == RUNNING:
-            self.state, self.reason = PAUSED, reason
+        if self.state in (State.STARTING, State.RUNNING):
+            self.state, self.reason = State.PAUSED, reason
 
     def resume(self) -> None:
         """Continue after a pause."""
-        if self.state == PAUSED:
-            self.state, self.reason = RUNNING, ""
-            self._clock.begin()
+        if self.state == State.PAUSED:
+            self.state, self.reason = State.RUNNING, ""
             self.trial = self._next_trial()
 
     def abort(self, reason: str) -> None:
         """End the session; it cannot be resumed."""
-        if self.state in (RUNNING, PAUSED):
-            self.state, self.reason, self.trial = ABORTED, reason, None
+        if self.state in UNDER_WAY:
+            self.state, self.reason, self.trial = State.ABORTED, reason, None
 
-    def _next_trial(self) -> Trial | None:
+    def _next_trial(self) -> TrialCourse | None:
         if len(self.results) == len(self._plans):
             return None
-        return Trial(self.protocol, self._plans[len(self.results)], self.assistance)
+        return TrialCourse(self.protocol, self._plans[len(self.results)], self.assistance)
 
-    def _learn(self, result: TrialResult) -> Change | None:
+    def _learn(self, result: Row) -> Change | None:
         """Count a movement for the adaptation; return the change after a circuit, if any."""
-        if result.assisted:
-            self._movements.append(result.measures)
+        if result["assisted"]:
+            self._movements.append(result)
         upcoming = self._plans[len(self.results)] if len(self.results) < self.trials else None
-        if upcoming is not None and _same_circuit(result.plan, upcoming):
+        ends_block = upcoming is None or upcoming.block != result["block"]
+        if not ends_block and upcoming.circuit == result["circuit"]:
             return None
         change = self._end_circuit(result) if self._movements else None
-        if upcoming is None or upcoming.block != result.plan.block:
+        if ends_block:
             self._circuits = []
         return change
 
-    def _end_circuit(self, result: TrialResult) -> Change | None:
-        self._circuits.append(circuit_of(self._movements, result.side_stiffness))
+    def _end_circuit(self, result: Row) -> Change | None:
+        self._circuits.append(circuit_of(self._movements, result["side_stiffness"]))
         self._movements = []
         bounds, has_sides = self.protocol.adaptation, self.protocol.space != VERTICAL
         change = None
@@ -137,7 +154,3 @@ class Session:
             self.assistance = change.after
             self.changes.append(change)
         return change
-
-
-def _same_circuit(one: TrialPlan, other: TrialPlan) -> bool:
-    return (one.block, one.circuit) == (other.block, other.circuit)

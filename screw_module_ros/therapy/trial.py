@@ -3,8 +3,8 @@
 
 ::
 
-    PREPARE -> WAIT -> MOVING -> OVER_TIME -> REACHED -> DONE
-                          `--------------------^  `-- given up: DONE without REACHED
+    PREPARE -> WAIT -> MOVING -> OVER_TIME -> REACHED -> NONE
+                          `--------------------^  `-- given up: NONE without REACHED
 
 PREPARE brings the hand to the start and waits until it stays there. In WAIT the target is shown and
 the slot is open. The movement starts when the hand moves, or after the wait. MOVING lasts for the
@@ -14,26 +14,38 @@ duration of the back wall's way, OVER_TIME until the hand reaches the target or 
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
 from ..control.minimum_jerk import PEAK_SPEED
 from ..control.slot import Slot
 from .adaptation import Assistance
-from .line import NO_SLOT, Line, SlotWish, distance, slots, speed_of
+from .columns import Trial
+from .gaps import gaps_of
+from .hand import HandSample, Point, distance, speed_of
+from .line import NO_SLOT, Line, SlotWish, slots
+from .measures import Row, computed
 from .protocol import CIRCLE, HOLD, REACH, RESISTED, STRENGTH, Block, Protocol, TrialPlan
-from .result import Course, TrialResult, trial_result
-from .samples import HandSample, Point
 
-PREPARE, WAIT, MOVING, OVER_TIME, REACHED, DONE = (
-    "prepare", "wait", "moving", "over_time", "reached", "done",
-)  # fmt: skip
+_HELD = (HOLD, RESISTED, STRENGTH)  # kinds in which walls hold the hand to one point
 _NS = 1_000_000_000
+
+
+class Phase(IntEnum):
+    """Phases of a trial, the constants of TherapyState.msg; NONE: it is over."""
+
+    NONE = 0
+    PREPARE = 1
+    WAIT = 2
+    MOVING = 3
+    OVER_TIME = 4
+    REACHED = 5
 
 
 class PrepareError(RuntimeError):
     """The robot cannot bring the hand to the start; the message states the distance."""
 
 
-class Trial:
+class TrialCourse:
     """Processes the hand's samples one by one, from the end of the previous trial.
 
     phase: current phase; wish: requested slots; origin: start of the hand [m], on a circle the
@@ -42,9 +54,9 @@ class Trial:
 
     def __init__(self, protocol: Protocol, plan: TrialPlan, assistance: Assistance):
         self.plan = plan
-        self.phase = PREPARE
+        self.phase = Phase.PREPARE
         self.wish = NO_SLOT
-        self.result: TrialResult | None = None
+        self.result: Row | None = None
         self._protocol = protocol
         self._rules = protocol.rules
         self._block: Block = protocol.blocks[plan.block - 1]
@@ -58,15 +70,15 @@ class Trial:
 
     def take(self, sample: HandSample) -> None:
         """Process one sample. Raises PrepareError if the hand does not reach the start in time."""
-        if self.phase == PREPARE:
+        if self.phase == Phase.PREPARE:
             self._prepare(sample)
             return
         self._samples.append(sample)
-        if self.phase == WAIT:
+        if self.phase == Phase.WAIT:
             self._wait(sample)
-        elif self.phase in (MOVING, OVER_TIME):
+        elif self.phase in (Phase.MOVING, Phase.OVER_TIME):
             self._move(sample)
-        elif self.phase == REACHED and self._passed(sample, self._end_ns) >= self._rules.hold:
+        elif self.phase == Phase.REACHED and self._passed(sample, self._end_ns) >= self._rules.hold:
             self._finish()
 
     def _prepare(self, sample: HandSample) -> None:
@@ -101,15 +113,15 @@ class Trial:
 
     def _show(self, sample: HandSample) -> None:
         """Show the target; a trial without a reach starts at once."""
-        self.phase, self._since_ns = WAIT, sample.time_ns
+        self.phase, self._since_ns = Phase.WAIT, sample.time_ns
         self._samples = [sample]
         self.wish = self._slots(None)
-        if self._block.kind in (HOLD, STRENGTH, RESISTED):
+        if self._block.kind in _HELD:
             self._start(sample, initiated=True)
 
     def _slots(self, start_ns: int | None) -> SlotWish:
         kind, line = self._block.kind, self.line
-        if kind in (HOLD, STRENGTH, RESISTED):  # held to one point
+        if kind in _HELD:  # held to one point
             line = Line(self.plan.start, self.plan.start, line.space)
         return slots(line, self._slot, start_ns)
 
@@ -119,7 +131,7 @@ class Trial:
             self._start(sample, initiated=True)
         elif self._passed(sample, self._since_ns) >= rules.wait:
             self._start(sample, initiated=False)
-        if self.phase == MOVING:
+        if self.phase == Phase.MOVING:
             self._move(sample)
 
     def _moves(self, sample: HandSample) -> bool:
@@ -135,7 +147,7 @@ class Trial:
         return self.line.along(sample.velocity) >= least or gone >= self._rules.start_way
 
     def _start(self, sample: HandSample, initiated: bool) -> None:
-        self.phase, self._start_ns, self._initiated = MOVING, sample.time_ns, initiated
+        self.phase, self._start_ns, self._initiated = Phase.MOVING, sample.time_ns, initiated
         self.wish = self._slots(sample.time_ns)
 
     def _move(self, sample: HandSample) -> None:
@@ -148,14 +160,14 @@ class Trial:
 
     def _reach(self, sample: HandSample, passed: float) -> None:
         if self._came(sample):
-            self.phase, self._end_ns, self._reached = REACHED, sample.time_ns, True
+            self.phase, self._end_ns, self._reached = Phase.REACHED, sample.time_ns, True
             if self._rules.hold == 0.0:
                 self._finish()
         elif passed >= self._rules.give_up:
             self._end_ns = sample.time_ns
             self._finish()
         elif passed > self._slot.duration:
-            self.phase = OVER_TIME
+            self.phase = Phase.OVER_TIME
 
     def _came(self, sample: HandSample) -> bool:
         space, target = self._protocol.space, self.plan.target
@@ -172,17 +184,34 @@ class Trial:
         return abs(self._turned) >= 2.0 * math.pi
 
     def _finish(self) -> None:
-        self.phase = DONE
-        self.result = trial_result(
-            self.plan,
-            self._block.kind,
-            self._block.assisted,
-            self.line,
-            self._slot.duration,
-            self._slot.side_stiffness,
-            Course(self._start_ns, self._end_ns, self._initiated, self._reached),
-            self._samples,
+        self.phase = Phase.NONE
+        plan, slot, samples = self.plan, self._slot, self._samples
+        to_stamp_ns = samples[-1].stamp_ns - samples[-1].time_ns
+        trial = Trial(
+            self._block.kind, self.line, slot.duration, self._start_ns, self._end_ns, samples
         )
+        self.result = {
+            "trial": plan.number,
+            "block": plan.block,
+            "circuit": plan.circuit,
+            "kind": self._block.kind,
+            "assisted": self._block.assisted,
+            "start": plan.start,
+            "target": plan.target,
+            "slot_duration": slot.duration,
+            "side_stiffness": slot.side_stiffness,
+            "initiated": self._initiated,
+            "reached": self._reached,
+            "moved": trial.cut is not None,
+            "started_ns": self._start_ns + to_stamp_ns,
+            "ended_ns": self._end_ns + to_stamp_ns,
+            "first": samples[0].sequence,
+            "last": samples[-1].sequence,
+            "samples": len(samples),
+            "missing": sum(gap.missing for gap in gaps_of(samples)),
+            "rate": trial.rate,
+            **computed(trial),
+        }
 
     @staticmethod
     def _passed(sample: HandSample, since_ns: int) -> float:
@@ -192,7 +221,7 @@ class Trial:
 def _slot_of(protocol: Protocol, block: Block, assistance: Assistance) -> Slot:
     """Return the slot of a block's trials, without start and target."""
     slot = protocol.guidance.slot()
-    if block.kind in (HOLD, STRENGTH, RESISTED):
+    if block.kind in _HELD:
         return slot._replace(side_stiffness=block.stiffness, half_width=0.0, end_half_width=0.0)
     if block.assisted:
         return slot._replace(

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 from ..control.limits import clamp, slew
 from ..settings import Setting
-from .samples import Point
+from .hand import Point
 
 _NS = 1e-9
 _LONGEST = 0.2  # [s] largest interval for the speed limit: no large step after a pause

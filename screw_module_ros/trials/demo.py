@@ -22,7 +22,7 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_ros.domain import end_without_domain
 from screw_module_ros.identification.force_position import Spring
 from screw_module_ros.identification.recorded_session import Part
-from screw_module_ros.recording.errors import BagError
+from screw_module_ros.recording.bag import BagError
 
 from ..nodes.support.place import AlreadyRunning
 from ..operator.robot import Robot, RobotError, arm

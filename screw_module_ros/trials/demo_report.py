@@ -15,8 +15,8 @@ from rich.table import Table
 from screw_module_ros.identification import figures
 from screw_module_ros.identification.force_position import MOTION_THRESHOLD, Offsets, Spring
 from screw_module_ros.identification.recorded_session import Evaluation, Part, evaluate, read
-from screw_module_ros.recording import Counts
-from screw_module_ros.recording.reader import metadata
+from screw_module_ros.recording.counts import Counts
+from screw_module_ros.recording.records import notes
 
 IMPEDANCE = "impedance (PD)"
 FRICTION_COMPENSATION = "friction compensation"
@@ -160,11 +160,11 @@ def evaluated(
 ) -> Results:
     """Evaluate the bag; write figures and numbers into `folder`.
 
-    factor: simulated seconds per second, None for a run by wall clock. Raises BagReadError if the
+    factor: simulated seconds per second, None for a run by wall clock. Raises BagError if the
     bag lacks a topic, OSError if a file cannot be written.
     """
     found = evaluate(read(bag), parts, spring)
-    counts = {name: Counts(**values) for name, values in metadata(bag)["audit"].items()}
+    counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
     title = "Simulated patient through a spring, vertical module"
     files = [
         figures.save(

@@ -25,7 +25,7 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand
 
 from screw_module_ros.clock import WallClock
 from screw_module_ros.domain import end_without_domain
-from screw_module_ros.recording.errors import BagError
+from screw_module_ros.recording.bag import BagError
 from screw_module_ros.recording.verify import verify
 
 from ..nodes.support import topics

@@ -14,7 +14,7 @@ from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
-from screw_module_ros.therapy.screens import protocols_for_screens
+from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 pytestmark = pytest.mark.long
 

@@ -9,14 +9,14 @@ from collections import Counter
 
 from runner import sentence
 
+from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.protocol_file import SHIPPED, load_protocol
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
+from screw_module_ros.therapy.session import Session, State
 from screw_module_ros.therapy.wishes import WishGate, WishLimits
 
 _ODD = (math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, -0.0, 1e6)
 _PERIOD_NS = 5_000_000
-_STATES = (RUNNING, PAUSED, FINISHED, ABORTED)
+_STATES = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
 
 
 class TherapyInputs:
@@ -49,7 +49,7 @@ class TherapyInputs:
                 values[rng.randrange(9)] = rng.choice(_ODD)
             session.take(HandSample(sequence, now_ns, *values))
             self._look(session)
-            if session.state == PAUSED and rng.random() < 0.3:
+            if session.state == State.PAUSED and rng.random() < 0.3:
                 session.resume()
         self.counts[session.state] += 1
         self.counts["trials ended"] += len(session.results)
@@ -59,7 +59,7 @@ class TherapyInputs:
         for slot in (session.wish.plane, session.wish.vertical):
             if slot is not None:
                 slot.validated()  # or the control loops would refuse it
-        if session.state in (PAUSED, ABORTED):
+        if session.state in (State.PAUSED, State.ABORTED):
             sentence(session.reason)
 
     def _wishes(self, rng: random.Random) -> None:

@@ -5,7 +5,7 @@ import pytest
 from screw_module_ros.identification import recorded_session as session
 from screw_module_ros.identification.force_position import Spring
 from screw_module_ros.identification.recorded_session import Part, evaluate
-from screw_module_ros.recording.errors import BagReadError
+from screw_module_ros.recording.bag import BagError
 
 SPRING = Spring(100.0, 0.18)
 MS = 1_000_000
@@ -81,13 +81,13 @@ def test_samples_of_a_faulty_sensor_are_left_out():
 def test_heights_without_home_are_left_out():
     topics = columns()
     topics[session.ENCODER]["homed"][:] = False
-    with pytest.raises(BagReadError, match="plain: no tick has both"):
+    with pytest.raises(BagError, match="plain: no tick has both"):
         evaluate(topics, PARTS, SPRING)
 
 
 def test_a_part_that_was_not_recorded_is_named():
     late = Part("late", 9_000 * MS, 9_999 * MS)
-    with pytest.raises(BagReadError, match="late: a required topic has no message"):
+    with pytest.raises(BagError, match="late: a required topic has no message"):
         evaluate(columns(), [*PARTS, late], SPRING)
 
 
@@ -108,7 +108,7 @@ def test_timing_spans_all_parts():
 def test_a_restarted_drive_node_is_told():
     topics = columns()
     topics[session.DRIVE]["commands"][300:] = 0
-    with pytest.raises(BagReadError, match="restarted"):
+    with pytest.raises(BagError, match="restarted"):
         evaluate(topics, PARTS, SPRING)
 
 

@@ -23,7 +23,7 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE
 from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.recording.reader import columns, metadata
+from screw_module_ros.recording.decoded import calibrations, columns
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -223,7 +223,7 @@ def test_both_nodes_show_it(robot, shown, calibration):
 
 
 def test_every_bag_holds_it(robot, shown, calibration):
-    """In each message and in the bag's own metadata."""
+    """In each message; `session info` shows the last one."""
     topics = {"/screw/controller_state", "/screw/amplifier_state"}
 
     def recorded(topic: str) -> int:
@@ -233,14 +233,14 @@ def test_every_bag_holds_it(robot, shown, calibration):
     bag = robot.start_recording()
     robot.wait_until(lambda: all(map(recorded, topics)), 20.0, "not recorded")
     robot.stop_recording()
-    assert metadata(bag)["calibration"] == dict.fromkeys(topics, calibration.identity)
+    assert calibrations(bag) == dict.fromkeys(topics, calibration.identity)
     for topic in topics:
         assert set(columns(bag, topic)["calibration"]) == {calibration.identity}
 
 
 def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_until, calibration):
-    """The metadata is brought up to date at the end; no timer runs here that would have done it."""
-    given = {"folder": tmp_path, "name": "bag", "topics": "[/told_once/*]"}
+    """No timer runs here: the topic is found when it is heard."""
+    given = {"folder": tmp_path, "name": "bag", "topics": "[/told_once/state]"}
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
     node = make_node("session_recorder", *words)
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
@@ -250,10 +250,10 @@ def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_unti
 
     def recorded() -> int:
         publisher.publish(AmplifierState(calibration=calibration.identity))
-        node._intake.discover()
+        node._taps.look()
         node.step()
-        return node._session.status().messages + node._session.status().waiting
+        return node._recording.status().messages + node._recording.status().waiting
 
     wait_until(recorded, what="a message in the recorder")
     node.close()
-    assert metadata(tmp_path / "bag")["calibration"] == {"/told_once/state": calibration.identity}
+    assert calibrations(tmp_path / "bag") == {"/told_once/state": calibration.identity}

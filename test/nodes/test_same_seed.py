@@ -11,7 +11,7 @@ from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros.lockstep.page import START_NS
 from screw_module_ros.operator.robot import Robot, arm
-from screw_module_ros.recording.reader import raw_messages
+from screw_module_ros.recording.records import File
 from screw_module_ros.trials.graph_run import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -80,15 +80,16 @@ def samples(bag: Path) -> dict[str, list[bytes]]:
     """Return the messages of each topic between enabling and the end, in order."""
     found: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
     begin, end = (START_NS + round(t * S) for t in (RECORDED_S, END_S))
-    for message in raw_messages(bag, [f"/{topic}" for topic in TOPICS]):
-        if begin <= message.log_time < end:
-            found[message.topic.lstrip("/")].append(message.data)
+    for topic, message in File(bag / "session_0.mcap").messages():
+        name = topic.name.lstrip("/")
+        if name in found and begin <= message.log_time < end:
+            found[name].append(message.data)
     return found
 
 
 def assert_of_simulated_time(bag: Path) -> None:
     """No message is noted by wall clock, also what rclpy stamps with it."""
-    newest = max(message.log_time for message in raw_messages(bag))
+    newest = max(m.log_time for _, m in File(bag / "session_0.mcap").messages())
     assert START_NS < newest < START_NS + 1000 * S
 
 

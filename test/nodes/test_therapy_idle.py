@@ -19,7 +19,7 @@ def test_a_node_that_was_deactivated_forgets_the_patient(make_node):
     node.disconnect()
     node.close_topics()
     (state,) = published
-    state.header.stamp.sec = state.header.stamp.nanosec = 0
+    state.header.stamp.sec = state.header.stamp.nanosec = state.monotonic_ns = 0
     idle = TherapyState(state=TherapyState.IDLE)
     idle.header.frame_id = "manus_base"
     assert state == idle

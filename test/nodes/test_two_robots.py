@@ -13,7 +13,8 @@ from screw_module_ros.identification.live.graph import parameters
 from screw_module_ros.lockstep.page import sweep
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot, RobotError
-from screw_module_ros.recording.reader import metadata, topics
+from screw_module_ros.recording.decoded import topics
+from screw_module_ros.recording.records import notes
 from screw_module_ros.recording.verify import verify
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -109,6 +110,6 @@ def test_what_one_does_the_other_does_not(robots, bags):
         assert own <= found
         assert not [topic for topic in found if topic.startswith(("/left", "/right"))
                     and not topic.startswith(f"/{name}/")]  # fmt: skip
-        asked = metadata(folders[name])["parameters"]
+        asked = notes(folders[name])["parameters"]
         assert {node.split("/")[1] for node in asked} == {name}
         assert verify(folders[name]).complete, verify(folders[name]).problems

@@ -80,6 +80,7 @@ def test_where_the_hand_was_before_a_silence_is_no_set_point(age_s, expected):
         _wishes=SimpleNamespace(relay=lambda allowed, hand, now_ns: given.append(hand)),
     )  # fmt: skip
     node._silent = lambda now_ns: TherapySessionNode._silent(node, now_ns)
+    node._is_under_way = lambda: False
     TherapySessionNode._relay_wishes(node, 10 * S + round(age_s * S))
     node._sampled_ns = node._sample = None  # nothing was heard yet
     TherapySessionNode._relay_wishes(node, 11 * S)
@@ -105,7 +106,7 @@ def test_the_sessions_node_takes_a_games_pull_with_it(relay):
     node = SimpleNamespace(
         _lock=threading.Lock(), _session=None, _recording=recording, _wishes=relay,
         clock=ManualClock(10 * S), _silent=lambda now_ns: False,
-        _sample=SimpleNamespace(position=HAND),
+        _sample=SimpleNamespace(position=HAND), _is_under_way=lambda: False,
     )  # fmt: skip
     node._relay_wishes = partial(TherapySessionNode._relay_wishes, node)
     TherapySessionNode.end(node)

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from screw_module_ros.recording import BagWriter, Definitions, Message, Qos, StorageSettings, Topic
+from screw_module_ros.recording.bag import Bag, Message, StorageSettings, Topic
+from screw_module_ros.recording.definitions import Definitions
 
 ROOT = Path(__file__).parents[2]
 START = 1_700_000_000_000_000_000
@@ -89,6 +90,12 @@ def codec(definitions, own_types) -> Codec:
 
 
 ENCODER = "screw_module_msgs/msg/EncoderSample"
+_INFINITE = {"sec": 9223372036, "nsec": 854775807}
+QOS = {
+    "history": "unknown", "depth": 0, "reliability": "best_effort", "durability": "volatile",
+    "deadline": _INFINITE, "lifespan": _INFINITE, "liveliness": "automatic",
+    "liveliness_lease_duration": _INFINITE, "avoid_ros_namespace_conventions": False,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -99,7 +106,7 @@ def encoder_topic(definitions, codec) -> Topic:
         ENCODER,
         definitions.find(ENCODER),
         codec.hash(ENCODER),
-        (Qos("best_effort"),),
+        (QOS,),
     )
 
 
@@ -128,9 +135,9 @@ def samples(codec):
 @pytest.fixture
 def bag(tmp_path, encoder_topic, samples):
     """A closed bag of 5000 encoder samples in several chunks; returns its folder."""
-    writer = BagWriter(tmp_path / "bag", StorageSettings(chunk_size=20_000))
+    writer = Bag(tmp_path / "bag", StorageSettings(chunk_size=20_000))
     channel = writer.add_topic(encoder_topic)
-    writer.add_metadata("configuration", {"sim.yaml": "sha256:0"})
+    writer.note("configuration", {"sim.yaml": "sha256:0"})
     messages = samples(channel, range(5000))
     for start in range(0, 5000, 500):
         writer.write(messages[start : start + 500])

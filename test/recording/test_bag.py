@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags are what rosbag2 of Jazzy writes: read back by mcap and rosbags."""
 
+import hashlib
 import json
+import os
 
 import pytest
 import yaml
+from bag_counts import by_library
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from screw_module_ros.recording import (
-    BagExistsError,
-    BagFolderError,
-    BagWriter,
-    Counts,
-    Qos,
-    StorageSettings,
-    Topic,
-)
+from screw_module_ros.recording import mcap_file
+from screw_module_ros.recording.bag import Bag, BagError, BagExistsError, StorageSettings, Topic
+from screw_module_ros.recording.definitions import UNKNOWN
 
 START = 1_700_000_000_000_000_000
 MS = 1_000_000
@@ -119,34 +116,30 @@ def test_rosbags_understands_the_metadata_file(bag):
         assert connection.ext.offered_qos_profiles[0].reliability.name == "BEST_EFFORT"
 
 
-def test_counts_and_notes_are_in_the_file_and_in_the_metadata_file(bag):
+def test_notes_are_in_the_file_and_its_hash_is_in_the_metadata_file(bag):
     with (bag / "bag_0.mcap").open("rb") as file:
         records = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
-    counts = Counts(**json.loads(records["screw_module_ros/audit"]["/screw/encoder"]))
-    assert counts == Counts(messages=5000, stride=1)
-    assert records["screw_module_ros/configuration"] == {"sim.yaml": "sha256:0"}
-    inner = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
-    assert inner == information(bag)
-    custom = inner["custom_data"]
+    assert records == {"screw_module_ros/configuration": {"sim.yaml": "sha256:0"}}
+    custom = information(bag)["custom_data"]
     assert custom["screw_module_ros/state"] == "closed"
-    assert json.loads(custom["screw_module_ros/audit"])["/screw/encoder"] == counts._asdict()
+    wanted = hashlib.sha256((bag / "bag_0.mcap").read_bytes()).hexdigest()
+    assert json.loads(custom["screw_module_ros/sha256"]) == {"bag_0.mcap": wanted}
 
 
-def test_bag_is_complete_after_every_flush(tmp_path, encoder_topic, samples):
-    writer = BagWriter(tmp_path / "b")
-    assert read_by_mcap(tmp_path / "b" / "b_0.mcap") == []
+def test_what_was_flushed_can_be_read_without_an_end(tmp_path, encoder_topic, samples):
+    writer = Bag(tmp_path / "b")
     channel = writer.add_topic(encoder_topic)
     for flushed in range(1, 6):
         writer.write(samples(channel, range((flushed - 1) * 10, flushed * 10)))
         writer.flush()
-        assert len(read_by_mcap(tmp_path / "b" / "b_0.mcap")) == 10 * flushed
-        assert len(read_by_rosbags(tmp_path / "b")) == 10 * flushed
-        assert information(tmp_path / "b")["message_count"] == 10 * flushed
+        assert by_library((tmp_path / "b" / "b_0.mcap").read_bytes()) == 10 * flushed
+        assert writer.message_count == 10 * flushed
+    assert not (tmp_path / "b" / "metadata.yaml").exists()
     writer.close()
 
 
 def test_all_own_types_are_recorded_with_full_schemas(tmp_path, definitions, codec, own_types):
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     for name in own_types:
         topic = Topic(f"/{name.split('/')[-1]}", name, definitions.find(name), codec.hash(name))
         channel = writer.add_topic(topic)
@@ -158,11 +151,11 @@ def test_all_own_types_are_recorded_with_full_schemas(tmp_path, definitions, cod
 
 
 def test_topic_added_in_mid_recording(tmp_path, encoder_topic, samples):
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     first = writer.add_topic(encoder_topic)
     writer.write(samples(first, range(10)))
     writer.flush()
-    second = writer.add_topic(encoder_topic._replace(name="/late", qos=(Qos(), Qos())))
+    second = writer.add_topic(encoder_topic._replace(name="/late", qos=()))
     writer.write(samples(second, range(10, 15)))
     writer.close()
     assert [topic for topic, _, _ in read_by_rosbags(tmp_path / "b")] == (
@@ -171,9 +164,7 @@ def test_topic_added_in_mid_recording(tmp_path, encoder_topic, samples):
 
 
 def test_topic_without_definition_does_not_spoil_the_bag(tmp_path, encoder_topic, samples):
-    from screw_module_ros.recording.definitions import UNKNOWN
-
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     channel = writer.add_topic(encoder_topic)
     odd = writer.add_topic(Topic("/odd", "odd_msgs/msg/Odd", UNKNOWN))
     writer.write([*samples(channel, range(3)), (odd, START, START, 0, b"\0\1\0\0abcd")])
@@ -185,7 +176,7 @@ def test_topic_without_definition_does_not_spoil_the_bag(tmp_path, encoder_topic
 
 def test_long_recording_continues_in_a_second_file(tmp_path, encoder_topic, samples):
     settings = StorageSettings(max_file_duration=1.0)
-    writer = BagWriter(tmp_path / "b", settings)
+    writer = Bag(tmp_path / "b", settings)
     channel = writer.add_topic(encoder_topic)
     messages = samples(channel, range(2500))
     for start in range(0, 2500, 100):
@@ -201,15 +192,8 @@ def test_long_recording_continues_in_a_second_file(tmp_path, encoder_topic, samp
     assert writer.message_count == 2500
 
 
-def test_uncompressed_chunks(tmp_path, encoder_topic, samples):
-    writer = BagWriter(tmp_path / "b", StorageSettings(compression="none"))
-    writer.write(samples(writer.add_topic(encoder_topic), range(100)))
-    writer.close()
-    assert len(read_by_mcap(tmp_path / "b" / "b_0.mcap")) == len(read_by_rosbags(tmp_path / "b"))
-
-
 def test_bag_without_messages(tmp_path, encoder_topic):
-    writer = BagWriter(tmp_path / "b")
+    writer = Bag(tmp_path / "b")
     writer.add_topic(encoder_topic)
     writer.close()
     assert information(tmp_path / "b")["starting_time"]["nanoseconds_since_epoch"] == 2**63 - 1
@@ -219,30 +203,41 @@ def test_bag_without_messages(tmp_path, encoder_topic):
 def test_existing_folder_is_refused_and_left_alone(bag):
     before = (bag / "bag_0.mcap").read_bytes()
     with pytest.raises(BagExistsError, match="never overwritten"):
-        BagWriter(bag)
+        Bag(bag)
     assert (bag / "bag_0.mcap").read_bytes() == before
 
 
-def test_folder_that_cannot_be_made_is_named(tmp_path):
+def test_a_folder_that_cannot_be_made_is_told_without_its_name(tmp_path):
+    """The name may be a patient's, and the sentence reaches the log."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(BagFolderError, match="file/bag"):
-        BagWriter(tmp_path / "file" / "bag")
+    with pytest.raises(BagError, match="cannot make the bag's folder: Not a directory") as caught:
+        Bag(tmp_path / "file" / "P-7K3QX")
+    assert "P-7K3QX" not in str(caught.value)
 
 
 def test_folder_without_permission(tmp_path, monkeypatch):
-    from screw_module_ros.recording import mcap_file
-
     def refuse(path, *_):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(mcap_file.os, "open", refuse)
-    with pytest.raises(BagFolderError, match="Permission denied"):
-        BagWriter(tmp_path / "b")
+    monkeypatch.setattr(mcap_file, "owner_only", refuse)
+    with pytest.raises(BagError, match="Permission denied"):
+        Bag(tmp_path / "b")
     assert not (tmp_path / "b").exists()
 
 
+def test_a_bag_is_its_owners_alone(tmp_path):
+    """With the umask of most shells a patient's movements were for all to read."""
+    umask = os.umask(0o022)
+    try:
+        Bag(tmp_path / "b").close()
+    finally:
+        os.umask(umask)
+    assert (tmp_path / "b").stat().st_mode & 0o777 == 0o700
+    assert {path.stat().st_mode & 0o777 for path in (tmp_path / "b").iterdir()} == {0o600}
+
+
 def test_closing_twice_is_one_close(bag, tmp_path, encoder_topic):
-    writer = BagWriter(tmp_path / "other")
+    writer = Bag(tmp_path / "other")
     writer.close()
     writer.close()
     assert information(tmp_path / "other")["custom_data"]["screw_module_ros/state"] == "closed"

@@ -6,8 +6,7 @@ import os
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from screw_module_ros.recording import DefinitionError, Definitions
-from screw_module_ros.recording.definitions import fields
+from screw_module_ros.recording.definitions import DefinitionError, Definitions, fields
 
 LINE = "=" * 80
 
@@ -33,14 +32,6 @@ def test_type_of_the_same_package_needs_no_prefix(tmp_path):
     text = Definitions({"own_msgs": folder.parent}).find("own_msgs/msg/Outer").text
     assert text.count("MSG: own_msgs/Inner\n") == 1
     assert text.endswith("uint8 RED=1\nuint8 colour\n")
-
-
-def test_feedback_of_an_action(definitions):
-    name = "screw_module_msgs/action/RunExperiment_FeedbackMessage"
-    text = definitions.find(name).text
-    types = get_types_from_msg(text, name)
-    assert "unique_identifier_msgs/msg/UUID" in types
-    assert any(key.endswith("RunExperiment_Feedback") for key in types)
 
 
 @pytest.mark.parametrize("name", ["nowhere_msgs/msg/X", "screw_module_msgs/msg/X", "no type"])

@@ -13,6 +13,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from screw_module_msgs.srv import StartRecording
 from std_srvs.srv import Trigger
 
 from screw_module_ros.nodes import session_recorder
@@ -47,7 +48,13 @@ def recorder(tmp_path, monkeypatch):
 
 def start(node: SessionRecorder) -> str:
     """Call ~/start; return the folder, or what is wrong."""
-    return str(node._on_start(Trigger.Request()))
+    return called(node, "start", Trigger)
+
+
+def called(node: SessionRecorder, service_name: str, kind: type, **fields: str) -> str:
+    """Call a service of the node; return its answer."""
+    (service,) = (each for each in node.services if each.srv_name.endswith(f"/{service_name}"))
+    return service.callback(kind.Request(**fields), kind.Response()).message
 
 
 def name(node: SessionRecorder, text: str) -> None:
@@ -66,11 +73,25 @@ def test_two_in_one_second_get_two_folders(recorder, tmp_path, monkeypatch):
     assert all((folder / "metadata.yaml").is_file() for folder in folders)
 
 
+def test_a_request_names_its_own_bag_and_no_later_one(recorder, tmp_path):
+    """A name that stayed would be a patient's on somebody else's recording."""
+    name(recorder, "by_hand")
+    folders = [Path(called(recorder, "record", StartRecording, name="P-7K3QX_clock"))]
+    assert "already recording" in called(recorder, "record", StartRecording, name="other")
+    recorder._on_stop(Trigger.Request())
+    folders.append(Path(start(recorder)))
+    recorder._on_stop(Trigger.Request())
+    assert [folder.name for folder in folders] == ["P-7K3QX_clock", "by_hand"]
+    folder = Path(called(recorder, "record", StartRecording))
+    assert folder.name.startswith("session_2")
+
+
 @pytest.mark.parametrize("text", ["../x", "/tmp/x", "..", "a/b"])
 def test_a_name_leads_nowhere_else(recorder, tmp_path, text):
     name(recorder, text)
     assert "no plain name" in recorder.health().message  # before anybody starts
     assert "no plain name" in start(recorder)
+    assert "no plain name" in called(recorder, "record", StartRecording, name=text)
     assert not (tmp_path / "x").exists() and not (tmp_path / "bags").exists()
 
 

@@ -13,12 +13,13 @@ from screw_module_msgs.msg import EndpointState, TherapyState
 from simulated_patient import Person, Simulation
 
 from screw_module_ros import graph
-from screw_module_ros.nodes.therapy_messages import STATES, change_message, result_message
-from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
+from screw_module_ros.nodes.therapy_messages import change_message, result_message
+from screw_module_ros.recording.bag import Bag, Message, Topic
+from screw_module_ros.recording.definitions import Definitions
 from screw_module_ros.resources import resource_path
+from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.protocol_file import parse_protocol, sha256
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import PAUSED, RUNNING, Session
+from screw_module_ros.therapy.session import Session, State
 
 TOPICS = (
     graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
@@ -50,23 +51,26 @@ def short_text(name: str = "clock_adaptive", count: int = 2) -> str:
 
 
 def played(
-    person: Person, seed: int, definition: str, patient: str = "P-7K3QX", begin_s: int = 0,
+    person: Person,
+    seed: int,
+    definition: str,
+    patient: str = "P-7K3QX",
+    begin_s: int = 0,
     clock_set: tuple[int, float] | None = None,
 ) -> Played:
     """Play a session. begin_s: after the epoch [s].
 
-    clock_set: sample before which the system clock is set, and by how much [s]; the therapist
-    resumes the session then.
+    clock_set: sample before which the system clock is set, and by how much [s].
     """
     session = Session(parse_protocol(definition, "test"))
     simulation = Simulation(session, person, seed)
     simulation.now_ns = begin_s * _S
     first = simulation.sample()
-    samples, told = [first], [(first.time_ns, graph.THERAPY_STATE, _state(
-        session, patient, definition, first.sequence - 5, definition))]  # fmt: skip
+    samples, told = [first], [(first.stamp_ns, graph.THERAPY_STATE, _state(
+        session, patient, definition, first.sequence - 1, definition, first.time_ns))]  # fmt: skip
     name, results, changes = session.protocol.name, 0, 0
     session.take(first)
-    while session.state == RUNNING:
+    while session.state == State.RUNNING:
         simulation.step()
         simulation.step()
         if clock_set is not None and len(samples) == clock_set[0]:
@@ -74,22 +78,17 @@ def played(
         sample = simulation.sample()
         samples.append(sample)
         session.take(sample)
-        if session.state == PAUSED:
-            for act in (lambda: None, session.resume):
-                act()
-                told.append((sample.time_ns, graph.THERAPY_STATE, _state(
-                    session, patient, "", sample.sequence, definition)))  # fmt: skip
         simulation.look()
         for result in session.results[results:]:
             message = result_message(result, patient, name)
-            told.append((sample.time_ns, graph.THERAPY_TRIAL, message))
+            told.append((sample.stamp_ns, graph.THERAPY_TRIAL, message))
         for change in session.changes[changes:]:
             message = change_message(change, patient, name, 2)
-            told.append((sample.time_ns, graph.THERAPY_ASSISTANCE, message))
+            told.append((sample.stamp_ns, graph.THERAPY_ASSISTANCE, message))
         results, changes = len(session.results), len(session.changes)
     last = samples[-1]
-    told.append((last.time_ns, graph.THERAPY_STATE,
-                 _state(session, patient, "", last.sequence, definition)))  # fmt: skip
+    ends = _state(session, patient, "", last.sequence, definition, last.time_ns)
+    told.append((last.stamp_ns, graph.THERAPY_STATE, ends))
     return Played(patient, definition, samples, told)
 
 
@@ -97,7 +96,7 @@ def write_bag(
     folder: Path, sessions: list[Played], keep: Callable[[HandSample], bool] = lambda _: True
 ) -> Path:
     """Write sessions into one bag, one after the other. keep: of the samples."""
-    writer, definitions = BagWriter(folder), Definitions()
+    writer, definitions = Bag(folder), Definitions()
     kinds = {name: graph.TOPICS[name].type for name in TOPICS}
     channels = {
         robot + name: writer.add_topic(Topic(robot + name, kind, definitions.find(kind)))
@@ -106,7 +105,7 @@ def write_bag(
     }
     for session in sessions:
         kept = [sample for sample in session.samples if keep(sample)]
-        hands = [(sample.time_ns, graph.ENDPOINT_STATE, _endpoint(sample)) for sample in kept]
+        hands = [(sample.stamp_ns, graph.ENDPOINT_STATE, _endpoint(sample)) for sample in kept]
         for time_ns, name, message in sorted([*hands, *session.told], key=lambda each: each[0]):
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(time_ns, _S)
             data = bytes(serialize_message(message))
@@ -117,7 +116,11 @@ def write_bag(
 
 def _endpoint(sample: HandSample) -> EndpointState:
     message = EndpointState(
-        sequence=sample.sequence, valid=[True] * 3, enabled=[True] * 2, vertical_locked=False
+        sequence=sample.sequence,
+        monotonic_ns=sample.time_ns,
+        valid=[True] * 3,
+        enabled=[True] * 2,
+        vertical_locked=False,
     )
     for part, values in (("position", sample.position), ("velocity", sample.velocity),
                          ("force", sample.force)):  # fmt: skip
@@ -126,9 +129,12 @@ def _endpoint(sample: HandSample) -> EndpointState:
     return message
 
 
-def _state(session: Session, patient: str, told: str, since: int, definition: str) -> TherapyState:
+def _state(
+    session: Session, patient: str, told: str, since: int, definition: str, time_ns: int
+) -> TherapyState:
     return TherapyState(
-        state=STATES[session.state], state_since=since, sequence=since, reason=session.reason,
+        monotonic_ns=time_ns,
+        state=session.state, state_since=since, sequence=since, reason=session.reason,
         patient=patient, definition=told,
         protocol=session.protocol.name, definition_sha256=sha256(definition), recorded=True,
     )  # fmt: skip

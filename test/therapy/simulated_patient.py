@@ -30,18 +30,15 @@ from screw_module_ros.plant.arm import (
     spring_terms,
 )
 from screw_module_ros.plant.patient import ArmSettings, changed_patient, resting_patient
-from screw_module_ros.therapy.bag import Recorded
+from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.protocol import Protocol
-from screw_module_ros.therapy.record import flat
-from screw_module_ros.therapy.replay import Act
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import RUNNING, Session
-from screw_module_ros.therapy.trial import PREPARE
+from screw_module_ros.therapy.recorded import Act, Recorded
+from screw_module_ros.therapy.session import Session, State
+from screw_module_ros.therapy.trial import Phase
 
 STEP_NS = 2_500_000
 STEP = STEP_NS * 1e-9
 EVERY = 2  # steps a sample: 200 Hz
-STRIDE = 5  # ticks of 1 kHz a sample
 ROBOT_MASS = 1.5  # [kg] the bare plane at the handle (thesis, appendix D: at most 4/3 kg), grip
 LIMITS = SlotLimits()
 NO_SLOT = Slot()
@@ -90,21 +87,21 @@ class Simulation:
         return self.now_ns * 1e-9
 
     def sample(self) -> HandSample:
-        sequence = 1000 + self.count // EVERY * STRIDE
         return HandSample(
-            sequence, self.now_ns + self.clock_set_ns, *self.position, *self.velocity, *self.handle
-        )
+            1000 + self.count // EVERY, self.now_ns, *self.position, *self.velocity, *self.handle,
+            stamp_ns=self.now_ns + self.clock_set_ns,
+        )  # fmt: skip
 
     def look(self) -> None:
         """See what the screen shows, and plan the way there."""
         trial = self.session.trial
         if trial is None:
             return
-        seen = (trial.plan.number, trial.phase == PREPARE)
+        seen = (trial.plan.number, trial.phase == Phase.PREPARE)
         if seen == self.shown:
             return
         self.shown = seen
-        if trial.phase == PREPARE:
+        if trial.phase == Phase.PREPARE:
             self._go(trial.origin, 1.5, 0.0, 1.0)
         else:
             duration = self.person.duration * math.exp(
@@ -157,8 +154,8 @@ class Simulation:
         self.count += 1
         self.now_ns += STEP_NS
 
-    def _passed(self, stamp_ns: int) -> float:
-        return (self.now_ns + self.clock_set_ns - stamp_ns) * 1e-9
+    def _passed(self, since_ns: int) -> float:
+        return (self.now_ns - since_ns) * 1e-9
 
     def _robot(self) -> tuple[float, float, float]:
         """Return the slots' forces on the hand [N]."""
@@ -186,7 +183,7 @@ class Simulation:
     def run(self, longest: float = 1e9) -> list[HandSample]:
         """Go on until the session stops, `longest` [s] at most; return the samples it was given."""
         samples, until = [], self.now + longest
-        while self.session.state == RUNNING and self.now < until:
+        while self.session.state == State.RUNNING and self.now < until:
             if self.count % EVERY == 0:
                 sample = self.sample()
                 samples.append(sample)
@@ -203,27 +200,6 @@ def recorded(person: Person, protocol: Protocol, seed: int, day: int = 0) -> Rec
     simulation = Simulation(session, person, seed)
     simulation.now_ns = (1_767_600_000 + 86_400 * day) * 1_000_000_000
     samples = simulation.run()
-    rows = [
-        {
-            **flat(result),
-            "start": result.plan.start,
-            "target": result.plan.target,
-            "started_ns": result.start_ns,
-            "ended_ns": result.end_ns,
-        }
-        for result in session.results
-    ]
-    changes = [
-        {
-            "block": 2,
-            "circuit": change.circuit,
-            "duration_before": change.before.duration,
-            "duration": change.after.duration,
-            "side_stiffness_before": change.before.side_stiffness,
-            "side_stiffness": change.after.side_stiffness,
-            "reason": change.reason,
-        }
-        for change in session.changes
-    ]
-    acts = [Act(0, RUNNING, ""), Act(samples[-1].sequence, session.state, session.reason)]
-    return Recorded(Path("bag"), "P-7K3QX", protocol, acts, rows, changes, samples)
+    changes = [change.row(2) for change in session.changes]
+    acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, session.state, session.reason)]
+    return Recorded(Path("bag"), "P-7K3QX", protocol, acts, session.results, changes, samples)

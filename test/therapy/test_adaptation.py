@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from screw_module_ros.settings import validated
 from screw_module_ros.therapy.adaptation import (
     AFTER_CIRCUITS,
     DEAD_BAND,
@@ -19,9 +20,8 @@ from screw_module_ros.therapy.adaptation import (
     gain,
     speed_metric,
 )
-from screw_module_ros.therapy.measures import Measures
 
-BOUNDS = AdaptationBounds().validated()
+BOUNDS = validated(AdaptationBounds())
 MIDDLE = Assistance(1.4, 100.0)
 circuits = st.lists(
     st.builds(Circuit, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=1, max_size=20
@@ -29,7 +29,7 @@ circuits = st.lists(
 
 
 def moved(pm2a=0.0, pm2b=0.0, stray=0.0):
-    return Measures(True, pm2a, pm2b, stray * stray, 0.14)
+    return {"pm2a": pm2a, "pm2b": pm2b, "pm3": stray * stray}
 
 
 def test_metrics_as_published():
@@ -110,5 +110,5 @@ def test_refusals():
     with pytest.raises(ValueError, match="without movements"):
         circuit_of([], 100.0)
     with pytest.raises(ValueError, match="shortest"):
-        AdaptationBounds(shortest=3.0, longest=1.0).validated()
+        validated(AdaptationBounds(shortest=3.0, longest=1.0))
     assert math.isfinite(speed_metric(moved()))

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from screw_module_ros.therapy.effect import effect_size
+from screw_module_ros.therapy.measures import effect_size
 
 
 def test_cohens_d_by_hand():

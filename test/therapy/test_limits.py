@@ -7,9 +7,12 @@ import pytest
 import yaml
 
 from screw_module_ros.settings import SettingError
-from screw_module_ros.therapy.limits import AssistanceLimits, allowed_protocol, limited_text
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
+    AssistanceLimits,
+    allowed_protocol,
+    as_yaml,
+    limited,
     load_protocol,
     parse_protocol,
     protocol_text,
@@ -70,8 +73,14 @@ def test_bounds_that_a_protocol_leaves_out_are_limited_too(bounds):
 
 
 def test_no_stiffness_grows_neither():
-    text = limited_text(protocol_text("clock_adaptive"), AssistanceLimits(0.0))
-    assert parse_protocol(text, "none").guidance.growth == 0.0
+    assert limited(load_protocol("clock_adaptive"), 0.0).guidance.growth == 0.0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("stiffest", [0.0, 33.3, 800.0])
+def test_a_protocol_survives_its_yaml(name, stiffest):
+    protocol = limited(load_protocol(name), stiffest)
+    assert parse_protocol(as_yaml(protocol), name) == protocol
 
 
 @pytest.mark.parametrize(("workspace", "name", "told"), [

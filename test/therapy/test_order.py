@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from screw_module_ros.therapy import cli
-from screw_module_ros.therapy.bag import Recorded, in_order
-from screw_module_ros.therapy.samples import HandSample
+from screw_module_ros.therapy.hand import HandSample
+from screw_module_ros.therapy.recorded import Recorded, in_order
 
 S = 1_000_000_000
 
@@ -16,7 +16,7 @@ S = 1_000_000_000
 def session(folder, begun_s, has_trials=True):
     """Return a session whose first trial, or first sample, has this stamp [s]."""
     trials = [{"started_ns": round(begun_s * S)}] if has_trials else []
-    samples = [HandSample(1, round(begun_s * S), *(0.0,) * 9)]
+    samples = [HandSample(1, 0, *(0.0,) * 9, stamp_ns=round(begun_s * S))]
     return Recorded(Path(folder), "P-7K3QX", None, [], trials, [], samples)
 
 

@@ -8,13 +8,12 @@ import pytest
 import yaml
 
 from screw_module_ros.resources import resource_path
-from screw_module_ros.settings import SettingError
-from screw_module_ros.therapy.protocol import HOLD, plan, points, ways
+from screw_module_ros.settings import SettingError, read
+from screw_module_ros.therapy.protocol import HOLD, Protocol, plan, points, ways
 from screw_module_ros.therapy.protocol_file import (
     SHIPPED,
     load_protocol,
     parse_protocol,
-    read_protocol,
 )
 
 
@@ -101,7 +100,7 @@ def test_a_wrong_file_is_refused_by_its_key(path, value, words):
     values = content()
     change(values, path, value)
     with pytest.raises(ValueError) as caught:
-        read_protocol(values)
+        read(Protocol, values)
     assert words in str(caught.value)
 
 
@@ -109,7 +108,7 @@ def test_a_trial_that_takes_time_needs_some():
     values = content("evaluation")
     change(values, ("blocks", 1, "duration"), None)
     with pytest.raises(ValueError, match="needs some time"):
-        read_protocol(values)
+        read(Protocol, values)
 
 
 def test_files(tmp_path):
@@ -128,7 +127,7 @@ def test_files(tmp_path):
 
 
 def test_circuits_that_repeat_themselves_may_be_written_once():
-    """`limited_text` writes aliases for parts that are the same."""
+    """A file may have aliases for parts that are the same."""
     text = yaml.safe_dump(content("evaluation"))
     block = content("evaluation")["blocks"][0]
     repeated = content("evaluation")

@@ -4,10 +4,12 @@
 import pytest
 from simulated_patient import HEALTHY, Simulation
 
+from screw_module_ros.therapy.cli import csv_text
+from screw_module_ros.therapy.measures import COLUMNS
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.record import NUMBERS, csv_text, flat
-from screw_module_ros.therapy.replay import Act, replay
-from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
+from screw_module_ros.therapy.recorded import Act
+from screw_module_ros.therapy.replay import replay
+from screw_module_ros.therapy.session import Session, State
 
 CLOCK = load_protocol("clock_adaptive")
 SHORT = CLOCK._replace(
@@ -26,29 +28,29 @@ def recorded():
     session = Session(SHORT)
     simulation = Simulation(session, HEALTHY, 3)
     samples = simulation.run(5.0)
-    acts = [Act(0, RUNNING, "")]
+    acts = [Act(0, State.RUNNING, "")]
     session.pause("the therapist paused it")
-    acts.append(Act(samples[-1].sequence, PAUSED, session.reason))
+    acts.append(Act(samples[-1].sequence, State.PAUSED, session.reason))
     for _ in range(3):
         samples.append(simulation.sample())
         session.take(samples[-1])
         simulation.step()
         simulation.step()
     session.resume()
-    acts.append(Act(samples[-1].sequence, RUNNING, ""))
+    acts.append(Act(samples[-1].sequence, State.RUNNING, ""))
     samples += simulation.run(4.0)
     stopped = simulation.sample()._replace(stop="the plane's torque is off")
     session.take(stopped)
     samples.append(stopped)
-    acts.append(Act(stopped.sequence, PAUSED, session.reason))
+    acts.append(Act(stopped.sequence, State.PAUSED, session.reason))
     simulation.step()
     simulation.step()
     session.resume()
-    acts.append(Act(stopped.sequence, RUNNING, ""))
+    acts.append(Act(stopped.sequence, State.RUNNING, ""))
     samples += simulation.run()
-    assert session.state == FINISHED
-    acts.append(Act(samples[-1].sequence, FINISHED, ""))
-    return samples, acts, [flat(result) for result in session.results]
+    assert session.state == State.FINISHED
+    acts.append(Act(samples[-1].sequence, State.FINISHED, ""))
+    return samples, acts, session.results
 
 
 def test_equal_bit_for_bit(recorded):
@@ -107,7 +109,7 @@ def test_results_that_one_side_lacks(recorded):
 
 def test_abort_and_no_start(recorded):
     samples, acts, results = recorded
-    ended = [acts[0], Act(samples[900].sequence, ABORTED, "the therapist ended it")]
+    ended = [acts[0], Act(samples[900].sequence, State.ABORTED, "the therapist ended it")]
     done = [row for row in results if row["last"] <= samples[900].sequence]
     assert done and replay(SHORT, samples, ended, done).problems == []
     with pytest.raises(ValueError, match="start is not recorded"):
@@ -119,21 +121,21 @@ def test_a_pause_too_short_to_be_told_began_the_trial_anew():
     session = Session(SHORT)
     simulation = Simulation(session, HEALTHY, 4)
     samples = simulation.run(3.7)
-    acts = [Act(0, RUNNING, ""), Act(samples[-1].sequence, RUNNING, "")]
+    acts = [Act(0, State.RUNNING, ""), Act(samples[-1].sequence, State.RUNNING, "")]
     before = session.trial
     session.pause("the therapist paused it")
     session.resume()
     assert session.trial is not before
     samples += simulation.run()
-    results = [flat(result) for result in session.results]
+    results = session.results
     assert replay(SHORT, samples, acts, results).problems == []
 
 
 def test_csv_keeps_every_bit(recorded):
     results = recorded[2]
-    header, *lines = csv_text(results).splitlines()
-    assert header.split(",") == list(NUMBERS)
+    header, *lines = csv_text(COLUMNS, results).splitlines()
+    assert header.split(",") == list(COLUMNS)
     assert len(lines) == len(results)
-    at = NUMBERS.index("path_error")
+    at = COLUMNS.index("path_error")
     assert [float(line.split(",")[at]) for line in lines] == [row["path_error"] for row in results]
-    assert lines[0].split(",")[NUMBERS.index("independence")] == "", "no circle, no number"
+    assert lines[0].split(",")[COLUMNS.index("independence")] == "", "no circle, no number"

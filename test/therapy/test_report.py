@@ -6,25 +6,28 @@ import stat
 from pathlib import Path
 
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from screw_module_msgs.msg import TrialResult
 from simulated_patient import FEEBLE, HEALTHY, recorded
 
-from screw_module_ros.therapy.bag import replayed
-from screw_module_ros.therapy.definitions import DEFINITIONS
+from screw_module_ros.therapy.measures import COLUMNS, COMPUTED, MEASURES
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.record import NUMBERS
-from screw_module_ros.therapy.replay import Act
-from screw_module_ros.therapy.report.content import (
+from screw_module_ros.therapy.recorded import Act
+from screw_module_ros.therapy.replay import replayed
+from screw_module_ros.therapy.report import NOT_ADAPTED, STATEMENT, write_report
+from screw_module_ros.therapy.report_content import (
     compared,
     middle,
     other_tests,
-    outward_paths,
     reaches,
     summary,
 )
-from screw_module_ros.therapy.report.figures import assistance_figure, paths_figure, trials_figure
-from screw_module_ros.therapy.report.page import NOT_ADAPTED, STATEMENT, write_page
-from screw_module_ros.therapy.report.pdf import back, front, write_pdf
+from screw_module_ros.therapy.report_figures import (
+    assistance_figure,
+    outward_paths,
+    paths_figure,
+    trials_figure,
+)
+from screw_module_ros.therapy.session import State
 
 pytestmark = pytest.mark.long
 
@@ -54,7 +57,7 @@ def replays(sessions):
 
 @pytest.fixture(scope="module")
 def html(sessions, replays, tmp_path_factory):
-    file = write_page(tmp_path_factory.mktemp("report") / "page.html", sessions, replays)
+    file = write_report(tmp_path_factory.mktemp("report") / "page.html", sessions, replays)
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     return file.read_text("utf-8")
 
@@ -62,14 +65,21 @@ def html(sessions, replays, tmp_path_factory):
 def test_every_link_leads_to_a_definition(html):
     links = set(re.findall(r'href="#(\w+)"', html))
     targets = set(re.findall(r'<dt id="(\w+)"', html))
-    assert targets == {*DEFINITIONS, "effect"}
+    assert targets == {*(measure.name for measure in MEASURES), "effect"}
     assert links and links <= targets
 
 
 def test_every_number_of_a_trial_that_is_a_measure_is_defined():
     own = {"trial", "block", "circuit", "kind", "assisted", "slot_duration", "side_stiffness",
            "moved", "first", "last", "samples", "rate"}  # fmt: skip
-    assert set(NUMBERS) - own == set(DEFINITIONS)
+    assert set(COLUMNS) - own == {measure.name for measure in MEASURES}
+
+
+def test_the_message_has_every_measure():
+    fields = TrialResult.get_fields_and_field_types()
+    assert set(COLUMNS) <= set(fields)
+    numbers = {name for name, kind in fields.items() if kind == "double"}
+    assert numbers - {"rate", "slot_duration", "side_stiffness"} == set(COMPUTED)
 
 
 def test_the_page_says_what_it_is_and_needs_nothing_from_outside(html):
@@ -98,10 +108,10 @@ def test_summary_counts(sessions):
 def test_a_session_that_ended_early_says_why_and_how_much_of_it_was_done(sessions):
     whole = sessions[0]
     acts = [
-        Act(0, "running", ""),
-        Act(9, "paused", "the plane's torque is off"), Act(11, "running", ""),
-        Act(15, "paused", "the plane's torque is off"), Act(18, "running", ""),
-        Act(20, "aborted", "the therapist ended it"),
+        Act(0, State.RUNNING, ""),
+        Act(9, State.PAUSED, "the plane's torque is off"), Act(11, State.RUNNING, ""),
+        Act(15, State.PAUSED, "the plane's torque is off"), Act(18, State.RUNNING, ""),
+        Act(20, State.ABORTED, "the therapist ended it"),
     ]  # fmt: skip
     row = summary(whole._replace(acts=acts, trials=whole.trials[:3]))
     assert row.trials == "3 of 8"
@@ -160,33 +170,35 @@ def test_paths_lead_from_the_centre_to_their_targets(sessions):
         assert max(abs(path.points[-1] - path.target)) < 0.011
 
 
-def test_the_pdf_has_two_pages_and_nothing_falls_off_the_first(sessions, replays, tmp_path):
-    file = write_pdf(tmp_path / "page.pdf", sessions, replays)
-    content = file.read_bytes()
-    assert content.startswith(b"%PDF") and len(re.findall(rb"/Type /Page\b", content)) == 2
-    assert stat.S_IMODE(file.stat().st_mode) == 0o600
-    many = [sessions[0]] * 8
-    bad = replays[0]._replace(problems=["trial 1: recorded, but not replayed"])
-    page = front(many, [bad] * 8)
-    assert all(axes.get_position().y0 > 0.0 for axes in page.axes)
-    renderer = FigureCanvasAgg(page).get_renderer()
-    assert min(text.get_window_extent(renderer).y0 for text in page.texts) > 0.0
-    labels = back().axes[0].texts
-    assert min(text.get_position()[1] for text in labels) > 0.02
+def test_the_page_prints_on_paper(html):
+    """The definitions begin a page, and nothing that a click would open is left out."""
+    style = html.partition("@media print")[2].partition("</style>")[0]
+    assert ".definitions { break-before: page" in style
+    assert "size: A4" in html
+    shown, _, hidden = html.partition("<details>")
+    assert "Last change of assistance: " in shown and "details { display: none" in style
+
+
+def test_a_text_is_no_markup(sessions, replays, tmp_path):
+    """A file that came from elsewhere may have anything as a title."""
+    protocol = sessions[0].protocol._replace(title="<script>alert(1)</script>")
+    titled = sessions[0]._replace(protocol=protocol)
+    content = write_report(tmp_path / "page.html", [titled], replays[:1]).read_text("utf-8")
+    assert "<script>" not in content and "&lt;script&gt;" in content
 
 
 def test_several_patients_or_none_are_refused(sessions, replays, tmp_path):
     other = sessions[1]._replace(patient="P-22222")
     with pytest.raises(ValueError, match="P-22222, P-7K3QX"):
-        write_page(tmp_path / "page.html", [sessions[0], other], replays)
+        write_report(tmp_path / "page.html", [sessions[0], other], replays)
     with pytest.raises(ValueError, match="none"):
-        write_pdf(tmp_path / "page.pdf", [], [])
+        write_report(tmp_path / "page.html", [], [])
     assert not list(tmp_path.iterdir())
 
 
 def test_vertical_sessions_and_fixed_assistance(tmp_path):
     lifted = recorded(HEALTHY, short(ELEVATOR, adaptation=None), 1)
-    file = write_page(tmp_path / "page.html", [lifted], [replayed(lifted)])
+    file = write_report(tmp_path / "page.html", [lifted], [replayed(lifted)])
     content = file.read_text("utf-8")
     assert NOT_ADAPTED in content
     assert content.count("data:image/png") == 2, "no empty axes"
@@ -202,7 +214,7 @@ def test_a_vertical_report_shows_nothing_of_the_sides(tmp_path):
     assert lifted.changes
     (axes,) = assistance_figure([lifted]).axes
     assert "time allowed" in axes.get_title(loc="left")
-    content = write_page(tmp_path / "page.html", [lifted], [replayed(lifted)]).read_text("utf-8")
+    content = write_report(tmp_path / "page.html", [lifted], [replayed(lifted)]).read_text("utf-8")
     shown, _, _definitions = content.partition('<dl')
     assert "side walls" not in shown
     assert "path error" not in shown
@@ -211,7 +223,7 @@ def test_a_vertical_report_shows_nothing_of_the_sides(tmp_path):
 def test_a_session_in_which_nothing_was_reached(tmp_path):
     rules = CLOCK.rules._replace(give_up=2.0)
     weak = recorded(FEEBLE._replace(reach=0.3), short(CLOCK, rules=rules, adaptation=None), 1)
-    write_page(tmp_path / "page.html", [weak], [replayed(weak)])
+    write_report(tmp_path / "page.html", [weak], [replayed(weak)])
     assert not any(row["reached"] for row in reaches(weak) if not row["assisted"])
 
 
@@ -232,6 +244,5 @@ def test_an_evaluation_shows_what_is_not_a_reach(tmp_path):
     assert 50.0 < found["pm4"] < 140.0, "[mm]; held back by a spring of 100 N/m"
     assert found["largest_force"] > 5.0, "[N]; the arm pushes against what holds it"
     assert found["size"] > 0.0
-    file = write_page(tmp_path / "page.html", [session], [replayed(session)])
+    file = write_report(tmp_path / "page.html", [session], [replayed(session)])
     assert "Reaching against a spring" in file.read_text("utf-8")
-    write_pdf(tmp_path / "page.pdf", [session], [replayed(session)])

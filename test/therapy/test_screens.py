@@ -7,8 +7,7 @@ import json
 
 import pytest
 
-from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text
-from screw_module_ros.therapy.screens import protocols_for_screens
+from screw_module_ros.therapy.protocol_file import SHIPPED, protocol_text, protocols_for_screens
 
 
 def test_the_package_protocols_are_offered_with_their_targets():

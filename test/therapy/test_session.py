@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_patient import FEEBLE, HEALTHY, SHAKING, Simulation
 
+from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.line import NO_SLOT
 from screw_module_ros.therapy.protocol_file import load_protocol
-from screw_module_ros.therapy.samples import HandSample
-from screw_module_ros.therapy.session import ABORTED, FINISHED, PAUSED, RUNNING, Session
+from screw_module_ros.therapy.session import Session, State
 
 pytestmark = pytest.mark.long
 
@@ -49,8 +49,8 @@ def unassisted():
 
 def effect(worse, better, name):
     """Cohen's d of a figure between two groups of trials."""
-    a = [getattr(r.figures, name) for r in worse if not math.isnan(getattr(r.figures, name))]
-    b = [getattr(r.figures, name) for r in better if not math.isnan(getattr(r.figures, name))]
+    a = [r[name] for r in worse if not math.isnan(r[name])]
+    b = [r[name] for r in better if not math.isnan(r[name])]
     return (mean(a) - mean(b)) / math.sqrt(0.5 * (pstdev(a) ** 2 + pstdev(b) ** 2))
 
 
@@ -70,8 +70,8 @@ def test_figures_tell_patients_apart_by_a_large_effect(unassisted, name, who, si
 
 
 def test_the_healthy_reach_and_start_by_themselves(unassisted):
-    assert all(r.reached and r.initiated and r.moved for r in unassisted["healthy"])
-    assert not any(r.reached for r in unassisted["weak"]), "they come 80 % of the way"
+    assert all(r["reached"] and r["initiated"] and r["moved"] for r in unassisted["healthy"])
+    assert not any(r["reached"] for r in unassisted["weak"]), "they come 80 % of the way"
 
 
 def test_same_samples_same_numbers_bit_for_bit():
@@ -83,7 +83,7 @@ def test_same_samples_same_numbers_bit_for_bit():
 
 def test_a_steady_patient_settles_at_soft_walls_and_short_time():
     session, _ = played(STEADY, part(CLOCK, 1, circuits=11))
-    assert session.state == FINISHED
+    assert session.state == State.FINISHED
     assert len(session.changes) == 7
     assert session.assistance.duration == CLOCK.adaptation.shortest
     assert session.assistance.side_stiffness < 70.0
@@ -96,8 +96,8 @@ def test_a_weak_patient_settles_at_a_longer_time_and_is_brought_to_the_target():
     weak, _ = played(FEEBLE, protocol)
     steady, _ = played(STEADY, protocol)
     assert weak.assistance.duration > 1.8 * steady.assistance.duration
-    assert mean(r.reached for r in weak.results) > 0.9
-    share = [mean(r.figures.robot_share for r in s.results) for s in (weak, steady)]
+    assert mean(r["reached"] for r in weak.results) > 0.9
+    share = [mean(r["robot_share"] for r in s.results) for s in (weak, steady)]
     assert share[0] > 2.0 * share[1], "the robot does more of the work"
 
 
@@ -119,7 +119,7 @@ def test_a_crooked_hand_gets_stiffer_walls_and_a_straighter_path():
         fixed = part(CLOCK, 1, circuits=1)._replace(guidance=guidance, adaptation=None)
         session, _ = played(crooked, fixed)
         assert not session.changes
-        strays.append(mean(math.sqrt(r.measures.pm3) for r in session.results))
+        strays.append(mean(math.sqrt(r["pm3"]) for r in session.results))
     assert strays[1] < 0.9 * strays[0]
 
 
@@ -127,8 +127,8 @@ def test_elevator_and_space():
     for name in ("elevator", "reach_3d"):
         protocol = part(load_protocol(name), 1, circuits=1)
         session, _ = played(HEALTHY, protocol)
-        assert session.state == FINISHED, session.reason
-        assert all(result.reached for result in session.results)
+        assert session.state == State.FINISHED, session.reason
+        assert all(result["reached"] for result in session.results)
         (change,) = session.changes
         # The column has no side walls: no accuracy could be shown, and none is claimed.
         has_sides = name != "elevator"
@@ -136,7 +136,7 @@ def test_elevator_and_space():
         assert (change.before.side_stiffness != change.after.side_stiffness) is has_sides
         assert change.before.duration != change.after.duration
     evaluation = load_protocol("evaluation")
-    assert played(HEALTHY, part(evaluation, 0, circuits=1))[0].state == FINISHED
+    assert played(HEALTHY, part(evaluation, 0, circuits=1))[0].state == State.FINISHED
 
 
 def test_stop_pauses_and_takes_the_slot_away_until_resumed():
@@ -146,16 +146,38 @@ def test_stop_pauses_and_takes_the_slot_away_until_resumed():
     done = len(session.results)
     assert done > 0 and session.wish != NO_SLOT
     session.take(simulation.sample()._replace(stop="the vertical drive is off"))
-    assert (session.state, session.reason) == (PAUSED, "the vertical drive is off")
+    assert (session.state, session.reason) == (State.PAUSED, "the vertical drive is off")
     assert session.wish == NO_SLOT
     before = session.trial
     session.take(simulation.sample())
-    assert session.trial is before and session.state == PAUSED
+    assert session.trial is before and session.state == State.PAUSED
     session.resume()
-    assert session.state == RUNNING and session.reason == ""
+    assert session.state == State.RUNNING and session.reason == ""
     simulation.run()
-    assert session.state == FINISHED
-    assert [r.plan.number for r in session.results] == list(range(1, 17))
+    assert session.state == State.FINISHED
+    assert [r["trial"] for r in session.results] == list(range(1, 17))
+
+
+def test_a_session_that_starts_counts_nothing_until_it_begins():
+    session = Session(CLOCK, "waiting for the recording")
+    simulation = Simulation(session, HEALTHY, 1)
+    session.take(simulation.sample())
+    session.resume()
+    assert (session.state, session.reason) == (State.STARTING, "waiting for the recording")
+    assert session.wish == NO_SLOT and session.trial.wish == NO_SLOT
+    session.begin()
+    assert (session.state, session.reason) == (State.RUNNING, "")
+    session.take(simulation.sample())
+    assert session.wish != NO_SLOT
+
+
+@pytest.mark.parametrize("act", ["pause", "abort"])
+def test_what_ends_a_start_holds_when_the_recording_begins(act):
+    session = Session(CLOCK, "waiting for the recording")
+    getattr(session, act)("the therapist did it")
+    session.begin()
+    assert session.state == {"pause": State.PAUSED, "abort": State.ABORTED}[act]
+    assert session.reason == "the therapist did it"
 
 
 def test_abort_ends_it_for_good():
@@ -163,11 +185,11 @@ def test_abort_ends_it_for_good():
     simulation = Simulation(session, HEALTHY, 1)
     simulation.run(3.0)
     session.abort("the therapist ended it")
-    assert session.state == ABORTED and session.wish == NO_SLOT
+    assert session.state == State.ABORTED and session.wish == NO_SLOT
     session.resume()
     session.pause("late")
     session.take(simulation.sample())
-    assert (session.state, session.reason) == (ABORTED, "the therapist ended it")
+    assert (session.state, session.reason) == (State.ABORTED, "the therapist ended it")
 
 
 def test_a_hand_that_cannot_be_brought_to_the_start_pauses():
@@ -175,7 +197,7 @@ def test_a_hand_that_cannot_be_brought_to_the_start_pauses():
     simulation = Simulation(session, HEALTHY, 1)
     for second in range(21 * 200):
         session.take(simulation.sample()._replace(time_ns=second * 5_000_000, y=0.1))
-        if session.state == PAUSED:
+        if session.state == State.PAUSED:
             break
     assert "100 mm from the start" in session.reason
 
@@ -185,10 +207,10 @@ def test_adaptation_begins_anew_in_each_block_but_keeps_what_it_gave():
     session, _ = played(STEADY, protocol)
     assert [change.circuit for change in session.changes] == [1, 1]
     assert session.changes[1].before == session.changes[0].after
-    third = [r for r in session.results if r.plan.block == 3]
-    assert {r.duration for r in third} == {session.changes[0].after.duration}
-    free = [r for r in session.results if r.plan.block == 2]
-    assert {(r.duration, r.side_stiffness) for r in free} == {(1.4, 0.0)}
+    third = [r for r in session.results if r["block"] == 3]
+    assert {r["slot_duration"] for r in third} == {session.changes[0].after.duration}
+    free = [r for r in session.results if r["block"] == 2]
+    assert {(r["slot_duration"], r["side_stiffness"]) for r in free} == {(1.4, 0.0)}
 
 
 numbers = st.floats(allow_nan=True, allow_infinity=True, width=32)
@@ -215,11 +237,11 @@ def test_whatever_is_measured_a_session_goes_on_or_pauses(name, moments):
             session.take(HandSample(5 * count, 5_000_000 * count, *values))
             for slot in (session.wish.plane, session.wish.vertical):
                 assert slot is None or slot.validated()
-    assert all(result.samples > 0 for result in session.results)
+    assert all(result["samples"] > 0 for result in session.results)
 
 
 def test_a_position_that_is_not_known_pauses():
     session = Session(CLOCK)
     session.take(HandSample(0, 0, math.nan, *(0.0,) * 8))
-    assert (session.state, session.wish) == (PAUSED, NO_SLOT)
+    assert (session.state, session.wish) == (State.PAUSED, NO_SLOT)
     assert session.reason == "where the hand is, or its speed, is not known"

@@ -8,10 +8,11 @@ from session_bag import played, short_text, write_bag
 from simulated_patient import FEEBLE, HEALTHY, SHAKING
 
 from screw_module_ros import graph
-from screw_module_ros.recording.errors import BagReadError
+from screw_module_ros.recording.bag import BagError
 from screw_module_ros.session_command import main
-from screw_module_ros.therapy.bag import read_sessions, replayed
 from screw_module_ros.therapy.protocol_file import sha256
+from screw_module_ros.therapy.recorded import read_sessions
+from screw_module_ros.therapy.replay import replayed
 
 pytestmark = pytest.mark.long
 
@@ -86,7 +87,7 @@ def test_the_one_robot_with_a_session_is_found(healthy, tmp_path):
     (found,) = read_sessions(write_bag(tmp_path / "one", [idle, of_left]))
     assert len(found.trials) == 8 and replayed(found).problems == []
     both = write_bag(tmp_path / "two", [healthy._replace(robot="/arm/"), of_left])
-    with pytest.raises(BagReadError, match="sessions of 2 robots .*/arm/, /left/.*: record each"):
+    with pytest.raises(BagError, match="sessions of 2 robots .*/arm/, /left/.*: record each"):
         read_sessions(both)
 
 
@@ -104,7 +105,7 @@ def test_another_protocol_than_was_carried_out_is_refused(healthy, tmp_path, cap
     )  # fmt: skip
     tampered = healthy._replace(told=[(time_ns, topic, changed), *rest])
     folder = write_bag(tmp_path / "tampered", [tampered])
-    with pytest.raises(BagReadError, match="not the one that was carried out: its SHA-256 is"):
+    with pytest.raises(BagError, match="not the one that was carried out: its SHA-256 is"):
         read_sessions(folder)
     assert main(["replay", str(folder)]) == 1
     assert "SHA-256" in capsys.readouterr().err

@@ -11,7 +11,9 @@ from screw_module_msgs.msg import AmplifierState, EncoderSample, EndpointState, 
 
 from screw_module_ros.identification.force_position import Spring
 from screw_module_ros.identification.recorded_session import Part
-from screw_module_ros.recording import BagWriter, Definitions, Message, Topic
+from screw_module_ros.recording.bag import Bag, Message, Topic
+from screw_module_ros.recording.definitions import Definitions
+from screw_module_ros.recording.recorder import Recording
 from screw_module_ros.trials.demo_report import (
     FORCE_FEEDBACK,
     FRICTION_COMPENSATION,
@@ -42,7 +44,7 @@ def samples(tick: int, beyond: float):
 
 def write_bag(folder, beyond, skip=()):
     """Write three modes with these offsets [N]; ticks in `skip` have no force sample."""
-    writer, definitions = BagWriter(folder), Definitions()
+    writer, definitions = Recording(Bag(folder)), Definitions()
     names = {
         EncoderSample: "/screw/encoder",
         ForceSample: "/handle/force",
@@ -55,11 +57,11 @@ def write_bag(folder, beyond, skip=()):
         channels[kind] = writer.add_topic(Topic(name, type_name, definitions.find(type_name)))
     for tick in range(len(beyond) * MODE_MS):
         time = START + tick * MS
-        writer.write(
+        writer.put([
             Message(channels[type(message)], time, time, tick + 1, serialize_message(message))
             for message in samples(tick, beyond[tick // MODE_MS])
             if not (tick in skip and isinstance(message, ForceSample))
-        )
+        ])  # fmt: skip
     writer.close()
     return folder
 

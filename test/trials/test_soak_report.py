@@ -10,7 +10,7 @@ import os
 import numpy as np
 import pytest
 
-from screw_module_ros.recording import Counts
+from screw_module_ros.recording.counts import Counts
 from screw_module_ros.recording.verify import Report
 from screw_module_ros.trials.processes import usage
 from screw_module_ros.trials.soak_report import (
@@ -44,7 +44,7 @@ def samples(seed=1, minutes=MINUTES, **growth):
 
 
 def audit(**counts):
-    return Report({"/screw/encoder": Counts(messages=600_000, stride=1, **counts)}, {}, [], {})
+    return Report({"/screw/encoder": Counts(messages=600_000, stride=1, **counts)}, {}, [], [], {})
 
 
 def missed(lines):

@@ -30,8 +30,9 @@ def rows() -> Iterator[Row]:
         recovery="make room, start again",
         watch=0.5)  # fmt: skip
     yield goes_on("bag-deleted-while-recording", "the bag's folder is deleted while recording",
-                   _delete_bag, "session_recorder, at the latest when it stops",
-                   _disk_again)._replace(group="machine", watch=0.5)  # fmt: skip
+                   _delete_bag, "session_recorder", _disk_again)._replace(
+        group="machine", alarm=Alarm("session_recorder", "No such file"),
+        recovery="start again", watch=0.5)  # fmt: skip
     yield goes_on("clock-jump", "set points with stamps of another year",
                    both(_stamped(4_000_000_000), _stamped(1)),
                    "no node: only the arrival time counts")._replace(group="machine")  # fmt: skip

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Therapy sessions in recorded bags: states, results, samples; their order, and copies."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .. import graph
+from ..recording.bag import BagError
+from ..recording.decoded import read_bag, topics
+from .hand import HandSample, hand_sample, ns_of
+from .measures import COLUMNS, Row
+from .protocol import Protocol
+from .protocol_file import parse_protocol, sha256
+from .session import State
+
+_S = 1_000_000_000
+_SIMULATED_S = 365 * 86400  # simulated time counts from the start of the rig, not from 1970
+_ACTS = (State.RUNNING, State.PAUSED, State.FINISHED, State.ABORTED)
+_DATE = re.compile(r"\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d")
+_HAND, _STATE = graph.ENDPOINT_STATE, graph.THERAPY_STATE
+_TRIAL, _ASSISTANCE = graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE
+
+
+class Act(NamedTuple):
+    """A recorded change of state; after: number of the sample before it; state; reason."""
+
+    after: int
+    state: State
+    reason: str
+
+
+class Recorded(NamedTuple):
+    """A session as recorded in a bag.
+
+    folder: of the bag; patient: pseudonym; protocol; acts; trials: results; changes: of assistance,
+    by the names of AssistanceChange.msg; samples: of the hand, in order; protocol_sha256: of the
+    executed YAML, hexadecimal, empty if the bag lacks it.
+    """
+
+    folder: Path
+    patient: str
+    protocol: Protocol
+    acts: list[Act]
+    trials: list[Row]
+    changes: list[dict[str, Any]]
+    samples: list[HandSample]
+    protocol_sha256: str = ""
+
+    @property
+    def is_simulated(self) -> bool:
+        """Return whether its stamps are those of a rig, which begin anew with each start of it."""
+        return 0 <= self._stamp_ns < _SIMULATED_S * _S
+
+    @property
+    def begun(self) -> float | None:
+        """Return its beginning [s since the epoch]: by stamp, or by folder name if simulated.
+
+        The session's node names the folder by date and time; None if somebody has renamed it.
+        """
+        if not self.is_simulated:
+            return self._stamp_ns / _S
+        found = _DATE.search(self.folder.resolve().name)
+        try:
+            return datetime.strptime(found[0], "%Y_%m_%d-%H_%M_%S").timestamp() if found else None
+        except ValueError:  # no date
+            return None
+
+    @property
+    def identity(self) -> tuple[str, str, float | None, int]:
+        """Return what a copy of the bag has in common with it, and no other session has."""
+        return self.patient, self.protocol_sha256, self.begun, self._stamp_ns
+
+    @property
+    def _stamp_ns(self) -> int:
+        if self.trials:
+            return self.trials[0]["started_ns"]
+        return self.samples[0].stamp_ns if self.samples else 0
+
+
+def in_order(sessions: Sequence[Recorded]) -> list[Recorded]:
+    """Return sessions by their begins; in the given order if that of one is unknown."""
+    if any(session.begun is None for session in sessions):
+        return list(sessions)
+    return sorted(sessions, key=lambda session: session.begun)
+
+
+def without_copies(sessions: Iterable[Recorded]) -> tuple[list[Recorded], list[str]]:
+    """Return each session once, and one sentence for each copy, which would count double.
+
+    Of copies the one with most samples stays: a bag that was cut off has less than its copy.
+    """
+    found: dict[tuple, Recorded] = {}
+    notes = []
+    for session in sessions:
+        known = found.setdefault(session.identity, session)
+        if known is not session:
+            less, more = sorted((session, known), key=lambda one: len(one.samples))
+            found[session.identity] = more
+            notes.append(f"{less.folder} is a copy of {more.folder}: left out")
+    return list(found.values()), notes
+
+
+def read_sessions(folder: Path | str) -> list[Recorded]:
+    """Return the sessions in a bag, in order; a bag of an older version may contain several.
+
+    Raises BagError if the bag cannot be read, contains no session or a protocol that does not
+    match its hash, SettingError if its protocol is invalid.
+    """
+    folder = Path(folder)
+    names = _names(folder)
+    states = _in_time([m.message for m in read_bag(folder, [names[_STATE]])])
+    begins = [index for index, state in enumerate(states) if state.definition]
+    if not begins:
+        raise BagError(f"{folder}: no therapy session begins in it")
+    parts = [states[a:b] for a, b in zip(begins, [*begins[1:], None], strict=True)]
+    trials, changes = (
+        [m.message for m in _read(folder, names, name)] for name in (_TRIAL, _ASSISTANCE)
+    )
+    hands = _in_time([m.message for m in read_bag(folder, [names[_HAND]])])
+    return [
+        _session(
+            folder, part,
+            [_trial(m) for m in trials if begin <= ns_of(m.header.stamp) < end],
+            [_change(m) for m in changes if begin <= ns_of(m.header.stamp) < end],
+            [m for m in hands if begin - _S <= ns_of(m.header.stamp) < end],
+        )
+        for part, (begin, end) in zip(parts, _spans(parts), strict=True)
+    ]  # fmt: skip
+
+
+def _spans(parts: Sequence[list[Any]]) -> list[tuple[float, float]]:
+    """Return the stamps from which and until which messages belong to each session [ns].
+
+    All belong to the only session of a bag, also if the clock was set back while it ran.
+    """
+    if len(parts) == 1:
+        return [(-math.inf, math.inf)]
+    starts = [ns_of(part[0].header.stamp) for part in parts]
+    return list(zip(starts, [*starts[1:], math.inf], strict=True))
+
+
+def _in_time(messages: list[Any]) -> list[Any]:
+    """Return messages in the order of the monotonic clock.
+
+    A bag is in that of the system clock, which may have been set back while it was recorded.
+    Messages of older bags have no monotonic time and stay as they are.
+    """
+    return sorted(messages, key=lambda message: getattr(message, "monotonic_ns", 0))
+
+
+def _session(
+    folder: Path, states: list[Any], trials: list[Row], changes: list[dict], hands: list[Any]
+) -> Recorded:
+    first = states[0]
+    protocol = parse_protocol(first.definition, f"recorded in {folder}")
+    hashes = {getattr(state, "definition_sha256", "") for state in states}
+    if not hashes <= {"", sha256(first.definition)}:
+        raise BagError(
+            f"{folder}: the protocol in it is not the one that was carried out: its SHA-256 is "
+            f"{sha256(first.definition)}, the session states {', '.join(sorted(hashes - {''}))}"
+        )
+    samples = [hand_sample(message, protocol.space) for message in hands]
+    trials.sort(key=itemgetter("trial"))
+    changes.sort(key=itemgetter("block", "circuit"))
+    acts = _acts(states, first.patient)
+    return Recorded(
+        folder, first.patient, protocol, acts, trials, changes, samples, max(hashes)
+    )  # fmt: skip
+
+
+def _names(folder: Path) -> dict[str, str]:
+    """Return the full names of the topics of the one robot that had a session."""
+    known = topics(folder)
+    robots = sorted(
+        topic.removesuffix(_STATE) for topic in known
+        if f"/{topic}".endswith(f"/{_STATE}") and topic.removesuffix(_STATE) + _HAND in known
+    )  # fmt: skip
+    if not robots:
+        raise BagError(f"{folder} has not both {_HAND} and {_STATE}: no therapy session")
+    if len(robots) > 1:
+        robots = [robot for robot in robots if _has_session(folder, robot)] or robots[:1]
+    if len(robots) != 1:
+        raise BagError(
+            f"{folder} has sessions of {len(robots)} robots ({', '.join(robots)}): record each"
+            " robot with its own session_recorder"
+        )
+    names = (_HAND, _STATE, _TRIAL, _ASSISTANCE)
+    return {name: robots[0] + name for name in names if robots[0] + name in known}
+
+
+def _has_session(folder: Path, robot: str) -> bool:
+    return any(m.message.definition for m in read_bag(folder, [robot + _STATE]))
+
+
+def _read(folder: Path, names: dict[str, str], name: str) -> Iterator[Any]:
+    return read_bag(folder, [names[name]]) if name in names else iter(())
+
+
+def _acts(states: list[Any], patient: str) -> list[Act]:
+    """Return the changes of the state, each with the sample after which it began."""
+    acts: list[Act] = []
+    for state in states:
+        if state.patient != patient or state.state not in _ACTS:
+            continue
+        act = Act(int(state.state_since), State(state.state), state.reason)
+        if not acts or acts[-1] != act:
+            acts.append(act)
+    return acts
+
+
+def _trial(message: Any) -> Row:
+    row = {name: getattr(message, name) for name in COLUMNS}
+    row["start"], row["target"] = _point(message.start), _point(message.target)
+    row["started_ns"], row["ended_ns"] = ns_of(message.started), ns_of(message.ended)
+    return row
+
+
+def _change(message: Any) -> dict[str, Any]:
+    names = ("block", "circuit", "duration_before", "duration", "side_stiffness_before",
+             "side_stiffness", "reason")  # fmt: skip
+    return {name: getattr(message, name) for name in names}
+
+
+def _point(value: Any) -> tuple[float, float, float]:
+    return value.x, value.y, value.z

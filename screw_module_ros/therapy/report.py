@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report as one self-contained HTML file that only its owner can read; a browser prints it.
+
+The name of each figure links to its definition. The layout is in `report.html.jinja`.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from .measures import BY_NAME, MEASURES
+from .pseudonym import write_private
+from .recorded import Recorded
+from .replay import Replay
+from .report_content import (
+    COMPARED,
+    Compared,
+    compared,
+    has_sides,
+    labelled,
+    middle,
+    number_text,
+    other_tests,
+    rate_of,
+    reaches,
+    shown,
+    summary,
+)
+from .report_figures import assistance_figure, paths_figure, trials_figure
+
+NOT_ADAPTED = "The assistance was not adapted in the latest session."
+STATEMENT = (
+    "This page describes recorded movements. It is no diagnosis and claims no benefit of a therapy."
+)
+EFFECT = (
+    "Mean of the last block of reaches without assistance minus that of the first, over their "
+    "pooled standard deviation (Cohen 1988: 0.2 is small, 0.5 medium, 0.8 large); positive where "
+    "the figure increased. It measures the difference of two blocks, which have few reaches, and "
+    "not its cause."
+)
+"""Definition of the effect size, which no single trial has."""
+
+
+def write_report(file: Path, sessions: Sequence[Recorded], replays: Sequence[Replay]) -> Path:
+    """Write the report of one patient's sessions as HTML; return its path.
+
+    replays: of the sessions, in the same order. Raises ValueError without a session or for sessions
+    of several patients, OSError if it cannot be written.
+    """
+    patient = patient_of(sessions)
+    latest, found = sessions[-1], compared(sessions)
+    adapted = any(session.changes for session in sessions)
+    pages = Environment(
+        loader=PackageLoader("screw_module_ros", "therapy"), autoescape=True,
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    text = pages.get_template("report.html.jinja").render(
+        patient=patient,
+        statement=STATEMENT,
+        rate=rate_of(sessions),
+        summaries=[summary(session) for session in sessions],
+        paths=_image(paths_figure(latest)),
+        trials=_image(trials_figure(sessions)),
+        figures=shown(sessions),
+        medians=_medians(sessions),
+        effects=effect_text(found) if found is not None else "",
+        others=[(summary(s).date, *test) for s in sessions for test in other_tests(s)],
+        assistance=_image(assistance_figure(sessions)) if adapted else "",
+        changes=latest.changes,
+        has_sides=has_sides([latest]),
+        not_adapted=NOT_ADAPTED,
+        replays=[(summary(s).date, r) for s, r in zip(sessions, replays, strict=True)],
+        measures=MEASURES,
+        effect=EFFECT,
+        labelled=labelled,
+        number=number_text,
+    )
+    write_private(file, text.encode())
+    return file
+
+
+def patient_of(sessions: Sequence[Recorded]) -> str:
+    """Return the patient of the sessions. Raises ValueError as `write_report` does."""
+    patients = sorted({session.patient for session in sessions})
+    if len(patients) != 1:
+        found = ", ".join(patients) or "none"
+        raise ValueError(f"a report is of one patient's sessions; found: {found}")
+    return patients[0]
+
+
+def _medians(sessions: Sequence[Recorded]) -> list[tuple[str, list[str]]]:
+    """Return the medians per session, without and with assistance: what they are of, and texts."""
+    rows = []
+    for session in sessions:
+        for assisted, words in ((False, "without assistance"), (True, "with assistance")):
+            kept = [row for row in reaches(session) if row["assisted"] is assisted]
+            if kept:
+                cells = [number_text(name, middle(kept, name)) for name in shown(sessions)]
+                rows.append((f"{summary(session).date}, {words}", cells))
+    return rows
+
+
+def effect_text(found: Compared) -> str:
+    """Return the effect sizes of all figures shown, as a sentence without its end."""
+    sizes = ", ".join(f"{BY_NAME[name].label} {_signed(found.effect(name))}" for name in COMPARED)
+    return (
+        f"From the first block without assistance ({found.first_date}, {len(found.first)} reaches) "
+        f"to the last ({found.last_date}, {len(found.last)}): {sizes}"
+    )
+
+
+def _signed(value: float) -> str:
+    """Return an effect size with its sign, a dash for none."""
+    return f"{value:+.1f}" if math.isfinite(value) else "–"
+
+
+def _image(figure: Figure) -> str:
+    """Return a figure as the address of an image."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png", dpi=130)
+    return f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"

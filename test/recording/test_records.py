@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags come back as arrays for figures and as messages for everything else."""
+
+import numpy as np
+import pytest
+from mcap_ros2.writer import Writer
+
+from screw_module_ros.recording.bag import Bag, BagError, Message, Topic
+from screw_module_ros.recording.decoded import calibrations, columns, read_bag, topics
+from screw_module_ros.recording.records import File, information, notes
+
+START = 1_700_000_000_000_000_000
+MS = 1_000_000
+
+
+def test_columns_of_a_flat_message(bag):
+    found = columns(bag, "/screw/encoder")
+    assert list(found)[:4] == ["log_time", "stamp.sec", "stamp.nanosec", "sequence"]
+    np.testing.assert_array_equal(found["log_time"], START + MS * np.arange(5000))
+    np.testing.assert_array_equal(found["count"], 3 * np.arange(5000))
+    np.testing.assert_allclose(found["position"], 1e-6 * np.arange(5000))
+    assert found["homed"].dtype == bool
+
+
+def test_columns_of_nested_fields_arrays_and_texts(tmp_path, definitions, codec):
+    writer = Bag(tmp_path / "b")
+    for name in ("EndpointState", "PlanarState", "SafetyState"):
+        kind = f"screw_module_msgs/msg/{name}"
+        writer.add_topic(Topic(f"/{name}", kind, definitions.find(kind), codec.hash(kind)))
+    for number in range(3):
+        time = START + number
+        values = {
+            "EndpointState": {"position": {"z": number * 0.1}, "header": {"frame_id": "manus"}},
+            "PlanarState": {"joint_position": [number, 2.0]},
+            "SafetyState": {"reasons": ["x"] * number},
+        }
+        for channel, (name, content) in enumerate(values.items(), 1):
+            data = codec.encode(f"screw_module_msgs/msg/{name}", content)
+            writer.write([(channel, time, time, 1, data)])
+    writer.close()
+    state = columns(tmp_path / "b", "/EndpointState")
+    np.testing.assert_allclose(state["position.z"], [0.0, 0.1, 0.2])
+    assert list(state["header.frame_id"]) == ["manus"] * 3
+    plane = columns(tmp_path / "b", "/PlanarState")
+    np.testing.assert_allclose(plane["joint_position"], [[0, 2], [1, 2], [2, 2]])
+    reasons = columns(tmp_path / "b", "/SafetyState")["reasons"]
+    assert [len(texts) for texts in reasons] == [0, 1, 2]
+    assert not any(name.isupper() for name in plane)
+
+
+def test_messages_one_by_one(bag):
+    first = next(read_bag(bag, ["/screw/encoder"]))
+    assert (first.topic, first.log_time) == ("/screw/encoder", START)
+    assert first.type == "screw_module_msgs/msg/EncoderSample"
+    assert first.message.stamp.sec == 0
+    assert sum(1 for _ in read_bag(bag)) == 5000
+
+
+def test_raw_messages(bag):
+    found = [(topic.name, m) for topic, m in File(bag / "bag_0.mcap").messages()]
+    assert {name for name, _ in found} == {"/screw/encoder"}
+    sequences = [int.from_bytes(m.data[12:16], "little") for _, m in found]
+    assert sequences == list(range(5000))
+
+
+def test_types_of_topics(bag):
+    assert topics(bag) == {"/screw/encoder": "screw_module_msgs/msg/EncoderSample"}
+
+
+def test_notes(bag):
+    assert notes(bag)["configuration"] == {"sim.yaml": "sha256:0"}
+
+
+def test_calibrations_are_those_of_the_last_messages(tmp_path, codec, definitions):
+    """Of texts of that name only: a number in a message of somebody else is another thing."""
+    kind = "screw_module_msgs/msg/AmplifierState"
+    writer = Bag(tmp_path / "b")
+    channel = writer.add_topic(Topic("/a", kind, definitions.find(kind), codec.hash(kind)))
+    for number, name in enumerate(("old", "new")):
+        data = codec.encode(kind, {"calibration": name})
+        writer.write([Message(channel, START + number, START, 1, data)])
+    writer.close()
+    assert calibrations(tmp_path / "b") == {"/a": "new"}
+
+
+def test_topic_that_is_not_there_is_named_with_those_that_are(bag):
+    with pytest.raises(BagError, match=r"holds no /nowhere; it holds: /screw/encoder"):
+        columns(bag, "/nowhere")
+
+
+def test_topic_without_messages(tmp_path, encoder_topic):
+    writer = Bag(tmp_path / "b")
+    writer.add_topic(encoder_topic)
+    writer.close()
+    assert columns(tmp_path / "b", "/screw/encoder")["log_time"].size == 0
+
+
+def test_path_that_is_no_bag(tmp_path):
+    with pytest.raises(BagError, match="there is no bag"):
+        columns(tmp_path / "nothing", "/x")
+    with pytest.raises(BagError, match="no bag folder"):
+        notes(tmp_path)
+    assert information(tmp_path) == {}
+
+
+def test_torn_bag_says_how_to_repair_it(bag):
+    with (bag / "bag_0.mcap").open("r+b") as file:
+        file.truncate(40_000)
+    with pytest.raises(BagError, match="session recover"):
+        columns(bag, "/screw/encoder")
+
+
+def test_file_of_another_recorder(tmp_path):
+    with (tmp_path / "other.mcap").open("wb") as file, Writer(file) as writer:
+        schema = writer.register_msgdef("geometry_msgs/msg/Point", "float64 x\nfloat64 y")
+        for number in range(4):
+            writer.write_message("/p", schema, {"x": number, "y": 0.5}, log_time=number)
+    found = columns(tmp_path / "other.mcap", "/p")
+    np.testing.assert_array_equal(found["x"], range(4))
