@@ -240,13 +240,13 @@ def test_every_bag_holds_it(robot, shown, calibration):
 
 def test_a_bag_of_less_than_a_second_holds_it_too(make_node, tmp_path, wait_until, calibration):
     """No timer runs here: the topic is found when it is heard."""
-    given = {"folder": tmp_path, "name": "bag", "topics": "[/told_once/state]"}
+    given = {"folder": tmp_path, "topics": "[/told_once/state]"}
     words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
     node = make_node("session_recorder", *words)
     publisher = node.create_publisher(AmplifierState, "/told_once/state", 1)
     node.trigger_configure()
     node.trigger_activate()
-    assert isinstance(node._on_start(Trigger.Request()), Done)
+    assert isinstance(node._on_start("bag"), Done)
 
     def recorded() -> int:
         publisher.publish(AmplifierState(calibration=calibration.identity))

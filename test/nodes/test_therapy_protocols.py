@@ -145,7 +145,7 @@ def test_a_recording_that_was_cut_names_its_gap(results, folder, tmp_path, capsy
     assert "run: session recover" in capsys.readouterr().err
     assert main(["recover", str(bag)]) == 0
     capsys.readouterr()
-    assert main(["replay", str(bag)]) == 1
+    assert main(["replay", f"{bag}_recovered"]) == 1
     lines = capsys.readouterr().out.splitlines()
     missing, tick = re.match(r"PROBLEM (\d+) samples missing after tick (\d+), ", lines[0]).groups()
     assert 0 < int(missing) < 1000 and int(tick) > 0
