@@ -11,13 +11,15 @@ from functools import partial
 
 from canopen.sdo.exceptions import SdoAbortedError
 
-from screw_module_ros.rig.emergency import ErrorLog
-from screw_module_ros.rig.faults import FaultBook
+from screw_module_ros.rig.device import SimulatedDevice
+from screw_module_ros.rig.emergency import ErrorLog, register_bits
+from screw_module_ros.rig.faults import CANOPEN
 from screw_module_ros.rig.heartbeat import Consumer, Producer
+from screw_module_ros.rig.link import OFF_BUS, Link
 from screw_module_ros.rig.object_dictionary import GENERAL_ERROR, DeviceNode
 from screw_module_ros.rig.pdo import TIMEOUT, TOO_LONG, TOO_SHORT, Rpdo, Tpdo
 from screw_module_ros.rig.pdo_rules import ID_MASK, RPDO, TPDO, check_pdo_write
-from screw_module_ros.rig.port import Handler, Link
+from screw_module_ros.rig.port import Handler
 
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 
@@ -33,27 +35,27 @@ _STATE_AFTER_LOSS = {0: PRE_OPERATIONAL, 2: STOPPED}
 _PDO_INDEX = 0x1FF
 _BOOT_NS = 20_000_000
 """Time without communication after a reset."""
+_DIGITAL_IO = 0x00000191
+"""Object 1000 of a device for CiA 401."""
 
 
-class CanopenDevice:
+class CanopenDevice(SimulatedDevice):
     """One node on the bus.
 
     name: in faults and reports; link: its cable; node_id: 1..127; eds: its EDS file.
     """
 
+    FAULTS = CANOPEN
+    unpowered = mute_heartbeat = mute_pdos = deaf_pdos = silent_sdo = False
+    refuse_guards = wrong_profile = False
+
     def __init__(self, name: str, link: Link, node_id: int, eds: str):
-        self.name = name
+        super().__init__(name, link)
         self.node_id = node_id
-        self.link = link
         self.node = DeviceNode(node_id, eds, self.send)
         self.state = INITIALISING
         self.operational = False
         self.errors = ErrorLog(self.node, self.send, self._may_send_emcy)
-        self.faults = FaultBook(name, link)
-        self.now_ns = 0
-        self.refuse_guards = self.silent_sdo = self.mute_heartbeat = self.mute_pdos = False
-        self.deaf_pdos = False
-        self.unpowered = False
         self._boot_at_ns: int | None = None
         self._started = False
         self._producer = Producer(self.node)
@@ -64,12 +66,12 @@ class CanopenDevice:
         self._event_tpdos: list[Tpdo] = []
         self.node.checks.append(partial(check_pdo_write, self.node))
         self.node.checks.append(self._check_refusals)
+        self.node.sources[0x1000, 0] = self._device_type
         self.node.changed = self._configured
 
     def poll(self, now_ns: int) -> None:
         """Run the timers: boot, heartbeats, deadlines, event-driven PDOs, faults that end."""
-        self.now_ns = now_ns
-        self.faults.poll(now_ns)
+        super().poll(now_ns)
         if not self._started:
             self._started = True
             self._boot(now_ns)
@@ -112,15 +114,28 @@ class CanopenDevice:
     def restarted(self) -> None:
         """Restart the application: after power-on and NMT reset node."""
 
-    def went_bus_off(self) -> None:
-        """Lose the bus, as a CAN controller with too many errors does."""
-        self.faults.cable(out=True)
+    # Faults.
 
-    def back_on_bus(self) -> None:
+    def leave_bus(self, _size: float) -> None:
+        """Lose the bus, as a CAN controller with too many errors does."""
+        self.link.start(OFF_BUS)
+
+    def return_to_bus(self) -> None:
         """Recover from bus-off."""
-        self.faults.cable(out=False)
+        self.link.end(OFF_BUS)
         self.errors.report(BUS_OFF_RECOVERED)
         self.errors.resolve(BUS_OFF_RECOVERED)
+
+    def restart(self, _size: float) -> None:
+        """Reset in mid-run."""
+        self.reset(self.now_ns)
+
+    def send_emcy(self, code: int) -> None:
+        """Send an EMCY frame without an error."""
+        self.errors.emit(code, register_bits(code) if code > 0xFF else 0)
+
+    def _device_type(self) -> int:
+        return _DIGITAL_IO if self.wrong_profile else self.node.variable(0x1000, 0).default
 
     # PDO owner.
 

@@ -12,9 +12,11 @@ import math
 import struct
 
 from screw_module_ros.plant.noise import advanced, normal_pair, seeded
-from screw_module_ros.rig.faults import Fault, FaultBook
+from screw_module_ros.rig.device import SimulatedDevice
+from screw_module_ros.rig.faults import FORCE_SENSOR
+from screw_module_ros.rig.link import OFF_BUS, Link
 from screw_module_ros.rig.physics import Physics
-from screw_module_ros.rig.port import Handler, Link
+from screw_module_ros.rig.port import Handler
 
 from .transducer_calibration import CALIBRATIONS, ZERO_OFFSETS
 
@@ -42,56 +44,48 @@ _PAIR = struct.Struct(">ff")
 _COUNTS = struct.Struct(">II")
 _BOOT_NS = 50_000_000
 _GAUGES = 6
-_LARGEST_WRENCH = 1000.0
 
 
-class SimulatedForceSensor:
+class SimulatedForceSensor(SimulatedDevice):
     """The sensor between handle and carriage.
 
     link: its cable; base_id: base of its frame ids, 0x01 to 0x7F, and the seed of its noise;
     physics: world and its time. converter_noise: see `CONVERTER_NOISE`, may be set at any time.
     """
 
+    FAULTS = FORCE_SENSOR
+    injected_status = 0
+    saturated: int | None = None
+    bias = drift = noise = 0.0
+    stuck: list[int] | None = None
+    only_first_frame = False
+
     def __init__(self, link: Link, base_id: int, physics: Physics):
-        self.name = "force_sensor"
-        self.link = link
-        self.faults = FaultBook(self.name, link)
-        self.now_ns = 0
+        super().__init__("force_sensor", link)
         self.status = 0
-        self._injected = 0
-        self.only_first_frame = False
         self.converter_noise = CONVERTER_NOISE
         self._base = base_id << 4
         self._physics = physics
         self._calibration = CALIBRATIONS[0]
         self._silent_until_ns = 0
         self._seeds = seeded(base_id)
-        self._force_bias = self._drift = self._noise = 0.0
         self._drift_from_ns = 0
-        self._saturated: int | None = None
-        self._stuck: list[int] | None = None
         self.link.listen(self._handlers())
-        self._add_faults()
-
-    def poll(self, now_ns: int) -> None:
-        """End faults whose time is over and send delayed frames."""
-        self.now_ns = now_ns
-        self.faults.poll(now_ns)
 
     def gauges(self, now_ns: int) -> list[int]:
         """Return the six gauges at now_ns [counts], rounded and limited as the ADC does."""
-        if self._stuck is not None:
-            return self._stuck
+        if self.stuck is not None:
+            return self.stuck
         fx, fy, fz, *torques = self._physics.world.wrench()
-        fz += self._force_bias + self._drift * (now_ns - self._drift_from_ns) * 1e-9
+        fz += self.bias + self.drift * (now_ns - self._drift_from_ns) * 1e-9
         raw = self._calibration.gauges((fx, fy, fz, *torques))
-        noise = math.hypot(self.converter_noise, self._noise)
+        noise = math.hypot(self.converter_noise, self.noise)
         if noise:
             flicker = _flicker(self._seeds, now_ns)
             raw = [value + noise * number for value, number in zip(raw, flicker, strict=True)]
         counts = [_limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
-        if self._saturated is not None:
-            counts[self._saturated] = LARGEST_COUNT
+        if self.saturated is not None:
+            counts[self.saturated] = LARGEST_COUNT
         return counts
 
     # Requests: handler(data, now_ns) for each opcode.
@@ -115,7 +109,7 @@ class SimulatedForceSensor:
             return
         self._physics.look(now_ns)
         sg = self.gauges(now_ns)
-        status = self.status | self._injected
+        status = self.status | self.injected_status
         if status & FAULT_BITS:
             status |= ANY_ERROR
         self.link.send(self._base | READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
@@ -180,57 +174,29 @@ class SimulatedForceSensor:
 
     # Faults.
 
-    def _add_faults(self) -> None:
-        add, limit = self.faults.add, _LARGEST_WRENCH
-        set_bit, clear_bits = self._set_status, self._clear_status
-        bit = ("bit number", 0.0, 0.0, 15.0)
-        add("status", Fault("a bit of the status word is set", set_bit, clear_bits, *bit))
-        gauge = ("gauge number", 0.0, 0.0, 5.0)
-        add("saturate", Fault("a gauge is at its limit", self._saturate, self._recover, *gauge))
-        text = "the force along z is off by a step"
-        add("bias", self._number("_force_bias", text, "N", 10.0, -limit, limit))
-        text = "the force along z drifts"
-        add("drift", self._number("_drift", text, "N/s", 1.0, -limit, limit))
-        unit = "counts, standard deviation"
-        add("noise", self._number("_noise", "the gauges are noisy", unit, 500.0, 0.0, 1e5))
-        add("freeze", Fault("the gauges stop changing", self._freeze, self._thaw))
-        text = "the second frame of each sample is missing"
-        add("half", Fault(text, lambda _value: self._half(True), lambda: self._half(False)))
-        text = "it restarts after its watchdog: status bit 0, first calibration"
-        add("reset", Fault(text, lambda _value: self.restart(self.now_ns, WATCHDOG)))
-        text = "its CAN controller is off the bus; status bit 14 when it is back"
-        add("bus_off", Fault(text, lambda _value: self.faults.cable(out=True), self._back_on_bus))
+    def set_status_bit(self, bit: int) -> None:
+        """Set a bit of the status word that no reset clears."""
+        self.injected_status |= 1 << bit
 
-    def _number(self, name: str, text: str, unit: str, default: float, low: float, high: float):
-        def start(value: float) -> None:
-            setattr(self, name, value)
-            self._drift_from_ns = self.now_ns
+    def begin_drift(self, _size: float) -> None:
+        """Let the drift begin at zero."""
+        self._drift_from_ns = self.now_ns
 
-        return Fault(text, start, lambda: setattr(self, name, 0.0), unit, default, low, high)
+    def freeze(self, _size: float) -> None:
+        """Report the present gauges from here on."""
+        self.stuck = self.gauges(self.now_ns)
 
-    def _set_status(self, value: float) -> None:
-        self._injected |= 1 << int(value)
+    def watchdog_reset(self, _size: float) -> None:
+        """Restart as after a hang."""
+        self.restart(self.now_ns, WATCHDOG)
 
-    def _clear_status(self) -> None:
-        self._injected = 0
+    def leave_bus(self, _size: float) -> None:
+        """Lose the bus, as a CAN controller with too many errors does."""
+        self.link.start(OFF_BUS)
 
-    def _saturate(self, value: float) -> None:
-        self._saturated = int(value)
-
-    def _recover(self) -> None:
-        self._saturated = None
-
-    def _freeze(self, _value: float) -> None:
-        self._stuck = self.gauges(self.now_ns)
-
-    def _thaw(self) -> None:
-        self._stuck = None
-
-    def _half(self, value: bool) -> None:
-        self.only_first_frame = value
-
-    def _back_on_bus(self) -> None:
-        self.faults.cable(out=False)
+    def return_to_bus(self) -> None:
+        """Recover from bus-off."""
+        self.link.end(OFF_BUS)
         self.status |= CAN_ERROR
 
 
