@@ -6,12 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
-from screw_module_ros.rig.axis import Axis, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.drive import DriveRating, SimulatedDrive
 from screw_module_ros.rig.encoder import SimulatedEncoder
 from screw_module_ros.rig.force_sensor import SimulatedForceSensor
 from screw_module_ros.rig.link import Link
-from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.physics import Axis, Physics, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import Setting
 
@@ -61,7 +60,7 @@ def build_devices(
         link = Link(ports["encoder"], "encoder")
         yield SimulatedEncoder(link, settings.encoder_node, physics.world)
     if "drive" in ports:
-        axis = VerticalAxis(physics, settings.torque_constant)
+        axis = VerticalAxis(physics, 1.0 / settings.torque_constant)
         yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
     if "force_sensor" in ports:
         link = Link(ports["force_sensor"], "force_sensor")

@@ -10,15 +10,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from canopen.sdo.exceptions import SdoAbortedError
-
 from screw_module_ros.rig import cia402
-from screw_module_ros.rig.axis import Axis
 from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
 from screw_module_ros.rig.faults import DRIVE
 from screw_module_ros.rig.link import Link
-from screw_module_ros.rig.object_dictionary import INVALID_VALUE, READ_ONLY
-from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.object_dictionary import INVALID_VALUE, READ_ONLY, require
+from screw_module_ros.rig.physics import Axis, Physics
 
 PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE = 4, 10
 TORQUE_MODES = (PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE)
@@ -29,10 +26,8 @@ _ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
 _HALT = 0x0100
 _PER_MILLE_MNM = 1e-6
 _LARGEST_I16 = 32767
-_S = 1_000_000_000
-_STANDSTILL_COUNTS = 2
-_STANDSTILL_POLLS = 10
-_LONGEST_STOP_NS = _S
+_STANDSTILL_COUNTS, _STANDSTILL_POLLS = 2, 10
+_S = _LONGEST_STOP_NS = 1_000_000_000
 _MODES = 0x0208  # object 6502: profile torque and cyclic synchronous torque
 
 
@@ -218,7 +213,7 @@ class SimulatedDrive(CanopenDevice):
 
     def _wire_objects(self) -> None:
         node = self.node
-        node.checks += (self._check_mode, self._check_torque_limit)
+        node.checks.append(self._check_write)
         node.sources.update(
             {
                 (0x603F, 0): lambda: self.error_code,
@@ -264,13 +259,9 @@ class SimulatedDrive(CanopenDevice):
     def _supported(self, mode: int) -> bool:
         return mode == 0 or (mode > 0 and bool(self.node.value(0x6502) >> mode - 1 & 1))
 
-    def _check_mode(self, index: int, _subindex: int, value: int) -> None:
-        if index == 0x6060 and not self._supported(value):
-            raise SdoAbortedError(INVALID_VALUE)
-
-    def _check_torque_limit(self, index: int, _subindex: int, _value: int) -> None:
-        if index == 0x6072 and self.refuse_torque_limit:
-            raise SdoAbortedError(READ_ONLY)
+    def _check_write(self, index: int, _subindex: int, value: int) -> None:
+        require(index != 0x6060 or self._supported(value), INVALID_VALUE)
+        require(index != 0x6072 or not self.refuse_torque_limit, READ_ONLY)
 
     def _set_mode(self, value: int) -> None:
         if self._supported(value):

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import random
 
-from canopen.sdo.exceptions import SdoAbortedError
-
+from screw_module_ros.plant.world import World
 from screw_module_ros.rig.canopen_device import CanopenDevice
 from screw_module_ros.rig.faults import ENCODER
 from screw_module_ros.rig.link import Link
@@ -19,8 +18,8 @@ from screw_module_ros.rig.object_dictionary import (
     INVALID_VALUE,
     VALUE_TOO_HIGH,
     VALUE_TOO_LOW,
+    require,
 )
-from screw_module_ros.rig.physics import PlantInterface
 
 _ALARM_CODES = {0x0001: 0x7300, 0x1000: 0x7305}
 """Bit of object 6503 -> error code of its EMCY."""
@@ -41,7 +40,7 @@ class SimulatedEncoder(CanopenDevice):
     noise = 0.0
     position_alarm = index_alarm = warnings = 0
 
-    def __init__(self, link: Link, node_id: int, world: PlantInterface):
+    def __init__(self, link: Link, node_id: int, world: World):
         super().__init__("encoder", link, node_id, "encoder.eds")
         self._world = world
         self._parameters = 0
@@ -110,14 +109,15 @@ class SimulatedEncoder(CanopenDevice):
         self.node.set_data(0x1800, 5, value.to_bytes(2, "little"))
 
     def _check_write(self, index: int, _subindex: int, value: int) -> None:
-        if index == 0x6000 and value & ~_KNOWN_PARAMETERS:
-            raise SdoAbortedError(INVALID_VALUE)
-        if index == 0x6001 and not 1 <= value <= self._resolution:
-            raise SdoAbortedError(VALUE_TOO_HIGH if value else VALUE_TOO_LOW)
-        if index == 0x6002 and not 1 <= value <= self._physical_range():
-            raise SdoAbortedError(VALUE_TOO_HIGH if value else VALUE_TOO_LOW)
-        if index == 0x6003 and not 0 <= value < self._range:
-            raise SdoAbortedError(VALUE_TOO_HIGH if value > 0 else VALUE_TOO_LOW)
+        if index == 0x6000:
+            require(not value & ~_KNOWN_PARAMETERS, INVALID_VALUE)
+        if index in (0x6001, 0x6002):
+            require(value, VALUE_TOO_LOW)
+            most = self._resolution if index == 0x6001 else self._physical_range()
+            require(value <= most, VALUE_TOO_HIGH)
+        if index == 0x6003:
+            require(value >= 0, VALUE_TOO_LOW)
+            require(value < self._range, VALUE_TOO_HIGH)
 
     # Faults.
 

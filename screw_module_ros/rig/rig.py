@@ -19,11 +19,12 @@ import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.plant.world import World
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
 from screw_module_ros.rig.device import CLEAR
 from screw_module_ros.rig.drive import SimulatedDrive
 from screw_module_ros.rig.faults import catalogue
-from screw_module_ros.rig.physics import Physics, PlantInterface
+from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import shown, validated
 
@@ -75,7 +76,7 @@ class Rig:
     def __init__(
         self,
         buses: dict[str, can.BusABC],
-        world: PlantInterface,
+        world: World,
         clock: Clock | None = None,
         period_ns: int = 1_000_000,
         settings: RigSettings | None = None,
