@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import struct
 
-from screw_module_ros.plant.noise import advanced, normal_pair, seeded
+from screw_module_ros.plant.sensor import advanced, normal_pair, seeded
 from screw_module_ros.rig.device import SimulatedDevice
 from screw_module_ros.rig.faults import FORCE_SENSOR
 from screw_module_ros.rig.link import OFF_BUS, Link
