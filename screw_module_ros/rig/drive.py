@@ -8,6 +8,7 @@ as object 6007 requires.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 from screw_module_ros.rig import cia402
@@ -233,16 +234,13 @@ class SimulatedDrive(CanopenDevice):
                 (0x6502, 0): lambda: self.modes,
             }
         )
-        for index, attribute in ((0x6040, "_controlword"), (0x6071, "_target")):
-            node.sinks[index, 0] = self._setter(attribute)
-        node.sinks[0x60B2, 0] = self._setter("_torque_offset")
+        commands = {0x6040: "_controlword", 0x6071: "_target", 0x60B2: "_torque_offset"}
+        for index, attribute in commands.items():
+            node.sinks[index, 0] = partial(setattr, self, attribute)
         node.sinks[0x6060, 0] = self._set_mode
         node.sinks[0x6076, 0] = self._rate
         for index in (0x6072, 0x6087):
             node.sinks[index, 0] = lambda _value: self._read_limits()
-
-    def _setter(self, attribute: str):
-        return lambda value: setattr(self, attribute, value)
 
     def _shown_rating(self) -> int:
         return round(self.settings.rated_torque * 1e6) if self.micro_rating else self._rated

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import partial
 
 from screw_module_ros.plant.sensor import advanced, normal_pair, seeded
 from screw_module_ros.rig.device import SimulatedDevice
@@ -88,82 +89,75 @@ class SimulatedForceSensor(SimulatedDevice):
             counts[self.saturated] = LARGEST_COUNT
         return counts
 
-    # Requests: handler(data, now_ns) for each opcode.
+    # Requests.
 
     def _handlers(self) -> dict[int, Handler]:
+        """Return a handler for each opcode; only a request of the right length is answered."""
         requests = {
-            READ_GAUGES: self._read_gauges,
-            READ_MATRIX: self._read_matrix,
-            READ_SERIAL: self._reader(READ_SERIAL, lambda: _SERIAL),
-            SET_CALIBRATION: self._set_calibration,
-            READ_COUNTS: self._reader(READ_COUNTS, self._counts),
-            READ_UNITS: self._reader(READ_UNITS, self._units),
-            READ_DIAGNOSTICS: self._read_diagnostics,
-            RESET: self._reset,
-            READ_FIRMWARE: self._reader(READ_FIRMWARE, lambda: _FIRMWARE),
+            READ_GAUGES: (0, self._read_gauges),
+            READ_MATRIX: (1, self._read_matrix),
+            READ_SERIAL: (0, partial(self._read_constant, READ_SERIAL)),
+            SET_CALIBRATION: (1, self._set_calibration),
+            READ_COUNTS: (0, partial(self._read_constant, READ_COUNTS)),
+            READ_UNITS: (0, partial(self._read_constant, READ_UNITS)),
+            READ_DIAGNOSTICS: (1, self._read_diagnostics),
+            RESET: (0, self._reset),
+            READ_FIRMWARE: (0, partial(self._read_constant, READ_FIRMWARE)),
         }
-        return {self._base | opcode: handler for opcode, handler in requests.items()}
+        return {
+            self._base | opcode: partial(self._answer, length, answer)
+            for opcode, (length, answer) in requests.items()
+        }
 
-    def _read_gauges(self, data: bytes, now_ns: int) -> None:
-        if data or now_ns < self._silent_until_ns:
-            return
+    def _answer(self, length: int, answer: Handler, data: bytes, now_ns: int) -> None:
+        if len(data) == length and now_ns >= self._silent_until_ns:
+            answer(data, now_ns)
+
+    def _send(self, opcode: int, payload: bytes) -> None:
+        self.link.send(self._base | opcode, payload)
+
+    def _read_gauges(self, _data: bytes, now_ns: int) -> None:
         self._physics.look(now_ns)
         sg = self.gauges(now_ns)
         status = self.status | self.injected_status
         if status & FAULT_BITS:
             status |= ANY_ERROR
-        self.link.send(self._base | READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
+        self._send(READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
         if not self.only_first_frame:
-            self.link.send(self._base | GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
+            self._send(GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
 
-    def _read_matrix(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
-        if data[0] >= _GAUGES:
-            return
-        row = self._calibration.matrix[data[0]]
-        for part in range(3):
-            pair = row[2 * part : 2 * part + 2]
-            self.link.send(self._base | READ_MATRIX + part, _PAIR.pack(*pair))
+    def _read_matrix(self, data: bytes, _now_ns: int) -> None:
+        if data[0] < _GAUGES:
+            row = self._calibration.matrix[data[0]]
+            for part in range(3):
+                self._send(READ_MATRIX + part, _PAIR.pack(*row[2 * part : 2 * part + 2]))
 
-    def _reader(self, opcode: int, payload) -> Handler:
-        """Return a handler that answers an empty request with one frame."""
+    def _read_constant(self, opcode: int, _data: bytes, _now_ns: int) -> None:
+        """Answer with what stays the same until another calibration is set."""
+        chosen = self._calibration
+        payloads = {
+            READ_SERIAL: _SERIAL,
+            READ_COUNTS: _COUNTS.pack(chosen.force_counts, chosen.torque_counts),
+            READ_UNITS: bytes((chosen.force_unit, chosen.torque_unit)),
+            READ_FIRMWARE: _FIRMWARE,
+        }
+        self._send(opcode, payloads[opcode])
 
-        def read(data: bytes, now_ns: int) -> None:
-            if not data and now_ns >= self._silent_until_ns:
-                self.link.send(self._base | opcode, payload())
-
-        return read
-
-    def _counts(self) -> bytes:
-        return _COUNTS.pack(self._calibration.force_counts, self._calibration.torque_counts)
-
-    def _units(self) -> bytes:
-        return bytes((self._calibration.force_unit, self._calibration.torque_unit))
-
-    def _set_calibration(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
+    def _set_calibration(self, data: bytes, _now_ns: int) -> None:
         calibration = CALIBRATIONS.get(data[0])
         if calibration is None:
             self.status |= BAD_CALIBRATION
         else:
             self.status &= ~BAD_CALIBRATION
             self._calibration = calibration
-        self.link.send(self._base | SET_CALIBRATION, data)
+        self._send(SET_CALIBRATION, data)
 
-    def _read_diagnostics(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
-        if data[0] not in _DIAGNOSTICS:
-            return
-        value = _DIAGNOSTICS[data[0]]
-        self.link.send(self._base | READ_DIAGNOSTICS, value.to_bytes(2, "big"))
+    def _read_diagnostics(self, data: bytes, _now_ns: int) -> None:
+        if data[0] in _DIAGNOSTICS:
+            self._send(READ_DIAGNOSTICS, _DIAGNOSTICS[data[0]].to_bytes(2, "big"))
 
-    def _reset(self, data: bytes, now_ns: int) -> None:
-        if data or now_ns < self._silent_until_ns:
-            return
-        self.link.send(self._base | RESET, b"")
+    def _reset(self, _data: bytes, now_ns: int) -> None:
+        self._send(RESET, b"")
         self.restart(now_ns)
 
     def restart(self, now_ns: int, cause: int = 0) -> None:
