@@ -22,11 +22,10 @@ from ..control.torque_chain import TorqueChain
 from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
-from ..plant.arm import HumanArm, arm_force, resting
-from ..plant.current_sensor import CurrentSensorState, current_sensor_params
+from ..plant.instruments import CurrentSensorState, current_sensor_params
 from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
-from ..plant.noise import seeded
-from ..plant.sensor import measured_wrench, sensor_params
+from ..plant.patient import HumanArm, arm_force, resting
+from ..plant.sensor import measured_wrench, seeded, sensor_params
 from ..plant.settings import WorldSettings, changed_later
 from ..settings import Setting, validated
 from .in_process_trials import (

@@ -10,8 +10,8 @@ import numpy as np
 from ..control.friction import FrictionModel
 from ..control.linearization import IDENTITY, default_linearization
 from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
-from ..plant.arm import HandPath, resting
 from ..plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE
+from ..plant.patient import HandPath, resting
 from ..plant.settings import WorldSettings
 from .loop import (
     LAW,
@@ -106,7 +106,7 @@ def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float
 
 def analyzer_samples(world: WorldSettings, trial: AnalyzerTrial) -> Samples:
     """Return command and current of an amplifier on an analyser; all other samples are zero."""
-    from ..plant.analyzer import analyzed
+    from ..plant.instruments import analyzed
 
     command, current = analyzed(
         world.amplifier, trial.frequency, trial.amplitude, trial.duration, trial.rate

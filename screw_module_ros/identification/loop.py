@@ -21,11 +21,10 @@ from ..control.vertical_settings import VerticalSettings
 from ..filters import LowpassCoefficients, VelocityState, velocity_step
 from ..geometry import COUNTS_PER_TURN, counts_to_height
 from ..plant.amplifier import Amplifier, bridge_current
-from ..plant.arm import HandPath, hand_point
-from ..plant.current_sensor import CurrentSensorState, current_sensor_step
+from ..plant.instruments import CurrentSensorState, RotorStep, current_sensor_step
 from ..plant.module import LOCKED_ROTOR, ModuleInput, ModuleState, VerticalParams
-from ..plant.noise import normal_pair
-from ..plant.transducer import RotorStep
+from ..plant.patient import HandPath, hand_point
+from ..plant.sensor import normal_pair
 from ..plant.vertical import vertical_step
 
 REST, SINE, LAW = 0, 1, 2

@@ -24,7 +24,7 @@ from ..filters import (
     velocity_settled,
     velocity_step,
 )
-from ..plant.arm import HandPath, HumanArm, arm_force, hand_point
+from ..plant.patient import HandPath, HumanArm, arm_force, hand_point
 from ..plant.planar import (
     ManusInput,
     ManusState,

@@ -86,3 +86,18 @@ def running(fixture: Fixture, travel: float, handle: float) -> Fixture:
 def placed(fixture: Fixture, handle: float, velocity: float) -> bool:
     """Return whether placing has brought the handle [m], [m/s] to its target."""
     return abs(handle - fixture.target) < PLACED and abs(velocity) < 1e-3
+
+
+def stage_velocity(
+    position: float, velocity: float, speed: float, target: float, acceleration: float, dt: float
+) -> float:
+    """Return the positioning stage's velocity [m/s] after a substep.
+
+    The stage moves to `target` [m] at `speed` [m/s] and stops there; its speed always allows it to
+    brake with `acceleration` [m/s^2]. position [m], velocity: now [m/s], dt [s].
+    """
+    way = target - position
+    step = acceleration * dt
+    braking = math.sqrt(0.25 * step * step + 2.0 * acceleration * abs(way)) - 0.5 * step
+    wanted = math.copysign(min(speed, braking, abs(way) / dt), way)
+    return min(max(wanted, velocity - step), velocity + step)

@@ -13,9 +13,9 @@ from typing import Annotated, NamedTuple
 
 from ..settings import Setting
 from .amplifier import Amplifier, AmplifierStep, amplifier_step_settings
-from .arm import ArmForce
 from .friction import Friction
-from .transducer import RotorStep, Transducer, rotor_step_settings
+from .instruments import RotorStep, Transducer, rotor_step_settings
+from .patient import ArmForce
 
 HUMAN_ARM, FREE, STAGE, LOCKED_ROTOR = 0, 1, 2, 3
 

@@ -13,8 +13,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..settings import Setting
-from .arm import ArmForce, spring_terms
 from .friction import bristle_terms, settled_bristle
+from .patient import ArmForce, spring_terms
 
 
 class Planar(NamedTuple):

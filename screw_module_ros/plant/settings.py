@@ -11,12 +11,12 @@ from typing import Annotated, NamedTuple
 from ..resources import resource_path
 from ..settings import Setting, read_file
 from .amplifier import Amplifier, amplifier_step_settings
-from .arm import HumanArm
 from .friction import Friction
+from .instruments import Transducer
 from .module import Vertical
+from .patient import HumanArm
 from .planar import Planar, resting_plane
 from .sensor import Sensor
-from .transducer import Transducer
 
 DEFAULT_FILE = "params/plant.yaml"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from .arm import HandPath, hand_point
 from .module import ModuleInput, ModuleState, VerticalParams
+from .patient import HandPath, hand_point
 from .planar import ManusInput, ManusState, PlanarParams, planar_step
 from .vertical import vertical_step
 

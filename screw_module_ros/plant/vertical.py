@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 
 from .amplifier import amplifier_step
-from .arm import spring_terms, stage_velocity
+from .fixture import stage_velocity
 from .friction import bristle_terms, passive_force, settled_bristle, steady_level
+from .instruments import rotor_step
 from .module import (
     HUMAN_ARM,
     LOCKED_ROTOR,
@@ -27,7 +28,7 @@ from .module import (
     Vertical,
     VerticalParams,
 )
-from .transducer import rotor_step
+from .patient import spring_terms
 
 
 def vertical_step(p: VerticalParams, s: ModuleState, u: ModuleInput) -> ModuleState:

@@ -13,13 +13,19 @@ from typing import Any, NamedTuple
 from ..compiled import compiled, packed
 from ..settings import validated
 from .amplifier import bridge_current
-from .arm import arm_force
 from .fixture import NAMES, Fixture, changed_fixture, placed, running
 from .module import HUMAN_ARM, LOCKED_ROTOR, ModuleInput, resting_state, vertical_params
-from .noise import advanced, seeded
-from .patient import ArmSettings, changed_patient, moved_patient, resting_patient
+from .patient import ArmSettings, arm_force, changed_patient, moved_patient, resting_patient
 from .planar import ManusInput, planar_params, resting_plane, tip
-from .sensor import DRAWS, Wrench, measured_wrench, sensor_params, true_wrench
+from .sensor import (
+    DRAWS,
+    Wrench,
+    advanced,
+    measured_wrench,
+    seeded,
+    sensor_params,
+    true_wrench,
+)
 from .settings import WorldSettings, load_world
 from .simulation import SimulationParams, SimulationState, advance, advance_packed
 

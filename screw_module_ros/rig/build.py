@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
-from screw_module_ros.rig.axis import Axis, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.drive import DriveRating, SimulatedDrive
 from screw_module_ros.rig.encoder import SimulatedEncoder
 from screw_module_ros.rig.force_sensor import SimulatedForceSensor
-from screw_module_ros.rig.physics import Physics
+from screw_module_ros.rig.link import Link
+from screw_module_ros.rig.physics import Axis, Physics, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import Setting
 
@@ -57,12 +57,14 @@ def build_devices(
 ) -> Iterator[Device]:
     """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in."""
     if "encoder" in ports:
-        yield SimulatedEncoder(ports["encoder"].plug(), settings.encoder_node, physics.world)
+        link = Link(ports["encoder"], "encoder")
+        yield SimulatedEncoder(link, settings.encoder_node, physics.world)
     if "drive" in ports:
-        axis = VerticalAxis(physics, settings.torque_constant)
+        axis = VerticalAxis(physics, 1.0 / settings.torque_constant)
         yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
     if "force_sensor" in ports:
-        yield SimulatedForceSensor(ports["force_sensor"].plug(), settings.sensor_base, physics)
+        link = Link(ports["force_sensor"], "force_sensor")
+        yield SimulatedForceSensor(link, settings.sensor_base, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
@@ -95,4 +97,4 @@ def planar_rating(settings: RigSettings, node_id: int) -> DriveRating:
 def _drive(
     name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics
 ) -> SimulatedDrive:
-    return SimulatedDrive(name, port.plug(), rating, axis, physics)
+    return SimulatedDrive(name, Link(port, name), rating, axis, physics)

@@ -9,82 +9,77 @@ from __future__ import annotations
 
 from functools import partial
 
-from canopen.sdo.exceptions import SdoAbortedError
-
-from screw_module_ros.rig.emergency import ErrorLog
-from screw_module_ros.rig.faults import FaultBook
-from screw_module_ros.rig.heartbeat import Consumer, Producer
-from screw_module_ros.rig.object_dictionary import GENERAL_ERROR, DeviceNode
-from screw_module_ros.rig.pdo import TIMEOUT, TOO_LONG, TOO_SHORT, Rpdo, Tpdo
-from screw_module_ros.rig.pdo_rules import ID_MASK, RPDO, TPDO, check_pdo_write
-from screw_module_ros.rig.port import Handler, Link
+from screw_module_ros.rig.device import SimulatedDevice
+from screw_module_ros.rig.emcy import ErrorLog
+from screw_module_ros.rig.faults import CANOPEN
+from screw_module_ros.rig.link import OFF_BUS, Link
+from screw_module_ros.rig.object_dictionary import (
+    GENERAL_ERROR,
+    INCOMPATIBLE_PARAMETER,
+    ObjectDictionary,
+    require,
+)
+from screw_module_ros.rig.pdo import ID_MASK, RPDO, TPDO, Rpdo, Tpdo, check_pdo_write
+from screw_module_ros.rig.port import Handler
 
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
-
-HEARTBEAT_LOST = 0x8130
-BUS_OFF_RECOVERED = 0x8140
-SYNC_LENGTH = 0x8240
+HEARTBEAT_LOST, BUS_OFF_RECOVERED, SYNC_LENGTH = 0x8130, 0x8140, 0x8240
 
 _START, _STOP, _ENTER_PRE_OPERATIONAL, _RESET_NODE, _RESET_COMMUNICATION = 1, 2, 128, 129, 130
 _NMT_ID = 0x000
 _SDO_REQUEST, _HEARTBEAT = 0x600, 0x700
 _COMMUNICATION_AREA = range(0x1000, 0x2000)
+_CONSUMER, _PRODUCER = 0x1016, 0x1017
 _STATE_AFTER_LOSS = {0: PRE_OPERATIONAL, 2: STOPPED}
-_PDO_INDEX = 0x1FF
-_BOOT_NS = 20_000_000
+_GUARDS = ((_CONSUMER, 1), (_CONSUMER, 2), (_PRODUCER, 0), (0x1400, 5))
+_DIGITAL_IO = 0x00000191
+"""Object 1000 of a device for CiA 401."""
+_MS = 1_000_000
+_BOOT_NS = 20 * _MS
 """Time without communication after a reset."""
 
 
-class CanopenDevice:
+class CanopenDevice(SimulatedDevice):
     """One node on the bus.
 
     name: in faults and reports; link: its cable; node_id: 1..127; eds: its EDS file.
     """
 
+    FAULTS = CANOPEN
+    unpowered = mute_heartbeat = mute_pdos = deaf_pdos = silent_sdo = False
+    refuse_guards = wrong_profile = False
+
     def __init__(self, name: str, link: Link, node_id: int, eds: str):
-        self.name = name
+        super().__init__(name, link)
         self.node_id = node_id
-        self.link = link
-        self.node = DeviceNode(node_id, eds, self.send)
+        self.node = node = ObjectDictionary(node_id, eds, self.send, self._configured)
         self.state = INITIALISING
         self.operational = False
-        self.errors = ErrorLog(self.node, self.send, self._may_send_emcy)
-        self.faults = FaultBook(name, link)
-        self.now_ns = 0
-        self.refuse_guards = self.silent_sdo = self.mute_heartbeat = self.mute_pdos = False
-        self.deaf_pdos = False
-        self.unpowered = False
-        self._boot_at_ns: int | None = None
-        self._started = False
-        self._producer = Producer(self.node)
-        self._consumer = Consumer(self.node)
-        self._rpdos = [Rpdo(self, i - RPDO.start) for i in self._indices(RPDO)]
-        self._tpdos = [Tpdo(self, i - TPDO.start) for i in self._indices(TPDO)]
+        self.errors = ErrorLog(node, self._send_emcy)
+        self._boot_at_ns: int | None = 0
+        self._beat_ns = self._next_beat_ns = 0
+        self._watched_ns: dict[int, int] = {}  # node id -> longest time between its heartbeats
+        self._deadlines_ns: dict[int, int] = {}  # of the watches that are armed
+        self._lost: set[int] = set()
+        node.checks.append(self._check)
+        node.sources[0x1000, 0] = self._device_type
+        self._rpdos = [Rpdo(self, i) for i in node.object_dictionary if i in RPDO]
+        self._tpdos = [Tpdo(self, i) for i in node.object_dictionary if i in TPDO]
         self._on_sync_tpdos: list[Tpdo] = []
         self._event_tpdos: list[Tpdo] = []
-        self.node.checks.append(partial(check_pdo_write, self.node))
-        self.node.checks.append(self._check_refusals)
-        self.node.changed = self._configured
 
     def poll(self, now_ns: int) -> None:
         """Run the timers: boot, heartbeats, deadlines, event-driven PDOs, faults that end."""
-        self.now_ns = now_ns
-        self.faults.poll(now_ns)
-        if not self._started:
-            self._started = True
-            self._boot(now_ns)
-        elif self._boot_at_ns is not None:
+        super().poll(now_ns)
+        if self._boot_at_ns is not None:
             if now_ns >= self._boot_at_ns and not self.unpowered:
-                self._boot(now_ns)
+                self._boot()
             return
-        if self._producer.due(now_ns) and not self.mute_heartbeat:
-            self.send(_HEARTBEAT + self.node_id, bytes((self.state,)))
-        if self._consumer.deadlines:
-            for node_id in self._consumer.expired(now_ns):
-                self._heartbeat_lost(node_id)
+        self._beat()
+        for node_id in [i for i, due_ns in self._deadlines_ns.items() if now_ns >= due_ns]:
+            self._heartbeat_lost(node_id)
         for rpdo in self._rpdos:
-            if rpdo.deadline_ns and rpdo.expired(now_ns):
-                self.connection_lost(TIMEOUT)
+            rpdo.poll(now_ns)
         if self.operational and not self.mute_pdos:
             for tpdo in self._event_tpdos:
                 tpdo.poll(now_ns)
@@ -92,6 +87,10 @@ class CanopenDevice:
     def send(self, can_id: int, data: bytes) -> None:
         """Put a frame on the device's cable."""
         self.link.send(can_id, data)
+
+    def _send_emcy(self, can_id: int, data: bytes) -> None:
+        if self.state in (OPERATIONAL, PRE_OPERATIONAL):
+            self.send(can_id, data)
 
     # What a profile adds.
 
@@ -112,31 +111,53 @@ class CanopenDevice:
     def restarted(self) -> None:
         """Restart the application: after power-on and NMT reset node."""
 
-    def went_bus_off(self) -> None:
-        """Lose the bus, as a CAN controller with too many errors does."""
-        self.faults.cable(out=True)
+    # Heartbeats (CiA 301, section 7.2.8.3.2): a node's first one arms its watch, not the write.
 
-    def back_on_bus(self) -> None:
-        """Recover from bus-off."""
-        self.faults.cable(out=False)
-        self.errors.report(BUS_OFF_RECOVERED)
-        self.errors.resolve(BUS_OFF_RECOVERED)
+    def _beat(self) -> None:
+        """Send the heartbeat if it is due; those missed meanwhile are skipped."""
+        late_ns = self.now_ns - self._next_beat_ns
+        if not self._beat_ns or late_ns < 0:
+            return
+        self._next_beat_ns += self._beat_ns * (late_ns // self._beat_ns + 1)
+        if not self.mute_heartbeat:
+            self.send(_HEARTBEAT + self.node_id, bytes((self.state,)))
 
-    # PDO owner.
+    def _on_heartbeat(self, node_id: int, _data: bytes, now_ns: int) -> None:
+        self.now_ns = now_ns
+        self._deadlines_ns[node_id] = now_ns + self._watched_ns[node_id]
+        if node_id in self._lost:
+            self._lost.discard(node_id)
+            self.connection_back(HEARTBEAT_LOST)
 
-    def length_error(self, code: int, data: bytes) -> None:
-        """Report an RPDO of the wrong length, or with code 0 the end of that error."""
-        del data
-        if code:
-            self.errors.report(code)
-        else:
-            self.errors.resolve(TOO_SHORT)
-            self.errors.resolve(TOO_LONG)
+    def _heartbeat_lost(self, node_id: int) -> None:
+        del self._deadlines_ns[node_id]
+        self._lost.add(node_id)
+        self.connection_lost(HEARTBEAT_LOST)
+        fallback = _STATE_AFTER_LOSS.get(self.node.value(0x1029, 1))
+        if self.operational and fallback is not None:
+            self._enter(fallback)
+
+    def _refresh_heartbeats(self) -> None:
+        """Read 1016 and 1017 again; a watch goes on, a new period begins with a heartbeat."""
+        entries = [entry for _, entry in self._watches()]
+        self._watched_ns = {entry >> 16 & 0xFF: (entry & 0xFFFF) * _MS for entry in entries}
+        kept = self._watched_ns
+        self._deadlines_ns = {i: due for i, due in self._deadlines_ns.items() if i in kept}
+        self._lost &= set(kept)
+        beat_ns = self.node.value(_PRODUCER) * _MS
+        if beat_ns != self._beat_ns:
+            self._beat_ns, self._next_beat_ns = beat_ns, self.now_ns
+
+    def _watches(self) -> list[tuple[int, int]]:
+        """Return the subindices and values of the entries of 1016 that are used."""
+        numbers = range(1, self.node.value(_CONSUMER, 0) + 1)
+        entries = [(number, self.node.value(_CONSUMER, number)) for number in numbers]
+        return [(number, entry) for number, entry in entries if _watches_a_node(entry)]
 
     # Frames.
 
     def _on_nmt(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 2 or data[1] not in (0, self.node_id) or self._boot_at_ns is not None:
+        if len(data) != 2 or data[1] not in (0, self.node_id):
             return
         self.now_ns = now_ns
         command = data[0]
@@ -147,7 +168,7 @@ class CanopenDevice:
         elif command == _ENTER_PRE_OPERATIONAL:
             self._enter(PRE_OPERATIONAL)
         elif command in (_RESET_NODE, _RESET_COMMUNICATION):
-            self.reset(now_ns, whole=command == _RESET_NODE)
+            self._reset(whole=command == _RESET_NODE)
 
     def _on_sync(self, data: bytes, now_ns: int) -> None:
         if not self.operational:
@@ -166,35 +187,30 @@ class CanopenDevice:
     def _on_sdo(self, data: bytes, now_ns: int) -> None:
         self.now_ns = now_ns
         if self.state in (OPERATIONAL, PRE_OPERATIONAL) and not self.silent_sdo:
-            self.node.on_sdo(data, now_ns)
-
-    def _on_heartbeat(self, node_id: int, _data: bytes, now_ns: int) -> None:
-        self.now_ns = now_ns
-        if self._consumer.heard(node_id, now_ns):
-            self.connection_back(HEARTBEAT_LOST)
+            self.node.on_sdo(data)
 
     # States.
 
-    def reset(self, now_ns: int, whole: bool = True) -> None:
+    def _reset(self, whole: bool) -> None:
         """Reset for a moment and boot with default objects: all, or the communication area."""
         if whole:
             self.node.restore()
         else:
             self.node.restore(_COMMUNICATION_AREA.start, _COMMUNICATION_AREA.stop - 1)
         self._enter(INITIALISING)
-        self._consumer.reset()
+        self._deadlines_ns.clear()
+        self._lost.clear()
         for rpdo in self._rpdos:
             rpdo.disarm()
         if whole:
-            self.errors.reset()
+            self.errors.restart()
             self.restarted()
-        self._boot_at_ns = now_ns + _BOOT_NS
+        self._boot_at_ns = self.now_ns + _BOOT_NS
         self.link.listen({})
 
-    def _boot(self, now_ns: int) -> None:
+    def _boot(self) -> None:
         self._boot_at_ns = None
         self._refresh()
-        self._producer.refresh(now_ns)
         self.send(_HEARTBEAT + self.node_id, b"\x00")
         self._enter(PRE_OPERATIONAL)
 
@@ -209,32 +225,32 @@ class CanopenDevice:
                 if tpdo.valid and not self.mute_pdos:
                     tpdo.start(self.now_ns)
 
-    def _heartbeat_lost(self, node_id: int) -> None:
-        self.connection_lost(HEARTBEAT_LOST)
-        fallback = _STATE_AFTER_LOSS.get(self.node.value(0x1029, 1))
-        if self.operational and fallback is not None:
-            self._enter(fallback)
-
     # Configuration.
+
+    def _check(self, index: int, subindex: int, value: int) -> None:
+        """Refuse what CiA 301 does not allow: two watches of one node, for instance."""
+        if index == _CONSUMER and _watches_a_node(value):
+            others = [entry for number, entry in self._watches() if number != subindex]
+            unique = all((entry ^ value) >> 16 for entry in others)
+            require(unique, INCOMPATIBLE_PARAMETER)
+        check_pdo_write(self.node, index, subindex, value)
+        require(not self.refuse_guards or (index, subindex) not in _GUARDS, GENERAL_ERROR)
 
     def _configured(self, index: int) -> None:
         """Apply a write to `index`."""
         if index in _COMMUNICATION_AREA:
             self._refresh(index)
-            self._producer.refresh(self.now_ns)
         else:
             self.written(self.now_ns)
 
     def _refresh(self, index: int | None = None) -> None:
-        """Compile the communication objects; `index` limits it to the PDO that was written."""
-        number = None if index is None or index < RPDO.start else index & _PDO_INDEX
-        for pdos in (self._rpdos, self._tpdos):
-            for position, pdo in enumerate(pdos):
-                if number is None or number == position:
-                    pdo.refresh()
+        """Compile the communication objects; of the PDOs the one that was written, None = all."""
+        for pdo in (*self._rpdos, *self._tpdos):
+            if index in (None, *pdo.indices):
+                pdo.refresh()
         self._on_sync_tpdos = [p for p in self._tpdos if p.valid and p.synchronous]
         self._event_tpdos = [p for p in self._tpdos if p.valid and not p.synchronous]
-        self._consumer.refresh()
+        self._refresh_heartbeats()
         self.link.listen(self._handlers())
 
     def _handlers(self) -> dict[int, Handler]:
@@ -242,20 +258,35 @@ class CanopenDevice:
             self.node.value(0x1005) & ID_MASK: self._on_sync,
             _SDO_REQUEST + self.node_id: self._on_sdo,
         }
-        for rpdo in self._rpdos:
-            if rpdo.valid:
-                handlers[rpdo.can_id] = rpdo.receive
-        for node_id in self._consumer.watched:
+        handlers |= {rpdo.can_id: rpdo.receive for rpdo in self._rpdos if rpdo.valid}
+        for node_id in self._watched_ns:
             handlers[_HEARTBEAT + node_id] = partial(self._on_heartbeat, node_id)
         return handlers | {_NMT_ID: self._on_nmt}
 
-    def _indices(self, area: range) -> list[int]:
-        return [index for index in self.node.object_dictionary if index in area]
+    def _device_type(self) -> int:
+        return _DIGITAL_IO if self.wrong_profile else self.node.variable(0x1000, 0).default
 
-    def _may_send_emcy(self) -> bool:
-        return self.state in (OPERATIONAL, PRE_OPERATIONAL)
+    # Faults.
 
-    def _check_refusals(self, index: int, subindex: int, _value: int) -> None:
-        guards = ((0x1016, 1), (0x1016, 2), (0x1017, 0), (0x1400, 5))
-        if self.refuse_guards and (index, subindex) in guards:
-            raise SdoAbortedError(GENERAL_ERROR)
+    def leave_bus(self, _size: float) -> None:
+        """Lose the bus, as a CAN controller with too many errors does."""
+        self.link.start(OFF_BUS)
+
+    def return_to_bus(self) -> None:
+        """Recover from bus-off."""
+        self.link.end(OFF_BUS)
+        self.errors.report(BUS_OFF_RECOVERED)
+        self.errors.resolve(BUS_OFF_RECOVERED)
+
+    def restart(self, _size: float) -> None:
+        """Reset in mid-run."""
+        self._reset(whole=True)
+
+    def send_emcy(self, code: int) -> None:
+        """Send an EMCY frame without an error."""
+        self.errors.pretend(code)
+
+
+def _watches_a_node(entry: int) -> bool:
+    """Return whether an entry of 1016 has a node id and a time."""
+    return bool(entry & 0xFFFF) and 0 < entry >> 16 & 0xFF < 0x80

@@ -8,18 +8,15 @@ as object 6007 requires.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
-from canopen.sdo.exceptions import SdoAbortedError
-
 from screw_module_ros.rig import cia402
-from screw_module_ros.rig.axis import Axis
 from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
-from screw_module_ros.rig.device_faults import add_common_faults
-from screw_module_ros.rig.drive_faults import add_drive_faults
-from screw_module_ros.rig.object_dictionary import INVALID_VALUE, READ_ONLY
-from screw_module_ros.rig.physics import Physics
-from screw_module_ros.rig.port import Link
+from screw_module_ros.rig.faults import DRIVE
+from screw_module_ros.rig.link import Link
+from screw_module_ros.rig.object_dictionary import INVALID_VALUE, READ_ONLY, require
+from screw_module_ros.rig.physics import Axis, Physics
 
 PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE = 4, 10
 TORQUE_MODES = (PROFILE_TORQUE, CYCLIC_SYNCHRONOUS_TORQUE)
@@ -30,10 +27,9 @@ _ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
 _HALT = 0x0100
 _PER_MILLE_MNM = 1e-6
 _LARGEST_I16 = 32767
-_S = 1_000_000_000
-_STANDSTILL_COUNTS = 2
-_STANDSTILL_POLLS = 10
-_LONGEST_STOP_NS = _S
+_STANDSTILL_COUNTS, _STANDSTILL_POLLS = 2, 10
+_S = _LONGEST_STOP_NS = 1_000_000_000
+_MODES = 0x0208  # object 6502: profile torque and cyclic synchronous torque
 
 
 class DriveRating(NamedTuple):
@@ -56,21 +52,21 @@ class SimulatedDrive(CanopenDevice):
     name: in faults; link: its cable; axis: its motor; physics: the world's time.
     """
 
-    def __init__(
-        self, name: str, link: Link, settings: DriveRating, axis: Axis, physics: Physics
-    ):
+    FAULTS = DRIVE
+    over_current = over_temperature = any_fault = digital_inputs = 0
+    torque_off = motor_open = warning = refuse_enable = mode_lost = False
+    refuse_torque_limit = micro_rating = False
+    stuck_torque: float | None = None
+    frozen_position: int | None = None
+    modes = _MODES
+
+    def __init__(self, name: str, link: Link, settings: DriveRating, axis: Axis, physics: Physics):
         super().__init__(name, link, settings.node_id, "drive.eds")
         self.settings = settings
         self.axis = axis
         self.machine = cia402.StateMachine(self.node.value)
         self.error_code = 0
-        self.causes: dict[str, int] = {}  # faults that last: name -> error code
-        self.warning = self.torque_off = self.refuse_enable = self.motor_open = False
-        self.mode_lost = self.refuse_torque_limit = False
-        self.stuck_torque: float | None = None
-        self.position_shift = 0
-        self.frozen_position: int | None = None
-        self.digital_inputs = 0
+        self._shift = 0
         self._physics = physics
         self._controlword = self._target = self._torque_offset = self._mode = 0
         self._demand = 0.0
@@ -78,8 +74,6 @@ class SimulatedDrive(CanopenDevice):
         self._still = self._last_position = 0
         self._wire_objects()
         self.restarted()
-        add_common_faults(self)
-        add_drive_faults(self)
 
     # Objects.
 
@@ -103,7 +97,7 @@ class SimulatedDrive(CanopenDevice):
         """Return object 6064, wrapped to 32 bits."""
         if self.frozen_position is not None:
             return self.frozen_position
-        count = self.axis.position() + self.position_shift
+        count = self.axis.position() + self._shift
         return (count + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
     def torque(self) -> int:
@@ -114,7 +108,13 @@ class SimulatedDrive(CanopenDevice):
     @property
     def voltage_lost(self) -> bool:
         """Return whether the power stage has no supply."""
-        return self.torque_off or UNDERVOLTAGE in self.causes.values()
+        return self.torque_off or UNDERVOLTAGE in self.causes
+
+    @property
+    def causes(self) -> list[int]:
+        """The error codes of faults whose cause lasts."""
+        codes = (self.over_current, self.over_temperature, self.any_fault)
+        return [code for code in codes if code]
 
     # What CiA 301 calls back.
 
@@ -152,16 +152,10 @@ class SimulatedDrive(CanopenDevice):
         elif new == OPERATIONAL:
             self.connection_back(NMT_LOST)
 
-    def went_bus_off(self) -> None:
-        """Lose the bus and, with it, the master."""
-        super().went_bus_off()
-        self.connection_lost(NMT_LOST)
-
     def restarted(self) -> None:
         """Start with this drive's own ratings, no command, motor released."""
         settings, node = self.settings, self.node
         node.put(0x6075, 0, round(settings.rated_current * 1000.0))
-        node.put(0x6076, 0, round(settings.rated_torque * 1000.0))
         node.put(0x6072, 0, settings.max_torque)
         node.put(0x608F, 1, settings.counts_per_turn)
         self._controlword = self._target = self._torque_offset = self._mode = 0
@@ -171,7 +165,7 @@ class SimulatedDrive(CanopenDevice):
         self._read_limits()
         self.machine.boot()
         if self.causes:
-            self.fail(next(iter(self.causes.values())))
+            self.fail(self.causes[0])
         self._act(self.now_ns)
 
     def poll(self, now_ns: int) -> None:
@@ -190,17 +184,37 @@ class SimulatedDrive(CanopenDevice):
         self.machine.fault()
         self._act(self.now_ns)
 
-    def refresh_output(self) -> None:
+    # Faults.
+
+    def refresh(self) -> None:
         """Update the motor after a fault has begun or ended."""
         if self.torque_off:
             self.machine.disable_voltage()
         self._act(self.now_ns)
 
+    def release(self, _size: float) -> None:
+        """Drop to switch on disabled."""
+        self.machine.disable_voltage()
+        self.refresh()
+
+    def leave_bus(self, size: float) -> None:
+        """Lose the bus and, with it, the master."""
+        super().leave_bus(size)
+        self.connection_lost(NMT_LOST)
+
+    def freeze(self, _size: float) -> None:
+        """Report the present position from here on."""
+        self.frozen_position = self.position()
+
+    def jump(self, counts: float) -> None:
+        """Move the reported position."""
+        self._shift += round(counts)
+
     # Inside.
 
     def _wire_objects(self) -> None:
         node = self.node
-        node.checks += (self._check_mode, self._check_torque_limit)
+        node.checks.append(self._check_write)
         node.sources.update(
             {
                 (0x603F, 0): lambda: self.error_code,
@@ -211,25 +225,28 @@ class SimulatedDrive(CanopenDevice):
                 (0x6064, 0): self.position,
                 (0x6071, 0): lambda: self._target,
                 (0x6074, 0): lambda: round(self._demand),
+                (0x6076, 0): self._shown_rating,
                 (0x6077, 0): self.torque,
                 (0x6078, 0): self.torque,
                 (0x6079, 0): lambda: 0 if self.voltage_lost else 48_000,
                 (0x60B2, 0): lambda: self._torque_offset,
                 (0x60FD, 0): lambda: self.digital_inputs,
+                (0x6502, 0): lambda: self.modes,
             }
         )
-        for index, attribute in ((0x6040, "_controlword"), (0x6071, "_target")):
-            node.sinks[index, 0] = self._setter(attribute)
-        node.sinks[0x60B2, 0] = self._setter("_torque_offset")
+        commands = {0x6040: "_controlword", 0x6071: "_target", 0x60B2: "_torque_offset"}
+        for index, attribute in commands.items():
+            node.sinks[index, 0] = partial(setattr, self, attribute)
         node.sinks[0x6060, 0] = self._set_mode
         node.sinks[0x6076, 0] = self._rate
         for index in (0x6072, 0x6087):
             node.sinks[index, 0] = lambda _value: self._read_limits()
 
-    def _setter(self, attribute: str):
-        return lambda value: setattr(self, attribute, value)
+    def _shown_rating(self) -> int:
+        return round(self.settings.rated_torque * 1e6) if self.micro_rating else self._rated
 
     def _rate(self, rated: int) -> None:
+        self._rated = rated
         self._newton_metres = max(1, rated) * _PER_MILLE_MNM
         self._per_newton_metre = 1.0 / self._newton_metres
 
@@ -240,13 +257,9 @@ class SimulatedDrive(CanopenDevice):
     def _supported(self, mode: int) -> bool:
         return mode == 0 or (mode > 0 and bool(self.node.value(0x6502) >> mode - 1 & 1))
 
-    def _check_mode(self, index: int, _subindex: int, value: int) -> None:
-        if index == 0x6060 and not self._supported(value):
-            raise SdoAbortedError(INVALID_VALUE)
-
-    def _check_torque_limit(self, index: int, _subindex: int, _value: int) -> None:
-        if index == 0x6072 and self.refuse_torque_limit:
-            raise SdoAbortedError(READ_ONLY)
+    def _check_write(self, index: int, _subindex: int, value: int) -> None:
+        require(index != 0x6060 or self._supported(value), INVALID_VALUE)
+        require(index != 0x6072 or not self.refuse_torque_limit, READ_ONLY)
 
     def _set_mode(self, value: int) -> None:
         if self._supported(value):
@@ -277,7 +290,7 @@ class SimulatedDrive(CanopenDevice):
             self._demand = 0.0
         torque = self._demand * self._newton_metres
         if self.stuck_torque is not None:
-            torque = self.stuck_torque
+            torque = self.stuck_torque * 1e-3 * self.settings.rated_torque
         if self.motor_open:
             driving = False
         self.axis.drive(torque if driving else 0.0, driving, machine.braking)

@@ -1,152 +1,166 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of one device by name: inject, end, clear and list them.
+"""What can go wrong with the simulated devices: one table of faults for each kind of device.
 
-Every device has a `FaultBook`. The faults of its cable are in every book; the device adds its own.
+Most faults give an attribute of the device another value while they last; the class of the device
+holds the healthy value. `device.SimulatedDevice` begins and ends them.
 """
 
 from __future__ import annotations
 
-import math
-import zlib
-from collections.abc import Callable
-from functools import partial
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
-from screw_module_ros.rig.frame_faults import FRAME_FAULTS, OFF_BUS, FrameFaults
-from screw_module_ros.rig.port import Link
-from screw_module_ros.settings import shown
+from screw_module_ros.rig.link import LARGEST_BURST
 
-CLEAR = "clear"
+SIZE = object()
+"""As value of an attribute: the size that is asked for."""
 
-_S = 1_000_000_000
+
+class Size(NamedTuple):
+    """The size of a fault: its unit, default and range. A size has the type of its default."""
+
+    unit: str
+    default: float
+    low: float
+    high: float
 
 
 class Fault(NamedTuple):
-    """One fault that can be injected.
+    """One kind of fault.
 
-    text: description; start: called with the value; stop: ends the fault, None for a single event.
-    unit, default, low, high: of the value; a value of 0 or NaN means default.
+    text: description. attribute, value: an attribute of the device and what it is while the fault
+    lasts; without a value `start` sets it. start: method called as the fault begins, with the
+    value, or the size if there is none; end: method called when it has ended. on_cable: the fault
+    is one of the device's `link`.
     """
 
     text: str
-    start: Callable[[float], None]
-    stop: Callable[[], None] | None = None
-    unit: str = ""
-    default: float = 0.0
-    low: float = 0.0
-    high: float = 0.0
+    attribute: str = ""
+    value: Any = None
+    start: str = ""
+    end: str = ""
+    size: Size | None = None
+    on_cable: bool = False
 
     @property
-    def sized(self) -> bool:
-        """Return whether the fault takes a value."""
-        return bool(self.unit)
+    def once(self) -> bool:
+        """Return whether it is over as soon as it has happened."""
+        return not (self.attribute or self.end or self.on_cable)
+
+    def line(self) -> str:
+        """Return one line with the description and the size."""
+        notes = []
+        if self.size:
+            unit, default, low, high = self.size
+            notes.append(f"value {low:g} to {high:g} {unit}, 0 = {default:g}")
+        if self.once:
+            notes.append("happens once")
+        return f"{self.text} ({'; '.join(notes)})" if notes else self.text
 
 
-class FaultBook:
-    """The faults of one device, and which of them are active."""
-
-    def __init__(self, device: str, link: Link):
-        self.device = device
-        self._faults: dict[str, Fault] = {}
-        self._until_ns: dict[str, int | None] = {}
-        self._frames = FrameFaults(link, zlib.crc32(device.encode()))
-        for name, spec in FRAME_FAULTS.items():
-            start, stop = partial(self._frames.start, name), partial(self._frames.stop, name)
-            self.add(name, Fault(spec.text, start, stop, *spec[1:]))
-
-    def add(self, name: str, fault: Fault) -> None:
-        """Add a fault of this device."""
-        self._faults[name] = fault
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """The faults that last."""
-        return tuple(self._until_ns)
-
-    def check(self, name: str, value: float, duration: float) -> float:
-        """Return the value to use. Raises ValueError with the problem and the known faults."""
-        fault = self._faults.get(name)
-        if fault is None:
-            names = ", ".join((CLEAR, *self._faults))
-            raise ValueError(f"{self.device} has no fault {shown(name)}; it has: {names}")
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise ValueError(f"duration = {duration} s: 0 (until '{CLEAR}') or more is wanted")
-        if not fault.sized or value == 0.0 or math.isnan(value):
-            return fault.default
-        if not fault.low <= value <= fault.high:
-            limits = f"{fault.low:g} to {fault.high:g} {fault.unit}"
-            raise ValueError(f"{self.device} {name}: value = {value:g}: {limits} is wanted")
-        return value
-
-    def inject(self, name: str, value: float, duration: float, now_ns: int) -> str:
-        """Inject a fault for `duration` [s], 0 = until cleared; the fault `clear` ends all.
-
-        Returns a description as `announce` does, and raises ValueError as `check` does.
-        """
-        sentence = self.announce(name, value, duration)
-        if name == CLEAR:
-            self.clear()
-            return sentence
-        fault = self._faults[name]
-        fault.start(self.check(name, value, duration))
-        if fault.stop is not None:
-            self._until_ns[name] = now_ns + round(duration * _S) if duration else None
-        return sentence
-
-    def announce(self, name: str, value: float, duration: float) -> str:
-        """Return a description of the effect of `inject`. Raises ValueError as `check` does."""
-        if name == CLEAR:
-            return f"{self.device}: {', '.join(self.active) or 'no fault'} cleared"
-        value = self.check(name, value, duration)
-        fault = self._faults[name]
-        size = f" {value:g} {fault.unit}" if fault.sized else ""
-        lasting = f"for {duration:g} s" if duration else f"until '{CLEAR}'"
-        return f"{self.device}: {name}{size}, {'once' if fault.stop is None else lasting}"
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._faults
-
-    def poll(self, now_ns: int) -> None:
-        """End the faults whose time is over, and update the faults of the cable."""
-        for name, until_ns in tuple(self._until_ns.items()) if self._until_ns else ():
-            if until_ns is not None and now_ns >= until_ns:
-                self._end(name)
-        self._frames.poll(now_ns)
-
-    def clear(self) -> None:
-        """End every fault that lasts."""
-        for name in self.active:
-            self._end(name)
-
-    def cable(self, out: bool) -> None:
-        """Take the device off its bus, or put it back, as part of another fault."""
-        if out:
-            self._frames.start(OFF_BUS, 0.0)
-        else:
-            self._frames.stop(OFF_BUS)
-
-    def describe(self) -> dict[str, str]:
-        """Return fault -> one line with its description and its value."""
-        return {name: _line(fault) for name, fault in self._faults.items()}
-
-    def _end(self, name: str) -> None:
-        del self._until_ns[name]
-        stop = self._faults[name].stop
-        if stop is not None:
-            stop()
+def _cable(text: str, *size: Any) -> Fault:
+    return Fault(text, size=Size(*size) if size else None, on_cable=True)
 
 
-def _line(fault: Fault) -> str:
-    notes = []
-    if fault.sized:
-        notes.append(f"value {fault.low:g} to {fault.high:g} {fault.unit}, 0 = {fault.default:g}")
-    if fault.stop is None:
-        notes.append("happens once")
-    return f"{fault.text} ({'; '.join(notes)})" if notes else fault.text
+_COUNTS = Size("counts", 5000.0, -1e9, 1e9)
+_BIT = Size("bit number", 0, 0, 15)
+
+CABLE = {
+    "cable_out": _cable("nothing goes out and nothing comes in"),
+    "mute": _cable("nothing goes out"),
+    "deaf": _cable("nothing comes in"),
+    "drop": _cable("frames it sends are lost at random", "share", 0.5, 0.0, 1.0),
+    "truncate": _cable("frames lose their last bytes", "bytes", 1, 1, 8),
+    "lengthen": _cable("frames shorter than 8 bytes grow", "bytes", 1, 1, 8),
+    "garbage": _cable("payloads are random, of the right length"),
+    "duplicate": _cable("every frame comes twice"),
+    "reorder": _cable("frames change places in pairs"),
+    "delay": _cable("frames come late", "ms", 3.0, 0.0, 1000.0),
+    "wrong_id": _cable("frames carry the id of a node that does not exist"),
+    "foreign_ids": _cable("each frame is followed by a random one of a node that is not there"),
+    "flood": _cable("a babbling device fills the bus", "frames/ms", 8.0, 1.0, LARGEST_BURST),
+}
+
+CANOPEN = CABLE | {
+    "bus_off": Fault("its CAN controller is off the bus; EMCY 8140 when it is back",
+                     start="leave_bus", end="return_to_bus"),
+    "reset": Fault("it restarts in mid-run: boot-up, configuration gone", start="restart"),
+    "power_off": Fault("it loses its supply; boots when it is back", "unpowered", True, "restart"),
+    "emcy": Fault("one EMCY frame, nothing else", start="send_emcy",
+                  size=Size("error code (decimal)", 0x1000, 1, 0xFFFF)),
+    "heartbeat_lost": Fault("its heartbeat stops, everything else continues",
+                            "mute_heartbeat", True),
+    "pdos_lost": Fault("its PDOs stop, everything else continues", "mute_pdos", True),
+    "rpdos_lost": Fault("it receives no PDO, everything else continues", "deaf_pdos", True),
+    "sdo_silent": Fault("it does not answer SDO requests", "silent_sdo", True),
+    "refuse_guards": Fault("it aborts writes to 1016, 1017 and 1400:05", "refuse_guards", True),
+    "wrong_profile": Fault("device type 1000 says CiA 401", "wrong_profile", True),
+}  # fmt: skip
+
+ENCODER = CANOPEN | {
+    "freeze": Fault("the position stops changing", "frozen", start="freeze"),
+    "jump": Fault("the position moves and stays away", start="jump", size=_COUNTS),
+    "spike": Fault("one position is wrong", start="spike_once", size=_COUNTS),
+    "noise": Fault("the position is noisy", "noise", SIZE,
+                   size=Size("counts, standard deviation", 20.0, 0.0, 1e6)),
+    "near_rollover": Fault("the position jumps to just below its wrap", start="wrap_soon",
+                           size=Size("counts below", 2000.0, 1.0, 1e7)),
+    "position_error": Fault("alarm bit 0, EMCY 7300", "position_alarm", 1 << 0),
+    "index_lost": Fault("alarm bit 12, EMCY 7305", "index_alarm", 1 << 12),
+    "warning": Fault("a bit of 6505 is set", "warnings", start="warn", size=_BIT),
+}  # fmt: skip
+
+DRIVE = CANOPEN | {
+    "over_current": Fault(
+        "fault 2310: current inside the device too high; cannot be reset while it lasts",
+        "over_current", 0x2310, "fail"),
+    "over_temperature": Fault("fault 4210: device too hot; cannot be reset while it lasts",
+                              "over_temperature", 0x4210, "fail"),
+    "fault": Fault("fault with any error code; cannot be reset while it lasts",
+                   "any_fault", SIZE, "fail",
+                   size=Size("error code (decimal)", 0x5000, 1, 0xFFFF)),
+    "disable": Fault("it drops to switch on disabled by itself", start="release"),
+    "torque_off": Fault("safe torque off: no power, no fault", "torque_off", True),
+    "motor_open": Fault("a motor wire is broken: enabled, but no torque", "motor_open", True),
+    "warning": Fault("statusword bit 7 is set", "warning", True),
+    "refuse_enable": Fault("it never gets beyond switched on", "refuse_enable", True),
+    "mode_lost": Fault("6061 says mode 0", "mode_lost", True),
+    "refuse_torque_limit": Fault("it aborts writes to 6072", "refuse_torque_limit", True),
+    "stuck_torque": Fault("while enabled it gives this torque, whatever the target",
+                          "stuck_torque", SIZE,
+                          size=Size("per mille of rated", 500.0, -4000.0, 4000.0)),
+    "position_freeze": Fault("6064 stops changing", "frozen_position", start="freeze"),
+    "position_jump": Fault("6064 moves and stays away", start="jump", size=_COUNTS),
+    "inputs": Fault("60FD has these bits: 1 negative limit, 2 positive limit, 4 home, 8 interlock",
+                    "digital_inputs", SIZE, size=Size("bits (decimal)", 3, 1, 0xFFFFFFFF)),
+    "no_cyclic_mode": Fault("6502: profile torque", "modes", 0x08),
+    "no_torque_mode": Fault("6502: no torque mode at all", "modes", 0x00),
+    "micro_rating": Fault("6076 is in micro-Nm, as on some drives", "micro_rating", True),
+}  # fmt: skip
+
+FORCE_SENSOR = CABLE | {
+    "status": Fault("a bit of the status word is set", "injected_status", start="set_status_bit",
+                    size=_BIT),
+    "saturate": Fault("a gauge is at its limit", "saturated", SIZE,
+                      size=Size("gauge number", 0, 0, 5)),
+    "bias": Fault("the force along z is off by a step", "bias", SIZE,
+                  size=Size("N", 10.0, -1000.0, 1000.0)),
+    "drift": Fault("the force along z drifts", "drift", SIZE, "begin_drift",
+                   size=Size("N/s", 1.0, -1000.0, 1000.0)),
+    "noise": Fault("the gauges are noisy", "noise", SIZE,
+                   size=Size("counts, standard deviation", 500.0, 0.0, 1e5)),
+    "freeze": Fault("the gauges stop changing", "stuck", start="freeze"),
+    "half": Fault("the second frame of each sample is missing", "only_first_frame", True),
+    "reset": Fault("it restarts after its watchdog: status bit 0, first calibration",
+                   start="watchdog_reset"),
+    "bus_off": Fault("its CAN controller is off the bus; status bit 14 when it is back",
+                     start="leave_bus", end="return_to_bus"),
+}  # fmt: skip
 
 
-def catalogue(books: dict[str, dict[str, str]]) -> list[str]:
-    """Return readable lines from device -> fault -> text, shared faults once."""
+def catalogue(tables: Mapping[str, Mapping[str, Fault]]) -> list[str]:
+    """Return readable lines from device -> its faults, shared faults once."""
+    books = {device: {k: fault.line() for k, fault in t.items()} for device, t in tables.items()}
     shared: dict[str, str] = {}
     if len(books) > 1:
         first, *others = books.values()

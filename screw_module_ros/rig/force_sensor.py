@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import partial
 
-from screw_module_ros.plant.noise import advanced, normal_pair, seeded
-from screw_module_ros.rig.faults import Fault, FaultBook
+from screw_module_ros.plant.sensor import advanced, normal_pair, seeded
+from screw_module_ros.rig.device import SimulatedDevice
+from screw_module_ros.rig.faults import FORCE_SENSOR
+from screw_module_ros.rig.link import OFF_BUS, Link
 from screw_module_ros.rig.physics import Physics
-from screw_module_ros.rig.port import Handler, Link
+from screw_module_ros.rig.port import Handler
 
 from .transducer_calibration import CALIBRATIONS, ZERO_OFFSETS
 
@@ -42,134 +45,119 @@ _PAIR = struct.Struct(">ff")
 _COUNTS = struct.Struct(">II")
 _BOOT_NS = 50_000_000
 _GAUGES = 6
-_LARGEST_WRENCH = 1000.0
 
 
-class SimulatedForceSensor:
+class SimulatedForceSensor(SimulatedDevice):
     """The sensor between handle and carriage.
 
     link: its cable; base_id: base of its frame ids, 0x01 to 0x7F, and the seed of its noise;
     physics: world and its time. converter_noise: see `CONVERTER_NOISE`, may be set at any time.
     """
 
+    FAULTS = FORCE_SENSOR
+    injected_status = 0
+    saturated: int | None = None
+    bias = drift = noise = 0.0
+    stuck: list[int] | None = None
+    only_first_frame = False
+
     def __init__(self, link: Link, base_id: int, physics: Physics):
-        self.name = "force_sensor"
-        self.link = link
-        self.faults = FaultBook(self.name, link)
-        self.now_ns = 0
+        super().__init__("force_sensor", link)
         self.status = 0
-        self._injected = 0
-        self.only_first_frame = False
         self.converter_noise = CONVERTER_NOISE
         self._base = base_id << 4
         self._physics = physics
         self._calibration = CALIBRATIONS[0]
         self._silent_until_ns = 0
         self._seeds = seeded(base_id)
-        self._force_bias = self._drift = self._noise = 0.0
         self._drift_from_ns = 0
-        self._saturated: int | None = None
-        self._stuck: list[int] | None = None
         self.link.listen(self._handlers())
-        self._add_faults()
-
-    def poll(self, now_ns: int) -> None:
-        """End faults whose time is over and send delayed frames."""
-        self.now_ns = now_ns
-        self.faults.poll(now_ns)
 
     def gauges(self, now_ns: int) -> list[int]:
         """Return the six gauges at now_ns [counts], rounded and limited as the ADC does."""
-        if self._stuck is not None:
-            return self._stuck
+        if self.stuck is not None:
+            return self.stuck
         fx, fy, fz, *torques = self._physics.world.wrench()
-        fz += self._force_bias + self._drift * (now_ns - self._drift_from_ns) * 1e-9
+        fz += self.bias + self.drift * (now_ns - self._drift_from_ns) * 1e-9
         raw = self._calibration.gauges((fx, fy, fz, *torques))
-        noise = math.hypot(self.converter_noise, self._noise)
+        noise = math.hypot(self.converter_noise, self.noise)
         if noise:
             flicker = _flicker(self._seeds, now_ns)
             raw = [value + noise * number for value, number in zip(raw, flicker, strict=True)]
         counts = [_limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
-        if self._saturated is not None:
-            counts[self._saturated] = LARGEST_COUNT
+        if self.saturated is not None:
+            counts[self.saturated] = LARGEST_COUNT
         return counts
 
-    # Requests: handler(data, now_ns) for each opcode.
+    # Requests.
 
     def _handlers(self) -> dict[int, Handler]:
+        """Return a handler for each opcode; only a request of the right length is answered."""
         requests = {
-            READ_GAUGES: self._read_gauges,
-            READ_MATRIX: self._read_matrix,
-            READ_SERIAL: self._reader(READ_SERIAL, lambda: _SERIAL),
-            SET_CALIBRATION: self._set_calibration,
-            READ_COUNTS: self._reader(READ_COUNTS, self._counts),
-            READ_UNITS: self._reader(READ_UNITS, self._units),
-            READ_DIAGNOSTICS: self._read_diagnostics,
-            RESET: self._reset,
-            READ_FIRMWARE: self._reader(READ_FIRMWARE, lambda: _FIRMWARE),
+            READ_GAUGES: (0, self._read_gauges),
+            READ_MATRIX: (1, self._read_matrix),
+            READ_SERIAL: (0, partial(self._read_constant, READ_SERIAL)),
+            SET_CALIBRATION: (1, self._set_calibration),
+            READ_COUNTS: (0, partial(self._read_constant, READ_COUNTS)),
+            READ_UNITS: (0, partial(self._read_constant, READ_UNITS)),
+            READ_DIAGNOSTICS: (1, self._read_diagnostics),
+            RESET: (0, self._reset),
+            READ_FIRMWARE: (0, partial(self._read_constant, READ_FIRMWARE)),
         }
-        return {self._base | opcode: handler for opcode, handler in requests.items()}
+        return {
+            self._base | opcode: partial(self._answer, length, answer)
+            for opcode, (length, answer) in requests.items()
+        }
 
-    def _read_gauges(self, data: bytes, now_ns: int) -> None:
-        if data or now_ns < self._silent_until_ns:
-            return
+    def _answer(self, length: int, answer: Handler, data: bytes, now_ns: int) -> None:
+        if len(data) == length and now_ns >= self._silent_until_ns:
+            answer(data, now_ns)
+
+    def _send(self, opcode: int, payload: bytes) -> None:
+        self.link.send(self._base | opcode, payload)
+
+    def _read_gauges(self, _data: bytes, now_ns: int) -> None:
         self._physics.look(now_ns)
         sg = self.gauges(now_ns)
-        status = self.status | self._injected
+        status = self.status | self.injected_status
         if status & FAULT_BITS:
             status |= ANY_ERROR
-        self.link.send(self._base | READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
+        self._send(READ_GAUGES, _EVEN.pack(status, sg[0], sg[2], sg[4]))
         if not self.only_first_frame:
-            self.link.send(self._base | GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
+            self._send(GAUGES_ODD, _ODD.pack(sg[1], sg[3], sg[5]))
 
-    def _read_matrix(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
-        if data[0] >= _GAUGES:
-            return
-        row = self._calibration.matrix[data[0]]
-        for part in range(3):
-            pair = row[2 * part : 2 * part + 2]
-            self.link.send(self._base | READ_MATRIX + part, _PAIR.pack(*pair))
+    def _read_matrix(self, data: bytes, _now_ns: int) -> None:
+        if data[0] < _GAUGES:
+            row = self._calibration.matrix[data[0]]
+            for part in range(3):
+                self._send(READ_MATRIX + part, _PAIR.pack(*row[2 * part : 2 * part + 2]))
 
-    def _reader(self, opcode: int, payload) -> Handler:
-        """Return a handler that answers an empty request with one frame."""
+    def _read_constant(self, opcode: int, _data: bytes, _now_ns: int) -> None:
+        """Answer with what stays the same until another calibration is set."""
+        chosen = self._calibration
+        payloads = {
+            READ_SERIAL: _SERIAL,
+            READ_COUNTS: _COUNTS.pack(chosen.force_counts, chosen.torque_counts),
+            READ_UNITS: bytes((chosen.force_unit, chosen.torque_unit)),
+            READ_FIRMWARE: _FIRMWARE,
+        }
+        self._send(opcode, payloads[opcode])
 
-        def read(data: bytes, now_ns: int) -> None:
-            if not data and now_ns >= self._silent_until_ns:
-                self.link.send(self._base | opcode, payload())
-
-        return read
-
-    def _counts(self) -> bytes:
-        return _COUNTS.pack(self._calibration.force_counts, self._calibration.torque_counts)
-
-    def _units(self) -> bytes:
-        return bytes((self._calibration.force_unit, self._calibration.torque_unit))
-
-    def _set_calibration(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
+    def _set_calibration(self, data: bytes, _now_ns: int) -> None:
         calibration = CALIBRATIONS.get(data[0])
         if calibration is None:
             self.status |= BAD_CALIBRATION
         else:
             self.status &= ~BAD_CALIBRATION
             self._calibration = calibration
-        self.link.send(self._base | SET_CALIBRATION, data)
+        self._send(SET_CALIBRATION, data)
 
-    def _read_diagnostics(self, data: bytes, now_ns: int) -> None:
-        if len(data) != 1 or now_ns < self._silent_until_ns:
-            return
-        if data[0] not in _DIAGNOSTICS:
-            return
-        value = _DIAGNOSTICS[data[0]]
-        self.link.send(self._base | READ_DIAGNOSTICS, value.to_bytes(2, "big"))
+    def _read_diagnostics(self, data: bytes, _now_ns: int) -> None:
+        if data[0] in _DIAGNOSTICS:
+            self._send(READ_DIAGNOSTICS, _DIAGNOSTICS[data[0]].to_bytes(2, "big"))
 
-    def _reset(self, data: bytes, now_ns: int) -> None:
-        if data or now_ns < self._silent_until_ns:
-            return
-        self.link.send(self._base | RESET, b"")
+    def _reset(self, _data: bytes, now_ns: int) -> None:
+        self._send(RESET, b"")
         self.restart(now_ns)
 
     def restart(self, now_ns: int, cause: int = 0) -> None:
@@ -180,57 +168,29 @@ class SimulatedForceSensor:
 
     # Faults.
 
-    def _add_faults(self) -> None:
-        add, limit = self.faults.add, _LARGEST_WRENCH
-        set_bit, clear_bits = self._set_status, self._clear_status
-        bit = ("bit number", 0.0, 0.0, 15.0)
-        add("status", Fault("a bit of the status word is set", set_bit, clear_bits, *bit))
-        gauge = ("gauge number", 0.0, 0.0, 5.0)
-        add("saturate", Fault("a gauge is at its limit", self._saturate, self._recover, *gauge))
-        text = "the force along z is off by a step"
-        add("bias", self._number("_force_bias", text, "N", 10.0, -limit, limit))
-        text = "the force along z drifts"
-        add("drift", self._number("_drift", text, "N/s", 1.0, -limit, limit))
-        unit = "counts, standard deviation"
-        add("noise", self._number("_noise", "the gauges are noisy", unit, 500.0, 0.0, 1e5))
-        add("freeze", Fault("the gauges stop changing", self._freeze, self._thaw))
-        text = "the second frame of each sample is missing"
-        add("half", Fault(text, lambda _value: self._half(True), lambda: self._half(False)))
-        text = "it restarts after its watchdog: status bit 0, first calibration"
-        add("reset", Fault(text, lambda _value: self.restart(self.now_ns, WATCHDOG)))
-        text = "its CAN controller is off the bus; status bit 14 when it is back"
-        add("bus_off", Fault(text, lambda _value: self.faults.cable(out=True), self._back_on_bus))
+    def set_status_bit(self, bit: int) -> None:
+        """Set a bit of the status word that no reset clears."""
+        self.injected_status |= 1 << bit
 
-    def _number(self, name: str, text: str, unit: str, default: float, low: float, high: float):
-        def start(value: float) -> None:
-            setattr(self, name, value)
-            self._drift_from_ns = self.now_ns
+    def begin_drift(self, _size: float) -> None:
+        """Let the drift begin at zero."""
+        self._drift_from_ns = self.now_ns
 
-        return Fault(text, start, lambda: setattr(self, name, 0.0), unit, default, low, high)
+    def freeze(self, _size: float) -> None:
+        """Report the present gauges from here on."""
+        self.stuck = self.gauges(self.now_ns)
 
-    def _set_status(self, value: float) -> None:
-        self._injected |= 1 << int(value)
+    def watchdog_reset(self, _size: float) -> None:
+        """Restart as after a hang."""
+        self.restart(self.now_ns, WATCHDOG)
 
-    def _clear_status(self) -> None:
-        self._injected = 0
+    def leave_bus(self, _size: float) -> None:
+        """Lose the bus, as a CAN controller with too many errors does."""
+        self.link.start(OFF_BUS)
 
-    def _saturate(self, value: float) -> None:
-        self._saturated = int(value)
-
-    def _recover(self) -> None:
-        self._saturated = None
-
-    def _freeze(self, _value: float) -> None:
-        self._stuck = self.gauges(self.now_ns)
-
-    def _thaw(self) -> None:
-        self._stuck = None
-
-    def _half(self, value: bool) -> None:
-        self.only_first_frame = value
-
-    def _back_on_bus(self) -> None:
-        self.faults.cable(out=False)
+    def return_to_bus(self) -> None:
+        """Recover from bus-off."""
+        self.link.end(OFF_BUS)
         self.status |= CAN_ERROR
 
 

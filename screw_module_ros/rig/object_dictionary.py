@@ -36,41 +36,36 @@ _SDO_LENGTH = 8
 _COMMAND, _DOWNLOAD_OF_ANY_SIZE = 0xE3, 0x22
 
 Key = tuple[int, int]
-Check = Callable[[int, int, int], None]
+Send = Callable[[int, bytes], None]
 
 
-class _Wire:
-    """The part of `canopen.Network` that an SDO server uses."""
-
-    def __init__(self, send: Callable[[int, bytes], None]):
-        self._send = send
-
-    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        del remote  # an SDO server sends data frames only
-        self._send(can_id, bytes(data))
+def require(allowed: object, code: int) -> None:
+    """Raise SdoAbortedError with an abort code unless something is allowed."""
+    if not allowed:
+        raise SdoAbortedError(code)
 
 
-class DeviceNode(canopen.LocalNode):
+class ObjectDictionary(canopen.LocalNode):
     """The objects of one device.
 
-    node_id: CANopen node id; eds: file name below rig/eds; send: takes the server's frames.
+    node_id: CANopen node id; eds: file name below rig/eds; send: takes the SDO server's frames;
+    changed: called with the index after a write.
     sources: (index, subindex) -> function returning the present value.
     sinks: (index, subindex) -> function called with a value after it was stored.
     checks: called with (index, subindex, value) before a write; raise SdoAbortedError to refuse.
-    changed: called with the index after a write.
     """
 
-    def __init__(self, node_id: int, eds: str, send: Callable[[int, bytes], None]):
+    def __init__(self, node_id: int, eds: str, send: Send, changed: Callable[[int], None]):
         super().__init__(node_id, canopen.import_od(str(_EDS_FOLDER / eds), node_id))
-        self.sdo.network = _Wire(send)
+        self.sdo.send_response = lambda response: send(self.sdo.tx_cobid, bytes(response))
         self.sources: dict[Key, Callable[[], int]] = {}
         self.sinks: dict[Key, Callable[[int], None]] = {}
-        self.checks: list[Check] = []
-        self.changed: Callable[[int], None] = _ignored
+        self.checks: list[Callable[[int, int, int], None]] = []
         self.malformed = 0
+        self._changed = changed
         self._stored: dict[Key, bytes] = {}
 
-    def on_sdo(self, data: bytes, _now_ns: int) -> None:
+    def on_sdo(self, data: bytes) -> None:
         """Serve one request; a frame that is not eight bytes long is no SDO and is dropped."""
         if len(data) != _SDO_LENGTH:
             self.malformed += 1
@@ -96,29 +91,25 @@ class DeviceNode(canopen.LocalNode):
     def variable(self, index: int, subindex: int) -> ODVariable:
         """Return the entry of the dictionary; SdoAbortedError when there is none."""
         entry = self.object_dictionary.indices.get(index)
-        if entry is None:
-            raise SdoAbortedError(NO_OBJECT)
+        require(entry is not None, NO_OBJECT)
         if isinstance(entry, ODVariable):
             entry = entry if subindex == 0 else None
         else:
             entry = entry.subindices.get(subindex)
-        if entry is None:
-            raise SdoAbortedError(NO_SUBINDEX)
+        require(entry is not None, NO_SUBINDEX)
         return entry
 
     def get_data(self, index: int, subindex: int, check_readable: bool = False) -> bytes:
         """Return the bytes of an object; SdoAbortedError when there are none."""
         variable = self.variable(index, subindex)
-        if check_readable and not variable.readable:
-            raise SdoAbortedError(WRITE_ONLY)
+        require(variable.readable or not check_readable, WRITE_ONLY)
         source = self.sources.get((index, subindex))
         if source is not None:
             return variable.encode_raw(source())
         stored = self._stored.get((index, subindex))
         if stored is not None:
             return stored
-        if variable.default is None:
-            raise SdoAbortedError(NO_RESOURCE)
+        require(variable.default is not None, NO_RESOURCE)
         return variable.encode_raw(variable.default)
 
     def set_data(
@@ -126,21 +117,19 @@ class DeviceNode(canopen.LocalNode):
     ) -> None:
         """Write an object as a master would; SdoAbortedError when the device refuses."""
         variable = self.variable(index, subindex)
-        if check_writable and not variable.writable:
-            raise SdoAbortedError(READ_ONLY)
-        if variable.data_type not in NUMBER_TYPES:
-            raise SdoAbortedError(READ_ONLY)
-        if 8 * len(data) != len(variable):
-            raise SdoAbortedError(WRONG_LENGTH)
+        require(variable.writable or not check_writable, READ_ONLY)
+        require(variable.data_type in NUMBER_TYPES, READ_ONLY)
+        require(8 * len(data) == len(variable), WRONG_LENGTH)
         value = variable.decode_raw(bytes(data))
-        _check_range(variable, value)
+        require(variable.max is None or value <= variable.max, VALUE_TOO_HIGH)
+        require(variable.min is None or value >= variable.min, VALUE_TOO_LOW)
         for check in self.checks:
             check(index, subindex, value)
         self._stored[index, subindex] = bytes(data)
         sink = self.sinks.get((index, subindex))
         if sink is not None:
             sink(value)
-        self.changed(index)
+        self._changed(index)
 
     def value(self, index: int, subindex: int = 0) -> int:
         """Return an object's present number."""
@@ -153,14 +142,3 @@ class DeviceNode(canopen.LocalNode):
     def restore(self, first: int = 0, last: int = 0xFFFF) -> None:
         """Restore the defaults of the EDS file between two indices."""
         self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
-
-
-def _ignored(_index: int) -> None:
-    """Do nothing: the device has not set its callback for writes yet."""
-
-
-def _check_range(variable: ODVariable, value: int) -> None:
-    if variable.max is not None and value > variable.max:
-        raise SdoAbortedError(VALUE_TOO_HIGH)
-    if variable.min is not None and value < variable.min:
-        raise SdoAbortedError(VALUE_TOO_LOW)

@@ -4,13 +4,17 @@
 After every write to it a PDO is read from the object dictionary and compiled into one `struct` and
 a few functions. So a wrong mapping of the master takes effect as on a real device, and the cyclic
 path stays short.
+
+A master has to disable a PDO before it changes its id or mapping, and to clear the mapping before
+it writes entries (sections 7.5.2.35 to 38): `check_pdo_write` refuses another order, which a
+simulated device without these checks would hide.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from canopen.objectdictionary import (
     BOOLEAN,
@@ -24,22 +28,42 @@ from canopen.objectdictionary import (
 )
 from canopen.sdo.exceptions import SdoAbortedError
 
-from screw_module_ros.rig.object_dictionary import DeviceNode
-from screw_module_ros.rig.pdo_rules import (
-    COB_ID,
-    EVENT_TIMER,
-    ID_MASK,
-    INHIBIT_TIME,
-    INVALID_BIT,
-    MAPPING_OFFSET,
-    TRANSMISSION_TYPE,
+from screw_module_ros.rig.object_dictionary import (
+    INVALID_VALUE,
+    NO_OBJECT,
+    NOT_MAPPABLE,
+    PDO_TOO_LONG,
+    UNSUPPORTED_ACCESS,
+    Key,
+    ObjectDictionary,
+    require,
 )
 
-TOO_SHORT = 0x8210
-TOO_LONG = 0x8220
-TIMEOUT = 0x8250
+if TYPE_CHECKING:
+    from screw_module_ros.rig.canopen_device import CanopenDevice
 
+RPDO, TPDO = range(0x1400, 0x1600), range(0x1800, 0x1A00)
+INVALID_BIT = 1 << 31
+ID_MASK = 0x7FF
+TOO_SHORT, TOO_LONG, TIMEOUT = 0x8210, 0x8220, 0x8250
+
+_RPDO_MAPPING, _TPDO_MAPPING = range(0x1600, 0x1800), range(0x1A00, 0x1C00)
+_MAPPING_OFFSET = 0x200
+_COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER = 1, 2, 3, 5
 _LAST_CYCLIC = 240
+_RESERVED_TYPES = range(241, 254)
+_EXTENDED_BIT = 1 << 29
+_ID_BITS = 0x3FFFFFFF
+_MOST_ENTRIES, _MOST_BITS = 8, 64
+_LAST_DUMMY = 7
+_RESTRICTED_IDS = (
+    range(0x080),
+    range(0x101, 0x181),
+    range(0x581, 0x600),
+    range(0x601, 0x680),
+    range(0x6E0, 0x700),
+    range(0x701, 0x800),
+)
 _MS = 1_000_000
 _INHIBIT_UNIT = 100_000
 _CODES = {
@@ -54,74 +78,56 @@ _CODES = {
 }
 
 
-class Owner(Protocol):
-    """The device a PDO belongs to."""
+class _Pdo:
+    """What both directions share; index: of the communication parameter."""
 
-    node: DeviceNode
-    operational: bool
-    deaf_pdos: bool
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Put a frame on the bus."""
-
-    def length_error(self, code: int, data: bytes) -> None:
-        """Report an RPDO of the wrong length; code 0 = the next good one."""
-
-    def written(self, now_ns: int) -> None:
-        """React to objects that an RPDO has changed."""
-
-    def connection_back(self, code: int) -> None:
-        """React to an RPDO that comes again after its deadline."""
-
-
-def _mapping(node: DeviceNode, index: int) -> tuple[struct.Struct, list[tuple[int, int]]]:
-    entries = [node.value(index, number + 1) for number in range(node.value(index, 0))]
-    keys = [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
-    codes = [_CODES[node.variable(*key).data_type] for key in keys]
-    return struct.Struct("<" + "".join(codes)), keys
-
-
-class Tpdo:
-    """One transmit PDO; `number` counts from 0."""
-
-    def __init__(self, owner: Owner, number: int):
-        self._owner = owner
-        self._index = 0x1800 + number
-        self._last = b""
-        self._sent_ns = self._syncs = 0
+    def __init__(self, device: CanopenDevice, index: int):
+        self.index, self.indices = index, (index, index + _MAPPING_OFFSET)
+        self._device = device
         self.refresh()
 
     def refresh(self) -> None:
         """Read the configuration again."""
-        node = self._owner.node
-        cob_id = node.value(self._index, COB_ID)
+        node, mapping = self._device.node, self.index + _MAPPING_OFFSET
+        cob_id = node.value(self.index, _COB_ID)
         self.can_id = cob_id & ID_MASK
-        self.kind = node.value(self._index, TRANSMISSION_TYPE)
-        self._inhibit_ns = node.value(self._index, INHIBIT_TIME) * _INHIBIT_UNIT
-        self._event_ns = node.value(self._index, EVENT_TIMER) * _MS
-        self._struct, keys = _mapping(node, self._index + MAPPING_OFFSET)
-        self._sources = [_source(node, key) for key in keys]
-        self.valid = not cob_id & INVALID_BIT and bool(keys)
-        self.synchronous = self.kind <= _LAST_CYCLIC
+        self._kind = node.value(self.index, _TRANSMISSION_TYPE)
+        self._event_ns = node.value(self.index, _EVENT_TIMER) * _MS
+        entries = [node.value(mapping, 1 + number) for number in range(node.value(mapping, 0))]
+        self._keys = [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
+        codes = [_CODES[node.variable(*key).data_type] for key in self._keys]
+        self._struct = struct.Struct("<" + "".join(codes))
+        self.valid = not cob_id & INVALID_BIT and bool(entries)
+        self.synchronous = self._kind <= _LAST_CYCLIC
+
+
+class Tpdo(_Pdo):
+    """One transmit PDO."""
+
+    _last = b""
+    _sent_ns = _syncs = 0
+
+    def refresh(self) -> None:
+        """Read the configuration again."""
+        super().refresh()
+        node = self._device.node
+        self._inhibit_ns = node.value(self.index, _INHIBIT_TIME) * _INHIBIT_UNIT
+        self._sources = [_source(node, key) for key in self._keys]
 
     def start(self, now_ns: int) -> None:
         """Start at NMT start: SYNCs count from now, and an event-driven PDO is sent once."""
         self._syncs = 0
         if not self.synchronous:
-            self._transmit(self.pack(), now_ns)
-
-    def pack(self) -> bytes:
-        """Return the present payload."""
-        return self._struct.pack(*[source() for source in self._sources])
+            self._transmit(self._pack(), now_ns)
 
     def on_sync(self, now_ns: int) -> None:
         """Count one SYNC and send when it is the PDO's turn; type 0 sends what has changed."""
         self._syncs += 1
-        if self._syncs < self.kind:
+        if self._syncs < self._kind:
             return
         self._syncs = 0
-        data = self.pack()
-        if self.kind or data != self._last:
+        data = self._pack()
+        if self._kind or data != self._last:
             self._transmit(data, now_ns)
 
     def poll(self, now_ns: int) -> None:
@@ -129,66 +135,59 @@ class Tpdo:
         waited = now_ns - self._sent_ns
         if waited < self._inhibit_ns:
             return
-        data = self.pack()
+        data = self._pack()
         if data != self._last or (self._event_ns and waited >= self._event_ns):
             self._transmit(data, now_ns)
 
+    def _pack(self) -> bytes:
+        return self._struct.pack(*[source() for source in self._sources])
+
     def _transmit(self, data: bytes, now_ns: int) -> None:
-        self._last = data
-        self._sent_ns = now_ns
-        self._owner.send(self.can_id, data)
+        self._last, self._sent_ns = data, now_ns
+        self._device.send(self.can_id, data)
 
 
-class Rpdo:
-    """One receive PDO; `number` counts from 0."""
+class Rpdo(_Pdo):
+    """One receive PDO.
 
-    def __init__(self, owner: Owner, number: int):
-        self._owner = owner
-        self._index = 0x1400 + number
-        self._held: bytes | None = None
-        self._bad_length = self._late = False
-        #: when the deadline timer (sub-index 5) runs out [ns], 0 = not armed
-        self.deadline_ns = 0
-        self.refresh()
+    Its deadline timer (sub-index 5) is armed by a frame, not by the write of the sub-index.
+    """
+
+    _held: bytes | None = None
+    _bad_length = _late = False
+    _deadline_ns = 0  # 0 = not armed
 
     def refresh(self) -> None:
         """Read the configuration again; a timer set to zero or a PDO switched off is disarmed."""
-        node = self._owner.node
-        cob_id = node.value(self._index, COB_ID)
-        self.can_id = cob_id & ID_MASK
-        self.synchronous = node.value(self._index, TRANSMISSION_TYPE) <= _LAST_CYCLIC
-        self._event_ns = node.value(self._index, EVENT_TIMER) * _MS
-        self._struct, keys = _mapping(node, self._index + MAPPING_OFFSET)
-        self._sinks = [_sink(node, key) for key in keys]
-        self.valid = not cob_id & INVALID_BIT and bool(keys)
+        super().refresh()
+        self._sinks = [_sink(self._device.node, key) for key in self._keys]
         if not (self.valid and self._event_ns):
-            self.deadline_ns = 0
+            self._deadline_ns = 0
 
     def receive(self, data: bytes, now_ns: int) -> None:
         """Process a frame: refuse a short one, truncate a long one, report both."""
-        owner = self._owner
-        if not owner.operational or owner.deaf_pdos:
+        device, size = self._device, self._struct.size
+        if not device.operational or device.deaf_pdos:
             return
-        size = self._struct.size
         if len(data) < size:
             self._bad_length = True
-            owner.length_error(TOO_SHORT, data)
+            device.errors.report(TOO_SHORT)
             return
         if len(data) > size:
             self._bad_length = True
-            owner.length_error(TOO_LONG, data)
-            data = data[:size]
+            device.errors.report(TOO_LONG)
         elif self._bad_length:
             self._bad_length = False
-            owner.length_error(0, data)
-        self.deadline_ns = now_ns + self._event_ns if self._event_ns else 0
+            device.errors.resolve(TOO_SHORT)
+            device.errors.resolve(TOO_LONG)
+        self._deadline_ns = now_ns + self._event_ns if self._event_ns else 0
         if self._late:
             self._late = False
-            owner.connection_back(TIMEOUT)
+            device.connection_back(TIMEOUT)
         if self.synchronous:
-            self._held = data
+            self._held = data[:size]
         else:
-            self._apply(data, now_ns)
+            self._apply(data[:size], now_ns)
 
     def on_sync(self, now_ns: int) -> None:
         """Apply a synchronous PDO that has arrived since the last SYNC."""
@@ -196,41 +195,81 @@ class Rpdo:
             data, self._held = self._held, None
             self._apply(data, now_ns)
 
-    def expired(self, now_ns: int) -> bool:
-        """Return True once after a missed deadline; the next frame arms it again."""
-        if not self.deadline_ns or now_ns < self.deadline_ns:
-            return False
-        self.deadline_ns = 0
-        self._late = True
-        return True
+    def poll(self, now_ns: int) -> None:
+        """Report a missed deadline, once; the next frame arms the timer again."""
+        if self._deadline_ns and now_ns >= self._deadline_ns:
+            self._deadline_ns = 0
+            self._late = True
+            self._device.connection_lost(TIMEOUT)
 
     def disarm(self) -> None:
         """Clear the deadline and a held frame, as a reset does."""
-        self.deadline_ns = 0
+        self._deadline_ns = 0
         self._held = None
         self._late = self._bad_length = False
 
     def _apply(self, data: bytes, now_ns: int) -> None:
         for sink, value in zip(self._sinks, self._struct.unpack(data), strict=True):
             sink(value)
-        self._owner.written(now_ns)
+        self._device.written(now_ns)
 
 
-def _source(node: DeviceNode, key: tuple[int, int]) -> Callable[[], int]:
-    source = node.sources.get(key)
-    return source if source is not None else lambda: node.value(*key)
+def _source(node: ObjectDictionary, key: Key) -> Callable[[], int]:
+    return node.sources.get(key) or (lambda: node.value(*key))
 
 
-def _sink(node: DeviceNode, key: tuple[int, int]) -> Callable[[int], None]:
-    sink = node.sinks.get(key)
-    if sink is not None:
-        return sink
-    variable = node.variable(*key)
-
+def _sink(node: ObjectDictionary, key: Key) -> Callable[[int], None]:
     def store(value: int) -> None:
         try:
-            node.set_data(*key, variable.encode_raw(value))
+            node.set_data(*key, node.variable(*key).encode_raw(value))
         except SdoAbortedError:
             pass  # the device ignores a refused value: a PDO has no answer
 
-    return store
+    return node.sinks.get(key) or store
+
+
+def check_pdo_write(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:
+    """Raise SdoAbortedError when `node` would not accept this write to a PDO parameter."""
+    if index in RPDO or index in TPDO:
+        _check_communication(node, index, subindex, value)
+    elif index in _RPDO_MAPPING or index in _TPDO_MAPPING:
+        _check_mapping(node, index, subindex, value)
+
+
+def _check_communication(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:
+    present = node.value(index, _COB_ID)
+    valid = not present & INVALID_BIT
+    if subindex == _COB_ID:
+        require(not value & _EXTENDED_BIT, INVALID_VALUE)
+        if not value & INVALID_BIT:
+            require(not valid or not (value ^ present) & _ID_BITS, INVALID_VALUE)
+            require(not any(value & ID_MASK in ids for ids in _RESTRICTED_IDS), INVALID_VALUE)
+    elif subindex == _TRANSMISSION_TYPE:
+        require(value not in _RESERVED_TYPES, INVALID_VALUE)
+    elif subindex == _INHIBIT_TIME:
+        require(not valid, INVALID_VALUE)
+
+
+def _check_mapping(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:
+    require(node.value(index - _MAPPING_OFFSET, _COB_ID) & INVALID_BIT, UNSUPPORTED_ACCESS)
+    received = index in _RPDO_MAPPING
+    if subindex:
+        require(not node.value(index, 0), UNSUPPORTED_ACCESS)
+        _check_entry(node, value, received)
+        return
+    require(value <= _MOST_ENTRIES, PDO_TOO_LONG)
+    entries = [node.value(index, number) for number in range(1, value + 1)]
+    for entry in entries:
+        _check_entry(node, entry, received)
+    require(sum(entry & 0xFF for entry in entries) <= _MOST_BITS, PDO_TOO_LONG)
+
+
+def _check_entry(node: ObjectDictionary, entry: int, received: bool) -> None:
+    """Raise SdoAbortedError when an entry (index, subindex, bits) cannot be mapped."""
+    index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
+    require(index, NO_OBJECT)
+    variable = node.variable(index, subindex)
+    reachable = variable.writable if received else variable.readable
+    dummy = received and index <= _LAST_DUMMY
+    allowed = dummy or (variable.pdo_mappable and reachable)
+    require(allowed and bits == len(variable), NOT_MAPPABLE)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant's time: wall clock, or steps in lock step with the nodes.
+"""The plant's time, and its motors as the simulated drives command them.
+
+The time is the wall clock's, or advances in steps, in lock step with the nodes.
 
 With the wall clock the world follows CLOCK_MONOTONIC; after a stall it skips and counts the lost
 time instead of integrating a burst. In steps it advances exactly to the conductor's time. A command
@@ -10,7 +12,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from functools import partial
+
+from screw_module_ros.plant.world import World
 
 _SHORTEST_NS = 50_000
 """Step of the plant's integration; more frequent calls only cost time."""
@@ -23,39 +27,6 @@ _LONGEST_PERIODS = 5
 """After a longer stall the lost time is skipped."""
 
 
-class PlantInterface(Protocol):
-    """Interface of the plant for the rig: quantities, units, signs as in `plant.world.World`."""
-
-    vertical_command: float
-    planar_command: tuple[float, float]
-    vertical_powered: bool
-    planar_powered: tuple[bool, bool]
-    vertical_braked: bool
-    planar_braked: tuple[bool, bool]
-
-    def advance(self, dt: float) -> None:
-        """Integrate dt [s]."""
-
-    @property
-    def encoder_count(self) -> int:
-        """Motor-side count, unbounded."""
-
-    @property
-    def planar_counts(self) -> tuple[int, int]:
-        """Shoulder and elbow counts."""
-
-    @property
-    def vertical_torque(self) -> float:
-        """Torque on the vertical rotor [Nm]."""
-
-    @property
-    def planar_torque(self) -> tuple[float, float]:
-        """Torques of shoulder and elbow [Nm]."""
-
-    def wrench(self) -> tuple[float, float, float, float, float, float]:
-        """Wrench on the transducer [N, Nm]."""
-
-
 class Physics:
     """Advances a world's time.
 
@@ -63,7 +34,7 @@ class Physics:
     a SYNC to the effect of its command, in lock step.
     """
 
-    def __init__(self, world: PlantInterface, stepped: bool, period_ns: int, latency_ns: int):
+    def __init__(self, world: World, stepped: bool, period_ns: int, latency_ns: int):
         self.world = world
         #: whole periods of wall clock given up
         self.slipped = 0
@@ -129,3 +100,78 @@ class Physics:
         """Advance the world to this SYNC, before the devices latch their state."""
         self._synced_ns = now_ns
         self.look(now_ns)
+
+
+class Axis:
+    """One motor of the plant and its position feedback.
+
+    factor: unit of the world's command per newton metre.
+    """
+
+    def __init__(self, physics: Physics, factor: float = 1.0):
+        self._physics = physics
+        self._world = physics.world
+        self._factor = factor
+        self._driven = (0.0, False, False)
+
+    def position(self) -> int:
+        """Return the position feedback [counts]."""
+        raise NotImplementedError
+
+    def torque(self) -> float:
+        """Return the torque that really acts on the rotor [Nm]."""
+        raise NotImplementedError
+
+    def drive(self, torque: float, powered: bool, braked: bool) -> None:
+        """Set the motor: torque [Nm] while powered; else coasting, or braking when `braked`."""
+        driven = (torque * self._factor if powered else 0.0, powered, braked)
+        if driven != self._driven:
+            self._driven = driven
+            self._physics.act(partial(self._set, *driven))
+
+    def _set(self, command: float, powered: bool, braked: bool) -> None:
+        raise NotImplementedError
+
+
+class VerticalAxis(Axis):
+    """The screw's motor behind a current amplifier; factor: amperes per newton metre."""
+
+    def position(self) -> int:
+        """Return the motor count."""
+        return self._world.encoder_count
+
+    def torque(self) -> float:
+        """Return the torque on the rotor [Nm]."""
+        return self._world.vertical_torque
+
+    def _set(self, command: float, powered: bool, braked: bool) -> None:
+        world = self._world
+        world.vertical_command = command
+        world.vertical_powered = powered
+        world.vertical_braked = braked
+
+
+class PlanarAxis(Axis):
+    """One of the two direct drives of the plane; index 0 = shoulder, 1 = elbow."""
+
+    def __init__(self, physics: Physics, index: int):
+        super().__init__(physics)
+        self._index = index
+
+    def position(self) -> int:
+        """Return the joint's count."""
+        return self._world.planar_counts[self._index]
+
+    def torque(self) -> float:
+        """Return the torque of the joint's motor [Nm]."""
+        return self._world.planar_torque[self._index]
+
+    def _set(self, command: float, powered: bool, braked: bool) -> None:
+        world, index = self._world, self._index
+        world.planar_command = _with(world.planar_command, index, command)
+        world.planar_powered = _with(world.planar_powered, index, powered)
+        world.planar_braked = _with(world.planar_braked, index, braked)
+
+
+def _with(pair: tuple, index: int, value) -> tuple:
+    return (value, pair[1]) if index == 0 else (pair[0], value)

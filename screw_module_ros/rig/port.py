@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One bus of the rig, and the cable of each device on it.
-
-A `RigPort` reads frames and passes each to the devices that listen to its id: one dictionary lookup
-per frame. A `Link` is a device's own cable and carries its frame faults, so that they affect only
-this device of a shared bus. A link without faults costs one attribute test per frame.
-"""
+"""One bus of the rig: it reads frames and passes each to the devices that listen to its id."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Protocol
+from collections.abc import Callable
 
 import can
 
@@ -19,71 +13,24 @@ Handler = Callable[[bytes, int], None]
 """Handler of a frame: called with the payload and the present time [ns]."""
 
 
-class Mangler(Protocol):
-    """Changes the frames of one link; see `frame_faults`."""
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Pass a frame of the device through the active faults to the bus."""
-
-    def incoming(self, handler: Handler) -> Handler | None:
-        """Return the handler behind the active faults, None if no frame reaches the device."""
-
-
-class Link:
-    """The cable between one device and its port."""
-
-    def __init__(self, port: RigPort):
-        self.port = port
-        self.mangler: Mangler | None = None
-        self.handlers: dict[int, Handler] = {}
-        port.links.append(self)
-
-    def listen(self, handlers: dict[int, Handler]) -> None:
-        """Replace the device's handlers: frame id -> handler."""
-        self.handlers = handlers
-        self.port.rebuild()
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame of the device, through the faults of its cable if there are any."""
-        if self.mangler is None:
-            self.port.send(can_id, data)
-        else:
-            self.mangler.send(can_id, data)
-
-    def mangle(self, mangler: Mangler | None) -> None:
-        """Set the faults of the cable; None removes them."""
-        self.mangler = mangler
-        self.port.rebuild()
-
-    def received(self) -> dict[int, Handler]:
-        """Return the handlers behind the faults of the cable."""
-        if self.mangler is None:
-            return self.handlers
-        wrapped = {can_id: self.mangler.incoming(h) for can_id, h in self.handlers.items()}
-        return {can_id: handler for can_id, handler in wrapped.items() if handler is not None}
-
-
 class RigPort:
     """One bus: frames in by id, frames out, counters.
 
     bus: any python-can bus; the caller closes it. clock: that of the other ends of the bus.
-    around: frame id -> handlers called before and after every device's own.
+    members: for each cable on the bus a function that returns its handlers by frame id. first:
+    frame id -> handler called before every device's own.
     """
 
     def __init__(self, bus: can.BusABC, clock: Clock):
         self.bus = bus
         self._arrivals = clock.arrivals(bus)
-        self.links: list[Link] = []
-        self.around: dict[int, tuple[Handler | None, Handler | None]] = {}
+        self.members: list[Callable[[], dict[int, Handler]]] = []
+        self.first: dict[int, Handler] = {}
         self.now_ns = 0
         self.frames_in = self.frames_out = self.ignored = 0
         self.receive_errors = self.send_errors = 0
         self._table: dict[int, tuple[Handler, ...]] = {}
         self._messages: dict[int, can.Message] = {}
-
-    def plug(self) -> Link:
-        """Return the cable of a further device."""
-        return Link(self)
 
     def fileno(self) -> int | None:
         """Return the file descriptor to select on, None if the interface has none."""
@@ -95,13 +42,11 @@ class RigPort:
 
     def rebuild(self) -> None:
         """Recompute which handlers a frame id goes to."""
-        tables = [link.received() for link in self.links]
-        table: dict[int, tuple[Handler, ...]] = {}
-        for can_id in set(self.around).union(*tables):
-            before, after = self.around.get(can_id, (None, None))
-            devices = [handlers[can_id] for handlers in tables if can_id in handlers]
-            table[can_id] = _present((before, *devices, after))
-        self._table = table
+        tables = [self.first, *(handlers() for handlers in self.members)]
+        self._table = {
+            can_id: tuple(table[can_id] for table in tables if can_id in table)
+            for can_id in set().union(*tables)
+        }
 
     @property
     def lost(self) -> int:
@@ -149,10 +94,6 @@ class RigPort:
         else:
             self._arrivals.sent()
             self.frames_out += 1
-
-
-def _present(handlers: Iterable[Handler | None]) -> tuple[Handler, ...]:
-    return tuple(handler for handler in handlers if handler is not None)
 
 
 def _unsupported(message: can.Message) -> bool:

@@ -12,16 +12,19 @@ from __future__ import annotations
 import select
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import can
 
 from screw_module_ros.clock import Clock, WallClock
 from screw_module_ros.lockstep.conductor import Conductor
+from screw_module_ros.plant.world import World
 from screw_module_ros.rig.build import BUSES, Device, RigSettings, build_devices
+from screw_module_ros.rig.device import CLEAR
 from screw_module_ros.rig.drive import SimulatedDrive
-from screw_module_ros.rig.faults import CLEAR, catalogue
-from screw_module_ros.rig.physics import Physics, PlantInterface
+from screw_module_ros.rig.faults import catalogue
+from screw_module_ros.rig.physics import Physics
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import shown, validated
 
@@ -73,7 +76,7 @@ class Rig:
     def __init__(
         self,
         buses: dict[str, can.BusABC],
-        world: PlantInterface,
+        world: World,
         clock: Clock | None = None,
         period_ns: int = 1_000_000,
         settings: RigSettings | None = None,
@@ -98,7 +101,7 @@ class Rig:
             device.name: device for device in build_devices(settings, self._ports, self.physics)
         }
         for port in self._distinct:
-            port.around[_SYNC_ID] = (self.physics.sync, None)
+            port.first[_SYNC_ID] = self.physics.sync
             port.rebuild()
 
     def process(self, now_ns: int) -> int:
@@ -199,28 +202,27 @@ class Rig:
         """
         if not fault:
             return self.describe(device or ALL)
-        books = [one.faults for one in self._chosen(device)]
-        if len(books) > 1:
-            able = [book for book in books if fault in book or fault == CLEAR]
-            books = able or books
-        sentences = [book.announce(fault, value, duration) for book in books]
-        for book in books:
-            self.call(lambda book=book: book.inject(fault, value, duration, now_ns))
+        devices = self._chosen(device)
+        if len(devices) > 1 and fault != CLEAR:
+            devices = [one for one in devices if fault in one.FAULTS] or devices
+        sentences = [one.announce(fault, value, duration) for one in devices]
+        for one in devices:
+            self.call(partial(one.inject, fault, value, duration, now_ns))
         return "; ".join(sentences)
 
     def faults(self) -> dict[str, str]:
         """Return "device fault" -> one line of description, for every fault."""
         return {
-            f"{name} {fault}": text
+            f"{name} {kind}": fault.line()
             for name, device in self.devices.items()
-            for fault, text in device.faults.describe().items()
+            for kind, fault in device.FAULTS.items()
         }
 
     def describe(self, device: str = ALL) -> str:
         """Return the faults of a device, a bus or all, as readable text."""
-        books = {one.name: one.faults for one in self._chosen(device)}
-        lines = [f"{name}, active: {', '.join(b.active)}" for name, b in books.items() if b.active]
-        lines += catalogue({name: book.describe() for name, book in books.items()})
+        chosen = self._chosen(device)
+        lines = [f"{one.name}, active: {', '.join(one.active)}" for one in chosen if one.active]
+        lines += catalogue({one.name: one.FAULTS for one in chosen})
         known = ", ".join((*self.devices, *self._buses(), ALL))
         lines += [
             f"devices and buses: {known}; '{CLEAR}' ends every fault of a device",

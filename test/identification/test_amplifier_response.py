@@ -11,7 +11,7 @@ from screw_module_ros.identification.amplifier_response import Settings
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.sampled_models import first_order, sampled_response
 from screw_module_ros.identification.trials import Samples
-from screw_module_ros.plant.analyzer import analyzed
+from screw_module_ros.plant.instruments import analyzed
 
 FEW = Settings(low=100.0, per_decade=8, shortest=0.02)
 

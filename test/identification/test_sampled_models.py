@@ -10,12 +10,14 @@ import pytest
 from scipy import signal
 
 from screw_module_ros.identification import sampled_models as models
-from screw_module_ros.plant.current_sensor import (
+from screw_module_ros.plant.instruments import (
     CurrentSensorState,
+    Transducer,
     current_sensor_params,
     current_sensor_step,
+    rotor_step,
+    rotor_step_settings,
 )
-from screw_module_ros.plant.transducer import Transducer, rotor_step, rotor_step_settings
 
 FREQUENCIES = np.geomspace(1.0, 400.0, 9)
 AMPLIFIER = models.first_order(1000.0)

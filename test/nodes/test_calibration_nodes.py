@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
-from std_srvs.srv import Trigger
 
 from screw_module_ros.calibration.module import (
     ModuleCalibration,

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 from screw_module_ros.clock import ManualClock
-from screw_module_ros.nodes import rig_departure as departure
-from screw_module_ros.nodes.rig_departure import Departure
+from screw_module_ros.nodes import sim_rig
+from screw_module_ros.nodes.sim_rig import Departure
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.trials.graph_run import GraphRun
 
@@ -22,7 +22,7 @@ STEP_NS = 50_000_000
 def wall(monkeypatch):
     """Return the wall clock, moved by hand."""
     clock = ManualClock(1)
-    monkeypatch.setattr(departure, "_WALL", clock)
+    monkeypatch.setattr(sim_rig, "_WALL", clock)
     return clock
 
 

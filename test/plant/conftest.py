@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.plant.arm import arm_force
 from screw_module_ros.plant.module import ModuleInput, VerticalParams, vertical_params
+from screw_module_ros.plant.patient import arm_force
 from screw_module_ros.plant.settings import WorldSettings, load_world
 
 

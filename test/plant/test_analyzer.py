@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from screw_module_ros.plant.amplifier import bridge_current
-from screw_module_ros.plant.analyzer import analyzed, analyzer_sine
+from screw_module_ros.plant.instruments import analyzed, analyzer_sine
 
 RATE = 256_000.0
 TIME = 1.0 / (2.0 * math.pi * 1000.0)

@@ -9,15 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.plant.arm import (
+from screw_module_ros.plant.fixture import stage_velocity
+from screw_module_ros.plant.patient import (
+    ArmSettings,
     HandPath,
     arm_force,
+    changed_patient,
     hand_point,
     resting,
+    resting_patient,
     spring_terms,
-    stage_velocity,
 )
-from screw_module_ros.plant.patient import ArmSettings, changed_patient, resting_patient
 
 REACH = HandPath(
     start=0.1, target=0.3, begin=2.0, duration=1.5, amplitude=0.15, omega=0.8, tremor=0.0

@@ -10,7 +10,7 @@ import pytest
 from scipy import signal
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.current_sensor import (
+from screw_module_ros.plant.instruments import (
     CurrentSensorState,
     current_sensor_params,
     current_sensor_step,

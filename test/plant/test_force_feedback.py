@@ -17,14 +17,14 @@ from scipy import signal
 
 from screw_module_ros.compiled import compiled
 from screw_module_ros.plant.amplifier import bridge_current
-from screw_module_ros.plant.arm import arm_force
 from screw_module_ros.plant.module import (
     HUMAN_ARM,
     ModuleInput,
     resting_state,
     vertical_params,
 )
-from screw_module_ros.plant.noise import normal_pair
+from screw_module_ros.plant.patient import arm_force
+from screw_module_ros.plant.sensor import normal_pair
 from screw_module_ros.plant.vertical import vertical_step
 
 CENTRE, SPRING, GRAVITY = 0.18, 100.0, 10.04

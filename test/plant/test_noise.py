@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.noise import normal_pair, seeded, uniform
+from screw_module_ros.plant.sensor import normal_pair, seeded, uniform
 
 
 def draw(seed, count):

@@ -11,7 +11,7 @@ from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.arm import ArmForce, arm_force
+from screw_module_ros.plant.patient import ArmForce, arm_force
 from screw_module_ros.plant.planar import (
     ManusInput,
     planar_params,

@@ -7,8 +7,7 @@ import statistics
 
 import pytest
 
-from screw_module_ros.plant.noise import seeded
-from screw_module_ros.plant.sensor import measured_wrench, sensor_params, true_wrench
+from screw_module_ros.plant.sensor import measured_wrench, seeded, sensor_params, true_wrench
 
 ZERO = (0.0,) * 6
 

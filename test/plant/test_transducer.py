@@ -9,7 +9,7 @@ import numpy
 import pytest
 from scipy.linalg import expm
 
-from screw_module_ros.plant.transducer import rotor_step, rotor_step_settings
+from screw_module_ros.plant.instruments import rotor_step, rotor_step_settings
 
 
 def test_undamped_mode_is_3600_hz(settings):

@@ -11,8 +11,8 @@ from hypothesis import settings as run_settings
 from hypothesis import strategies as st
 
 from screw_module_ros.compiled import compiled
-from screw_module_ros.plant.arm import ArmForce
 from screw_module_ros.plant.module import HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state
+from screw_module_ros.plant.patient import ArmForce
 from screw_module_ros.plant.vertical import vertical_step
 
 

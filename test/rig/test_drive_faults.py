@@ -10,22 +10,22 @@ RESET = "80 00 00 00"
 
 
 @pytest.mark.parametrize(
-    ("fault", "emcy"),
+    ("fault", "code", "emcy"),
     [
-        ("over_current", "10 23 03 00 00 00 00 00"),
-        ("over_voltage", "10 32 05 00 00 00 00 00"),
-        ("over_temperature", "10 42 09 00 00 00 00 00"),
-        ("motor_temperature", "10 43 09 00 00 00 00 00"),
-        ("watchdog", "10 60 01 00 00 00 00 00"),
-        ("feedback", "00 73 01 00 00 00 00 00"),
-        ("heartbeat_fault", "30 81 11 00 00 00 00 00"),
+        ("over_current", 0, "10 23 03 00 00 00 00 00"),
+        ("fault", 0x3210, "10 32 05 00 00 00 00 00"),
+        ("over_temperature", 0, "10 42 09 00 00 00 00 00"),
+        ("fault", 0x4310, "10 43 09 00 00 00 00 00"),
+        ("fault", 0x6010, "10 60 01 00 00 00 00 00"),
+        ("fault", 0x7300, "00 73 01 00 00 00 00 00"),
+        ("fault", 0x8130, "30 81 11 00 00 00 00 00"),
     ],
 )
-def test_injected_faults_stop_the_drive_and_last(torque_drive, fault, emcy):
+def test_injected_faults_stop_the_drive_and_last(torque_drive, fault, code, emcy):
     drive = torque_drive
     drive.write(1, "1400:05", "0000")
     drive.enable("F4 01")
-    drive.rig.inject("drive", fault, 0, 0, drive.now_ns)
+    drive.rig.inject("drive", fault, code, 0, drive.now_ns)
     assert drive.run(0) == [(0x081, emcy)]
     assert not drive.world.vertical_powered
     drive.ask(0x201, OFF)
@@ -39,7 +39,7 @@ def test_injected_faults_stop_the_drive_and_last(torque_drive, fault, emcy):
 
 def test_under_voltage_shows_in_the_statusword(torque_drive):
     drive = torque_drive
-    drive.rig.inject("drive", "under_voltage", 0, 0, drive.now_ns)
+    drive.rig.inject("drive", "fault", 0x3220, 0, drive.now_ns)
     drive.run(0)
     assert drive.statusword() == "0802"
     assert drive.read(1, "6079:00") == "00000000"

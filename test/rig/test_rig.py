@@ -113,7 +113,7 @@ def test_frames_of_several_buses_are_taken_in_turn(world, request):
     rig = Rig({"force_sensor": far[0], "encoder": far[1]}, world)
     order = []
     for port in {id(d.link.port): d.link.port for d in rig.devices.values()}.values():
-        port.around[0x123] = (lambda _data, _now, port=port: order.append(port), None)
+        port.first[0x123] = lambda _data, _now, port=port: order.append(port)
         port.rebuild()
     for bus in near:
         for _ in range(3):

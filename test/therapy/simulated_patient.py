@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated patients at the slot law: the plant's arm, a mass at the handle, a session in the loop.
 
-The patient sees the target when it is shown, reacts, and moves the virtual hand of `plant.arm`
+The patient sees the target when it is shown, reacts, and moves the virtual hand of `plant.patient`
 there on a bowed minimum-jerk way of his own duration. Nothing here is tuned to the metrics.
 """
 
@@ -20,16 +20,18 @@ from screw_module_ros.control.slot import (
     initial_state,
     slot_step,
 )
-from screw_module_ros.plant.arm import (
+from screw_module_ros.plant.patient import (
     ACTIVE,
     TREMOR,
     WEAK,
+    ArmSettings,
     HumanArm,
     arm_force,
+    changed_patient,
     hand_point,
+    resting_patient,
     spring_terms,
 )
-from screw_module_ros.plant.patient import ArmSettings, changed_patient, resting_patient
 from screw_module_ros.therapy.hand import HandSample
 from screw_module_ros.therapy.protocol import Protocol
 from screw_module_ros.therapy.recorded import Act, Recorded
