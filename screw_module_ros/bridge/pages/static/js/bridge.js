@@ -97,22 +97,12 @@ export class Bridge {
   }
 }
 
-// Returns what the bridge tells of itself: role, robots, protocols. Throws as `fetched`.
-export function configuration(token) {
-  return fetched("/config.json", token);
-}
-
-// Returns the last messages of a topic of which each one counts, oldest first. Throws as `fetched`.
-export function history(token, topic) {
-  return fetched(`/history.json?topic=${encodeURIComponent(topic)}`, token);
-}
-
-// Returns what the bridge has at a path. Throws an Error whose message is a sentence; `final` on it:
-// it makes no sense to ask again.
-async function fetched(path, token) {
+// Returns what the bridge tells of itself: role, robots, protocols. Throws an Error whose message is
+// a sentence; `final` on it: it makes no sense to ask again.
+export async function configuration(token) {
   let answer;
   try {
-    answer = await fetch(path, { headers: { Authorization: `Bearer ${token}` } });
+    answer = await fetch("/config.json", { headers: { Authorization: `Bearer ${token}` } });
   } catch {
     throw new Error("The bridge does not answer.");
   }

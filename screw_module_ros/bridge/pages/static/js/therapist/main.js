@@ -19,7 +19,7 @@ function connected(isOpen, sentence) {
   document.body.dataset.open = isOpen;
   say($("connection"), isOpen ? "Connected" : "No connection: a session that runs pauses by itself");
   notice(sentence || (isOpen ? "" : "The connection is lost. This page connects again by itself."));
-  if (isOpen) for (const panel of panels) panel.load();
+  if (isOpen) for (const panel of panels) panel.limits.load();
 }
 
 function frame(now) {

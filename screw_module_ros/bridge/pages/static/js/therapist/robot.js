@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One robot on the therapist's page.
 
-import { history, named } from "../bridge.js";
+import { named } from "../bridge.js";
 import { el, say } from "../elements.js";
 import { SAFETY_STOPPED } from "../states.js";
 import { LimitsCard } from "./limits.js";
@@ -56,19 +56,6 @@ export class RobotPanel {
       this.heard[topic] = { message, at: performance.now() };
       more(message);
     });
-  }
-
-  // Asks for what is not told by itself: once there is a connection, and after each loss of it.
-  async load() {
-    this.limits.load();
-    this.trials.await();
-    try {
-      const [trials, changes] = await Promise.all(["therapy/trial", "therapy/assistance"].map(
-        (topic) => history(this.bridge.token, named(this.robot, topic))));
-      this.trials.begin(trials, changes);
-    } catch (error) {
-      this.start.tell(`The movements so far are not known: ${error.message}`);
-    }
   }
 
   // The newest message of a topic, null where it is silent.

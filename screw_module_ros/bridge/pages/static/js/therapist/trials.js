@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of the movements and changes of the assistance, newest first. The bridge keeps them, so
-// that a reload or another device in mid-session shows them all; here nothing is stored.
+// Results of the movements and changes of the assistance, newest first. The bridge sends those of the
+// session so far with each subscription, so that a reload or another device shows them all.
 
 import { el, say } from "../elements.js";
 import { PAUSED, RUNNING } from "../states.js";
@@ -35,18 +35,9 @@ function counted(reaches) {
   return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
 }
 
-function isSame(one, other) {
-  return one.block === other.block && one.circuit === other.circuit;
-}
-
-function seconds({ header }) {
-  return header ? header.stamp.sec + 1e-9 * header.stamp.nanosec : 0;
-}
-
 export class TrialsCard {
   constructor() {
-    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
-    [this.newest, this.begun, this.liveChanges] = ["", 0, []];
+    this.begin("");
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
@@ -57,20 +48,18 @@ export class TrialsCard {
     this.show();
   }
 
-  take(result) {
-    if (this.isAwaiting) this.live.push(result);
-    this.add(result);
+  begin(session) {
+    [this.session, this.trials, this.changes] = [session, [], []];
+    this.known = new Set(); // each result comes again with each connection
+    this.isShown = false;
   }
 
-  add(result) {
+  take(result) {
     const session = `${result.patient} ${result.protocol}`;
     const last = this.trials.at(-1);
-    if (identity(result) === this.newest) return; // told before
-    this.newest = identity(result);
-    if (session !== this.session || (last && result.trial <= last.trial)) {
-      [this.session, this.trials, this.changes] = [session, [], []];
-    }
-    if (!this.trials.length) this.begun = seconds(result);
+    if (this.known.has(identity(result))) return;
+    if (session !== this.session || (last && result.trial <= last.trial)) this.begin(session);
+    this.known.add(identity(result));
     this.trials.push(Object.fromEntries(KEEP.map((name) => [name, result[name]])));
     if (this.trials.length > KEPT) this.trials.shift();
     this.isShown = false;
@@ -82,43 +71,16 @@ export class TrialsCard {
     const last = this.trials.at(-1);
     if (!last || (state !== RUNNING && state !== PAUSED)) return;
     if (session === this.session && trial >= last.trial) return;
-    [this.session, this.trials, this.changes, this.isShown] = [session, [], [], false];
+    this.begin(session);
   }
 
-  takeChange(change) {
-    if (this.isAwaiting) this.liveChanges.push(change);
-    this.addChange(change);
-  }
-
-  addChange({ header, block, circuit, duration, side_stiffness: side, reason }) {
+  // Takes a change of the assistance; the results that it follows from have come before it.
+  takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
     const last = this.changes.at(-1);
-    if (last?.block === block && last?.circuit === circuit) return;
-    this.changes.push({ header, block, circuit, duration, side_stiffness: side, reason });
+    if (last && (block < last.block || (block === last.block && circuit <= last.circuit))) return;
+    this.changes.push({ block, circuit, duration, side_stiffness: side, reason });
     if (this.changes.length > CHANGES) this.changes.shift();
     this.isShown = false;
-  }
-
-  // Notes what comes from now on: the bridge is being asked for what was before.
-  await() {
-    [this.live, this.liveChanges, this.isAwaiting] = [[], [], true];
-  }
-
-  // Begins anew with what the bridge has kept, and what has come since it was asked. What the bridge
-  // does not know was before its own begin: it has been started again.
-  begin(trials, changes) {
-    const told = new Set(trials.map(identity));
-    const since = this.live.filter((trial) => !told.has(identity(trial)));
-    since.map(identity).forEach((each) => told.add(each));
-    const earlier = this.trials.filter((trial) => !told.has(identity(trial)));
-    const all = [...changes, ...this.liveChanges];
-    const before = this.changes.filter((change) => !all.some((other) => isSame(change, other)));
-    [this.session, this.trials, this.changes, this.live] = ["", [], [], []];
-    this.newest = "";
-    [...earlier, ...trials, ...since].forEach((trial) => this.add(trial));
-    [...before, ...all].filter((change) => seconds(change) >= this.begun)
-      .forEach((change) => this.addChange(change));
-    this.liveChanges = [];
-    this.isShown = this.isAwaiting = false;
   }
 
   show() {
