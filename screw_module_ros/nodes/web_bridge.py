@@ -72,9 +72,7 @@ class WebBridgeNode(Node):
         self._limits = self.parameters.read(Limits, "limits")
         self._gateway = BridgeGateway(self, self._rights, self._limits.answer)
         protocols = protocols_for_screens(root_folder(settings.folder), self.get_logger().warning)
-        shown = ("name", "label", "unit", "factor")
-        measures = [{key: getattr(each, key) for key in shown} for each in MEASURES]
-        robots = list(self._rights.robots)
+        robots, measures = list(self._rights.robots), measures_for_screens()
         self._config = {"robots": robots, "protocols": protocols, "measures": measures}
 
     def begin(self) -> None:
@@ -166,6 +164,12 @@ class WebBridgeNode(Node):
             "refused": server.refused, "unfinished": server.unfinished,
         }  # fmt: skip
         return Health(OK, f"pages at {server.address}", values)
+
+
+def measures_for_screens() -> list[dict[str, str | float]]:
+    """Return name, label, unit and factor from SI of each measure."""
+    keys = ("name", "label", "unit", "factor")
+    return [{key: getattr(measure, key) for key in keys} for measure in MEASURES]
 
 
 async def _ended(server: Server) -> None:

@@ -13,6 +13,7 @@ from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
+from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 pytestmark = pytest.mark.long
@@ -94,7 +95,8 @@ class Serving:
         self._make(0)
 
     def _make(self, port):
-        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens()}
+        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens(),
+                  "measures": measures_for_screens()}  # fmt: skip
         rights = Rights(self.robot.robots, wishes=True)
         made = Server(
             Listening(port=port), Limits(), TOKENS, rights, self.robot, WallClock(), config
@@ -318,6 +320,13 @@ def test_results_come_into_the_table(serving, open_page):
         given.robot.finish(trial)
         given.until(page, f"document.querySelectorAll('.results tbody tr').length === {trial}")
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    titles = page.locator(".results th").all_inner_texts()
+    assert titles == [
+        "#", "Reached", "Duration [s]", "Peak speed [mm/s]", "Path error [mm]", "SPARC",
+        "Robot's share of the work [%]",
+    ]  # fmt: skip
+    cells = page.locator(".results tbody tr").first.locator("td").all_inner_texts()
+    assert cells == ["5", "– no", "1.20", "210", "3.1", "-1.52", "–"]
     page.reload()
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
     given.robot.finish(6)

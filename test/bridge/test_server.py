@@ -98,7 +98,7 @@ def test_strangers_are_refused(server, query, headers):
 
 
 def test_pages_come_with_the_headers_that_keep_them_apart(server):
-    for path in ("/", "/patient", "/therapist", "/static/js/bridge.js"):
+    for path in ("/", "/patient", "/therapist", "/static/js/link.js"):
         status, _, headers = run(answer(server, path))
         assert status == 200, path
         assert "default-src 'none'" in headers["Content-Security-Policy"]

@@ -2,24 +2,19 @@
 // Results of the movements and changes of the assistance, newest first. The bridge sends those of the
 // session so far with each subscription, so that a reload or another device shows them all.
 
-import { el, say } from "../elements.js";
-import { PAUSED, RUNNING } from "../states.js";
+import { el, say } from "../draw.js";
+import { PAUSED, RUNNING } from "../link.js";
+import { PAGE, changeSentence, measureTitle, resultSentence } from "../words.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
 const CHANGES = 8;
-const COLUMNS = [
-  ["#", (r) => r.trial],
-  ["Reached", (r) => (!isReach(r) ? "–" : r.reached ? "✓ yes" : "– no")],
-  ["Time [s]", (r) => fixed(r.duration, 2)],
-  ["Peak [mm/s]", (r) => fixed(1000 * r.peak_speed, 0)],
-  ["Path error [mm]", (r) => fixed(1000 * r.path_error, 1)],
-  ["SPARC", (r) => fixed(r.sparc, 2)],
-  ["Robot's share [%]", (r) => (r.robot_share === null ? "–" : fixed(100 * r.robot_share, 0))],
-];
-const KEEP = ["patient", "protocol", "header", "kind", "assisted", "trial", "block", "circuit", "reached", "duration", "peak_speed", "path_error", "sparc", "robot_share"];
+const DIGITS = { duration: 2, peak_speed: 0, path_error: 1, sparc: 2, robot_share: 0 };
+const KEEP = ["patient", "kind", "assisted", "trial", "reached", ...Object.keys(DIGITS)];
 
-function fixed(value, digits) {
-  return value === null || Number.isNaN(value) ? "–" : value.toFixed(digits);
+// A value in SI units as its column shows it.
+function shown(value, { name, factor }) {
+  const isKnown = typeof value === "number" && !Number.isNaN(value);
+  return isKnown ? (factor * value).toFixed(DIGITS[name]) : "–";
 }
 
 function identity({ patient, protocol, trial, header }) {
@@ -31,20 +26,24 @@ function isReach({ kind }) {
   return (kind ?? "reach") === "reach";
 }
 
-function counted(reaches) {
-  return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
+function reachedWord(result) {
+  if (!isReach(result)) return "–";
+  return result.reached ? PAGE.yes : PAGE.no;
 }
 
-export class TrialsCard {
-  constructor() {
+export class MovementsCard {
+  // measures: [{ name, label, unit, factor from SI }], of which the table shows those of DIGITS.
+  constructor(measures) {
+    this.measures = Object.keys(DIGITS).flatMap((name) => measures.filter((each) => each.name === name));
     this.begin("");
     this.summary = el("p", { className: "empty" });
     this.body = el("tbody");
     this.list = el("ul", { className: "changes" });
-    this.element = el("section", { className: "card results" }, el("h2", {}, "Movements"), this.summary,
+    const titles = ["#", PAGE.reached, ...this.measures.map(measureTitle)];
+    this.element = el("section", { className: "card results" }, el("h2", {}, PAGE.results), this.summary,
       el("div", { className: "scroll" }, el("table", {},
-        el("thead", {}, el("tr", {}, ...COLUMNS.map(([title]) => el("th", {}, title)))), this.body)),
-      el("h2", {}, "Assistance"), this.list);
+        el("thead", {}, el("tr", {}, ...titles.map((title) => el("th", {}, title)))), this.body)),
+      el("h2", {}, PAGE.assistance), this.list);
     this.show();
   }
 
@@ -78,7 +77,7 @@ export class TrialsCard {
   takeChange({ block, circuit, duration, side_stiffness: side, reason }) {
     const last = this.changes.at(-1);
     if (last && (block < last.block || (block === last.block && circuit <= last.circuit))) return;
-    this.changes.push({ block, circuit, duration, side_stiffness: side, reason });
+    this.changes.push({ block, circuit, duration, side, reason });
     if (this.changes.length > CHANGES) this.changes.shift();
     this.isShown = false;
   }
@@ -88,15 +87,16 @@ export class TrialsCard {
     this.isShown = true;
     const reaches = this.trials.filter(isReach);
     const alone = reaches.filter((trial) => !trial.assisted);
-    const apart = alone.length && alone.length < reaches.length
-      ? `, without assistance ${counted(alone)}` : "";
     say(this.summary, this.trials.length
-      ? `${this.session.split(" ")[0]}: ${counted(reaches)} targets reached${apart}`
-      : "No movement yet.");
-    this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) =>
-      el("tr", {}, ...COLUMNS.map(([, cell]) => el("td", {}, String(cell(result)))))));
-    this.list.replaceChildren(...(this.changes.length ? this.changes.slice().reverse().map((change) =>
-      el("li", {}, `Block ${change.block}, circuit ${change.circuit}: ${change.duration.toFixed(2)} s, side walls `
-        + `${change.side_stiffness.toFixed(0)} N/m; ${change.reason}`)) : [el("li", {}, "No change yet.")]));
+      ? resultSentence(this.trials[0].patient, reaches, alone) : PAGE.noMovement);
+    this.body.replaceChildren(...this.trials.slice(-SHOWN).reverse().map((result) => this.row(result)));
+    const changes = this.changes.length ? this.changes.map(changeSentence).reverse() : [PAGE.noChange];
+    this.list.replaceChildren(...changes.map((sentence) => el("li", {}, sentence)));
+  }
+
+  row(result) {
+    const cells = [String(result.trial), reachedWord(result),
+      ...this.measures.map((measure) => shown(result[measure.name], measure))];
+    return el("tr", {}, ...cells.map((cell) => el("td", {}, cell)));
   }
 }
