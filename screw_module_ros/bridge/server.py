@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server: pages and websocket on one port, all in one asyncio thread, without a lock.
 
-A client that does not read is disconnected after `patience`; until then it delays only itself. A
-connection that has not become a client's websocket in time is closed, so that half a request, or
-half a TLS handshake, keeps nobody out. The log never contains what a request contains: a token.
+A client that does not read is disconnected after `patience`; until then it delays only itself. The
+log contains nothing of a request, and so no token.
 """
 
 from __future__ import annotations
@@ -12,8 +11,6 @@ import asyncio
 import contextlib
 import json
 import logging
-import socket
-import ssl
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +20,7 @@ from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 from ..clock import Clock
 from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
+from .listener import Listener
 from .pages import FOLDER, PAGES, SECURITY_HEADERS
 from .rights import THERAPIST, Rights
 from .settings import Limits, Listening
@@ -32,9 +30,6 @@ _HEARTBEAT_S = 10.0  # of the websocket: finds a client whose machine has gone
 _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
 _END_S = 0.5
 _FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
-_OPENING_S = 10.0  # a page loads within it; a browser opens a closed connection again
-_MOST_OPENING = 64  # connections that are no websockets; beyond, the oldest is closed
-_BACKLOG = 16
 
 _SILENT = logging.getLogger(f"{__name__}.aiohttp")  # its errors quote the request
 _SILENT.disabled = True
@@ -53,8 +48,8 @@ class Connection:
 class Server:
     """Serves from `start` to `close`, in the asyncio loop that runs both, while `turn` is called.
 
-    log: takes a sentence. config: content of /config.json. cut_off, refused, unfinished: numbers of
-    disconnected clients, of refused requests, and of connections that never became a request.
+    log: takes a sentence. config: content of /config.json. cut_off: number of disconnected clients.
+    refused: number of refused requests.
     """
 
     def __init__(
@@ -66,22 +61,15 @@ class Server:
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
         self._connections: set[Connection] = set()
-        self._opening: dict[asyncio.Task, None] = {}  # in the order in which they came
-        self._accepting: asyncio.Task | None = None
-        self._listener: socket.socket | None = None
-        self._context: ssl.SSLContext | None = None
+        self._listener: Listener | None = None
         self._door: Door | None = None
         self._runner: web.AppRunner | None = None
-        self._closing = False
-        self.cut_off = self.refused = self.unfinished = 0
+        self.cut_off = self.refused = 0
 
     async def start(self) -> None:
         """Listen. Raises OSError or ssl.SSLError if that fails."""
         listening = self._listening
-        if listening.certificate:
-            self._context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-            self._context.load_cert_chain(listening.certificate, listening.key or None)
-        self._listener = _listener(listening.address, listening.port)
+        self._listener = Listener(listening, self._is_client, self._log)
         app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
         app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
         app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
@@ -93,11 +81,10 @@ class Server:
         await self._runner.setup()
         names = names_of(listening.address, listening.hosts)
         origins = tuple(filter(None, listening.origins))
-        port, scheme = self._listener.getsockname()[1], "https" if self._context else "http"
-        self._door = Door(names, port, scheme, origins, self._tokens)
-        loop = asyncio.get_running_loop()
-        loop.set_exception_handler(self._unexpected)
-        self._accepting = loop.create_task(self._accept())
+        listener = self._listener
+        self._door = Door(names, listener.port, listener.scheme, origins, self._tokens)
+        asyncio.get_running_loop().set_exception_handler(self._unexpected)
+        listener.start(self._runner.server)
 
     async def turn(self, idle_s: float) -> None:
         """Serve for a sampling period, `idle_s` without clients; then send what is new."""
@@ -108,9 +95,6 @@ class Server:
 
     async def close(self) -> None:
         """Close every connection."""
-        self._closing = True
-        if self._accepting is not None:
-            self._accepting.cancel()
         for connection in list(self._connections):
             with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
                 going = connection.socket.close(
@@ -118,13 +102,9 @@ class Server:
                 )
                 await asyncio.wait_for(going, _END_S)
             connection.transport.abort()
-        for opening in self._opening:
-            opening.cancel()
-        await asyncio.gather(*self._opening, return_exceptions=True)
         if self._runner is not None:
+            await self._listener.close()
             await self._runner.cleanup()
-        if self._listener is not None:
-            self._listener.close()
 
     @property
     def address(self) -> str:
@@ -138,51 +118,13 @@ class Server:
         """Number of connected clients."""
         return len(self._connections)
 
-    # Connections ---------------------------------------------------------------------------
+    @property
+    def unfinished(self) -> int:
+        """Number of connections that were closed without a request."""
+        return self._listener.unfinished
 
-    async def _accept(self) -> None:
-        loop = asyncio.get_running_loop()
-        while True:
-            try:
-                accepted, _ = await loop.sock_accept(self._listener)
-            except OSError:  # it has gone already, or there is no handle for it
-                await asyncio.sleep(1.0 / self.limits.rate)
-                continue
-            opening = loop.create_task(self._open(accepted))
-            self._opening[opening] = None
-            opening.add_done_callback(self._opening.pop)
-            if len(self._opening) > _MOST_OPENING:
-                next(iter(self._opening)).cancel()
-
-    async def _open(self, accepted: socket.socket) -> None:
-        """Serve a connection; close it unless it becomes a client's websocket in time."""
-        transport = None
-        try:
-            transport, _ = await asyncio.get_running_loop().connect_accepted_socket(
-                self._runner.server, accepted, ssl=self._context,
-                ssl_handshake_timeout=_OPENING_S if self._context else None,
-            )  # fmt: skip
-            await asyncio.sleep(_OPENING_S)
-        except OSError:  # no TLS, or the client has gone
-            accepted.close()
-        finally:
-            if not self._is_settled(transport):
-                self._count_unfinished()
-                if transport is not None:
-                    transport.abort()
-
-    def _is_settled(self, transport: asyncio.Transport | None) -> bool:
-        """Return whether a connection is closed after its request, or a client's."""
-        clients = [connection.transport for connection in self._connections]
-        return transport is not None and (transport.is_closing() or transport in clients)
-
-    def _count_unfinished(self) -> None:
-        self.unfinished += 1
-        if self.unfinished == 1 and not self._closing:
-            self._log(
-                f"closed a connection that made no request within {_OPENING_S:g} s, or was in the "
-                "way of newer ones; further ones are only counted, in the diagnostics"
-            )
+    def _is_client(self, transport: asyncio.BaseTransport) -> bool:
+        return any(connection.transport is transport for connection in self._connections)
 
     def _unexpected(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         """Log an error of asyncio without its text, which may quote a request."""
@@ -299,16 +241,6 @@ class Server:
         self._log(f"cut off a {connection.client.role}'s page: {why}")
 
 
-def _listener(address: str, port: int) -> socket.socket:
-    """Return a socket that listens on an address or host name. Raises OSError."""
-    flags = socket.AI_PASSIVE
-    found = socket.getaddrinfo(address or None, port, type=socket.SOCK_STREAM, flags=flags)
-    family, *_, place = found[0]
-    listener = socket.create_server(place[:2], family=family, backlog=_BACKLOG)
-    listener.setblocking(False)
-    return listener
-
-
 def _page(name: str) -> Callable:
     async def serve(request: web.Request) -> web.FileResponse:
         return web.FileResponse(FOLDER / name)
@@ -319,4 +251,4 @@ def _page(name: str) -> Callable:
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     response.headers.update(SECURITY_HEADERS)
     if not isinstance(response, web.WebSocketResponse):
-        response.force_close()  # what stays open has made no request
+        response.force_close()  # so what stays open has made no request

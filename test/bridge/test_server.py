@@ -17,7 +17,7 @@ import aiohttp
 import pytest
 from fake_gateway import Served
 
-from screw_module_ros.bridge import server as server_module
+from screw_module_ros.bridge import listener
 from screw_module_ros.bridge.client import Client
 from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.bridge.rights import Rights
@@ -340,7 +340,7 @@ def is_closed(opened):
 
 
 def test_half_a_request_is_given_up_in_time(server, said, monkeypatch):
-    monkeypatch.setattr(server_module, "_OPENING_S", 0.05)
+    monkeypatch.setattr(listener, "_OPENING_S", 0.05)
     for sends in (b"", b"GET", b"GET / HTTP/1.1\r\nHost: x\r\n", b"\0" * 100):
         with half_open(server, sends) as opened:
             while not is_closed(opened):  # an answer to what is no HTTP comes first
@@ -351,20 +351,21 @@ def test_half_a_request_is_given_up_in_time(server, said, monkeypatch):
 
 def test_half_open_requests_keep_no_page_out(server, said, monkeypatch):
     """At 1024 handles 1018 of them did; they needed no token."""
-    monkeypatch.setattr(server_module, "_MOST_OPENING", 8)
+    monkeypatch.setattr(listener, "_MOST_OPENING", 8)
     waiting = [half_open(server) for _ in range(40)]
     try:
         assert run(answer(server, "/config.json", token=THERAPIST))[0] == 200
         assert all(is_closed(opened) for opened in waiting[:32]), "the oldest go"
-        assert server.unfinished >= 32 and len(said) == 1
+        run(until(lambda: server.unfinished >= 32))
+        assert len(said) == 1
     finally:
         for opened in waiting:
             opened.close()
 
 
 def test_a_client_stays_as_long_as_it_likes(server, gateway, monkeypatch):
-    monkeypatch.setattr(server_module, "_OPENING_S", 0.02)
-    monkeypatch.setattr(server_module, "_MOST_OPENING", 1)
+    monkeypatch.setattr(listener, "_OPENING_S", 0.02)
+    monkeypatch.setattr(listener, "_MOST_OPENING", 1)
 
     async def play():
         async with aiohttp.ClientSession() as session:
@@ -447,11 +448,23 @@ def test_with_a_certificate_it_speaks_tls_alone(gateway, certificate):
 
 
 def test_half_a_handshake_is_given_up_in_time(gateway, certificate, monkeypatch):
-    monkeypatch.setattr(server_module, "_OPENING_S", 0.05)
+    monkeypatch.setattr(listener, "_OPENING_S", 0.05)
     made = make_server(gateway, certificate=str(certificate[0]), key=str(certificate[1]))
     with Served(made) as server, half_open(server, b"") as opened:
         assert is_closed(opened)
         run(until(lambda: server.unfinished == 1))
+
+
+def test_half_open_handshakes_keep_no_page_out(gateway, certificate, said, monkeypatch):
+    monkeypatch.setattr(listener, "_MOST_OPENING", 8)
+    files = {"certificate": str(certificate[0]), "key": str(certificate[1])}
+    with Served(make_server(gateway, log=said.append, **files)) as server:
+        waiting = [half_open(server, b"") for _ in range(40)]
+        assert all(is_closed(opened) for opened in waiting[:32]), "the oldest go"
+        run(until(lambda: server.unfinished >= 32))
+        assert len(said) == 1
+        for opened in waiting:
+            opened.close()
 
 
 def test_a_key_that_does_not_fit_is_told(gateway, certificate, tmp_path):
