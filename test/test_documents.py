@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from screw_module_ros import session_command
-from screw_module_ros.bridge.rights import ASKED
+from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.catalogue import EXPERIMENTS
@@ -56,7 +56,7 @@ def _literal(file: str, name: str) -> Any:
 
 
 SERVICES = _literal("test/nodes/test_graph.py", "SERVICES")  # of the design, found in the graph
-SERVICES |= {f"/{name}": kind for name, kind in ASKED.items()}  # therapy_session, found by its test
+SERVICES |= {f"/{name}": kind for name, kind in BRIDGE_SERVICES.items()}  # found by their tests
 EXECUTABLES = {
     path.name for path in (ROOT / "install/screw_module_ros/lib/screw_module_ros").glob("*")
 } or None  # colcon installs elsewhere

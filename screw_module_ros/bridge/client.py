@@ -1,114 +1,110 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One client of the bridge: its subscriptions, its pending answers, its requests.
+"""One client of the bridge: its subscriptions, its calls, and the texts to send to it.
 
-Only a few answers are queued; of each topic the client gets only the newest message. Times are
-arguments, and no call waits.
+It speaks the subset of the rosbridge v2 protocol that roslibjs games need (source:
+ROSBRIDGE_PROTOCOL.md, version 2.1.0, of rosbridge_suite), as JSON without fragments or compression.
+Only a few answers are queued; of a topic the client gets only the newest message, of the kept ones
+(`rights.KEPT`) each. Everything happens in the server's thread, and nothing here waits for it.
 """
 
 from __future__ import annotations
 
+import asyncio
+import json
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
-from . import rosbridge
-from .budget import Budget
-from .conversion import ConversionError
-from .rights import STOP, Denied, Rights
+from ..settings import shown
+from .rights import CALL, PUBLISH, STOP, SUBSCRIBE, Denied, Place, Rights
 from .settings import Limits
 
 _MOST_ANSWERS = 64
 _MOST_CALLS = 8
+_LONGEST_THROTTLE_MS = 3_600_000
 _EARLY = 0.5  # of the sampling period: a poll may be early by this share
 
 
 class Gateway(Protocol):
-    """Access to the robots for clients. Called from the server's thread."""
+    """Access to the robots for clients."""
 
-    def newest(self, topic: str) -> tuple[int, str] | None:
-        """Return a topic's newest message as JSON with its number from 1, None before the first."""
+    def poll(self) -> None:
+        """Take what the robots have sent."""
 
-    def history(self, topic: str) -> list[str]:
-        """Return the last messages of a topic of `rights.KEPT` as JSON, oldest first."""
+    def begin(self, topic: str) -> int:
+        """Return the number of the last message that a new subscriber does not get."""
+
+    def after(self, topic: str, number: int) -> list[tuple[int, str]]:
+        """Return what came after a message, with its numbers, as JSON: the newest, or each one."""
 
     def publish(self, topic: str, content: dict) -> None:
-        """Publish. Raises ConversionError."""
+        """Publish. Raises ValueError."""
 
-    def call(self, service: str, arguments: dict, answered: Callable[[Any, bool], None]) -> None:
-        """Call a service; `answered` gets its response, or a message and False, in any thread.
+    async def call(self, service: str, arguments: dict) -> dict:
+        """Call a service; return its response. Raises ValueError, ServiceError."""
 
-        Raises ConversionError.
-        """
+
+class ServiceError(RuntimeError):
+    """A service did not answer, or failed; the message says which."""
 
 
 class CutOff(Exception):
     """The bridge disconnects a client; the message says why."""
 
 
+@dataclass
 class Subscription:
-    """One subscribed topic: number of the last message sent, and time of the next."""
+    """A topic as the client spells it; number: of the last message sent; due_ns: of the next."""
 
-    def __init__(self, period_ns: int):
-        self.period_ns = period_ns
-        self.sent = 0
-        self.due_ns = 0
+    name: str
+    period_ns: int
+    number: int
+    due_ns: int = 0
 
 
 class Client:
-    """Processes a client's texts and returns the texts to send.
+    """Executes a client's texts, and returns the texts to send. Times are arguments.
 
-    role: of its token. wake: called when there is something to send. answers_from: wraps the
-    callback of a service's answer, so that it runs in the thread of all other calls.
+    role: of its token. wake: called when there is something to send.
     """
 
     def __init__(
-        self,
-        role: str,
-        rights: Rights,
-        gateway: Gateway,
-        limits: Limits,
-        now_ns: int,
+        self, role: str, rights: Rights, gateway: Gateway, limits: Limits, now_ns: int,
         wake: Callable[[], None] = lambda: None,
-        answers_from: Callable[[Callable], Callable] = lambda answered: answered,
-    ):
+    ):  # fmt: skip
         self.role = role
-        self._rights, self._gateway, self._limits = rights, gateway, limits
-        self._wake, self._answers_from = wake, answers_from
-        self._budget = Budget(limits, now_ns)
-        self._topics: dict[str, tuple[str, Subscription]] = {}
+        self._rights, self._gateway, self._limits, self._wake = rights, gateway, limits, wake
+        self._left, self._at_ns = limits.burst, now_ns  # a token bucket of messages
+        self._topics: dict[str, Subscription] = {}
         self._answers: deque[str] = deque()
-        self._calls: set[object] = set()
+        self._calls: set[asyncio.Task] = set()
 
     def take(self, text: str, now_ns: int) -> None:
-        """Execute a text; answer an error with a status. Raises CutOff."""
-        if not self._budget.spend(now_ns):
-            raise CutOff(
-                f"more than {self._limits.messages:g} messages a second: connect again, and send "
-                "no more than the newest"
-            )
-        id = None
+        """Execute a text; what is wrong with it becomes an answer. Raises CutOff."""
+        self._spend(now_ns)
+        op: dict[str, Any] = {}
         try:
-            operation = rosbridge.parsed(text)
-            id = operation.id
-            self._DO[type(operation)](self, operation)
-        except rosbridge.ProtocolError as error:
-            self._answer(rosbridge.status("error", str(error), error.id))
-        except (Denied, ConversionError) as error:
-            self._answer(rosbridge.status("error", str(error), id))
+            op = _parsed(text)
+            _check(op)
+            self.OPERATIONS[op["op"]](self, op)
+        except (Denied, ValueError, RecursionError) as error:
+            why = " ".join(str(error).split())
+            if op.get("op") == "call_service":  # its caller waits for a response, not a status
+                self._respond(op, why, False)
+            else:
+                self._put({"op": "status", "level": "error", "msg": why}, op)
 
-    def due(self, now_ns: int) -> list[str]:
-        """Return the texts to send now: answers, and the newest message of each topic if new."""
+    def texts(self, now_ns: int) -> list[str]:
+        """Return the texts to send now: answers, and what is new in each topic that is due."""
         texts = list(self._answers)
         self._answers.clear()
-        for topic, (name, wanted) in self._topics.items():
-            if now_ns < wanted.due_ns:
-                continue
-            newest = self._gateway.newest(topic)
-            if newest is None or newest[0] == wanted.sent:
-                continue
-            wanted.sent = newest[0]
-            wanted.due_ns = now_ns + wanted.period_ns
-            texts.append(rosbridge.publication(name, newest[1]))
+        for topic, wanted in self._topics.items():
+            news = self._gateway.after(topic, wanted.number) if now_ns >= wanted.due_ns else []
+            if news:
+                wanted.number, wanted.due_ns = news[-1][0], now_ns + wanted.period_ns
+            name = json.dumps(wanted.name)
+            texts += [f'{{"op":"publish","topic":{name},"msg":{text}}}' for _, text in news]
         return texts
 
     @property
@@ -116,62 +112,114 @@ class Client:
         """Full names of its subscribed topics."""
         return frozenset(self._topics)
 
-    def _subscribe(self, wish: rosbridge.Subscribe) -> None:
-        place, kind = self._rights.hears(self.role, wish.topic)
-        _check_kind(wish.kind, kind, wish.topic)
-        period = max(wish.throttle, 1.0 / self._limits.rate) - _EARLY / self._limits.rate
+    def _spend(self, now_ns: int) -> None:
+        """Take a message from the bucket, which fills at a constant rate. Raises CutOff."""
+        gained = (now_ns - self._at_ns) * 1e-9 * self._limits.messages
+        self._left, self._at_ns = min(self._limits.burst, self._left + gained) - 1.0, now_ns
+        if self._left < 0.0:
+            raise CutOff(
+                f"more than {self._limits.messages:g} messages a second: connect again, and send "
+                "no more than the newest"
+            )
+
+    # Operations ----------------------------------------------------------------------------
+
+    def _subscribe(self, op: dict) -> None:
+        place = self._place(op, SUBSCRIBE, "topic")
+        throttle = op.get("throttle_rate", 0)
+        if type(throttle) not in (int, float) or not 0 <= throttle <= _LONGEST_THROTTLE_MS:
+            raise ValueError(f"throttle_rate: 0 to {_LONGEST_THROTTLE_MS} ms is wanted")
+        if op.get("compression") not in ("none", None):
+            raise ValueError("compression: only plain JSON is sent; ask for none")
+        period = max(throttle * 1e-3, 1.0 / self._limits.rate) - _EARLY / self._limits.rate
         # With the client's own spelling of the name: roslibjs compares names.
-        self._topics[place.full] = (wish.topic, Subscription(round(period * 1e9)))
+        self._topics[place.full] = Subscription(
+            op["topic"], round(period * 1e9), self._gateway.begin(place.full)
+        )
 
-    def _unsubscribe(self, wish: rosbridge.Unsubscribe) -> None:
-        self._topics.pop(self._rights.hears(self.role, wish.topic)[0].full, None)
+    def _unsubscribe(self, op: dict) -> None:
+        self._topics.pop(self._place(op, SUBSCRIBE, "topic").full, None)
 
-    def _advertise(self, wish: rosbridge.Advertise) -> None:
-        _, kind = self._rights.sends(self.role, wish.topic)
-        _check_kind(wish.kind, kind, wish.topic)
+    def _advertise(self, op: dict) -> None:
+        self._place(op, PUBLISH, "topic")
 
-    def _publish(self, wish: rosbridge.Publish) -> None:
-        place, _ = self._rights.sends(self.role, wish.topic)
-        self._gateway.publish(place.full, wish.content)
+    def _publish(self, op: dict) -> None:
+        place = self._place(op, PUBLISH, "topic")
+        self._gateway.publish(place.full, op.get("msg") or {})
 
-    def _call(self, wish: rosbridge.Call) -> None:
-        try:
-            place, kind = self._rights.asks(self.role, wish.service, wish.arguments)
-            _check_kind(wish.kind, kind, wish.service)
-            # Calls that wait for a node that hangs must not prevent the stop.
-            if place.name != STOP and len(self._calls) >= _MOST_CALLS:
-                raise Denied(f"{_MOST_CALLS} calls are under way: wait for their answers")
-            call = object()
-            self._calls.add(call)
+    def _call(self, op: dict) -> None:
+        arguments = op.get("args") or {}
+        if not isinstance(arguments, dict):
+            raise ValueError("args: an object of field names and values is wanted")
+        place = self._place(op, CALL, "service", arguments)
+        # Calls that wait for a node that hangs must not prevent the stop.
+        if place.name != STOP and len(self._calls) >= _MOST_CALLS:
+            raise Denied(f"{_MOST_CALLS} calls are under way: wait for their answers")
+        call = asyncio.ensure_future(self._answer(op, place.full, arguments))
+        self._calls.add(call)
+        call.add_done_callback(self._calls.discard)
 
-            def answered(values: Any, result: bool) -> None:
-                self._calls.discard(call)
-                self._answer(rosbridge.service_response(wish.service, wish.id, values, result))
-
-            try:
-                self._gateway.call(place.full, wish.arguments, self._answers_from(answered))
-            except ConversionError:
-                self._calls.discard(call)
-                raise
-        except (Denied, ConversionError) as error:  # the caller expects a response, not a status
-            text = rosbridge.service_response(wish.service, wish.id, str(error), False)
-            self._answer(text)
-
-    _DO = {
-        rosbridge.Subscribe: _subscribe,
-        rosbridge.Unsubscribe: _unsubscribe,
-        rosbridge.Advertise: _advertise,
-        rosbridge.Publish: _publish,
-        rosbridge.Call: _call,
+    OPERATIONS = {
+        "subscribe": _subscribe,
+        "unsubscribe": _unsubscribe,
+        "advertise": _advertise,
+        "unadvertise": _advertise,
+        "publish": _publish,
+        "call_service": _call,
     }
 
-    def _answer(self, text: str) -> None:
+    def _place(self, op: dict, verb: str, key: str, arguments: dict | None = None) -> Place:
+        """Return the topic or service that an operation names in `key`. Raises Denied."""
+        name, kind = op.get(key), op.get("type") or ""
+        if not isinstance(name, str) or not isinstance(kind, str):
+            raise ValueError(f"{key}, type: names are wanted")
+        return self._rights.may(self.role, verb, name, kind, arguments)
+
+    async def _answer(self, op: dict, service: str, arguments: dict) -> None:
+        try:
+            values, result = await self._gateway.call(service, arguments), True
+        except Exception as error:  # whatever it is: the caller waits for a response
+            values, result = str(error) or type(error).__name__, False
+        self._respond(op, values, result)
+
+    def _respond(self, op: dict, values: Any, result: bool) -> None:
+        service = op.get("service") if isinstance(op.get("service"), str) else ""
+        answer = {"op": "service_response", "service": service, "values": values, "result": result}
+        self._put(answer, op)
+
+    def _put(self, answer: dict, op: dict) -> None:
+        """Queue an answer to an operation, with its id."""
+        if isinstance(op.get("id"), str):
+            answer["id"] = op["id"]
         if len(self._answers) >= _MOST_ANSWERS:
             self._answers.popleft()  # a client that asks but does not read
-        self._answers.append(text)
+        self._answers.append(json.dumps(answer, allow_nan=False, separators=(",", ":")))
         self._wake()
 
 
-def _check_kind(asked: str, has: str, name: str) -> None:
-    if not rosbridge.same_kind(asked, has):
-        raise Denied(f"{name} has the type {has}, not {asked[:80]!r}")
+def _parsed(text: str) -> dict[str, Any]:
+    """Return the JSON object of a text. Raises ValueError."""
+    try:
+        op = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"this is no JSON: {str(error)[:80]}") from None
+    if not isinstance(op, dict):
+        raise ValueError("a JSON object with the key op is wanted")
+    return op
+
+
+def _check(op: dict[str, Any]) -> None:
+    """Raise ValueError unless it is a known operation, and all its texts are Unicode."""
+    try:
+        json.dumps(op, ensure_ascii=False).encode()
+    except UnicodeEncodeError:  # ROS could not send it
+        raise ValueError("half of a surrogate pair is no text") from None
+    if not isinstance(op.get("id", ""), (str, type(None))):
+        raise ValueError("id: a text is wanted")
+    name = op.get("op")
+    if not isinstance(name, str) or name not in Client.OPERATIONS:
+        raise ValueError(f"op = {shown(name)}: one of {', '.join(Client.OPERATIONS)} is wanted")
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON: write null")

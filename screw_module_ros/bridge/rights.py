@@ -2,8 +2,8 @@
 """Rights of each role: topics to subscribe and to publish, services to call.
 
 A browser cannot reach anything that is not listed here. No role may publish `setpoint`: the wishes
-of a game pass through `therapy_session`, which limits them.
-Names in the tables are relative to a robot's namespace.
+of a game pass through `therapy_session`, which limits them. Names are relative to a robot's
+namespace.
 """
 
 from __future__ import annotations
@@ -14,23 +14,12 @@ from typing import Any, NamedTuple
 from .. import graph
 
 PATIENT, THERAPIST = "patient", "therapist"
-ROLES = (PATIENT, THERAPIST)
+SUBSCRIBE, PUBLISH, CALL = "subscribe", "publish", "call"
 WISH, ATTENDANCE = graph.THERAPY_WISH, graph.THERAPY_ATTENDANCE
-
-_READ = (graph.ENDPOINT_STATE, graph.THERAPY_STATE, graph.THERAPY_TRIAL)
-HEARD = {
-    name: graph.TOPICS[name].type
-    for name in (*_READ, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE)
-}
-"""Topics that the bridge subscribes to, with their types."""
-KEPT = (graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE)
-"""Topics of which the last messages are kept, for a page that is opened or reloaded."""
-SENT = {name: graph.TOPICS[name].type for name in (WISH, ATTENDANCE)}
-"""Topics that the bridge publishes, with their types."""
 STOP = "supervisor/estop"
 """The software stop."""
 _TRIGGER, _PARAMETERS = "std_srvs/srv/Trigger", "rcl_interfaces/srv/"
-ASKED = {
+SERVICES = {
     "therapy_session/start": "screw_module_msgs/srv/StartTherapy",
     "therapy_session/pause": _TRIGGER,
     "therapy_session/resume": _TRIGGER,
@@ -41,7 +30,23 @@ ASKED = {
     "session_recorder/stop": _TRIGGER,
     STOP: _TRIGGER,
 }
-"""Services that the bridge calls, with their types; only for the therapist."""
+"""Services that the bridge calls, with their types."""
+
+_STATES = (graph.ENDPOINT_STATE, graph.THERAPY_STATE)
+ROLES = {
+    PATIENT: {SUBSCRIBE: _STATES, PUBLISH: (), CALL: ()},
+    THERAPIST: {
+        SUBSCRIBE: (*_STATES, graph.THERAPY_TRIAL, graph.THERAPY_ASSISTANCE, graph.SAFETY_STATE),
+        PUBLISH: (WISH, ATTENDANCE),
+        CALL: tuple(SERVICES),
+    },
+}
+"""What each role may do: exactly what its page does. The therapist's includes the patient's."""
+
+TYPES = {name: topic.type for name, topic in graph.TOPICS.items()} | SERVICES
+KEPT = {graph.THERAPY_TRIAL: ("trial",), graph.THERAPY_ASSISTANCE: ("block", "circuit")}
+"""Topics whose messages of the running session are kept, for a page that subscribes later, with
+the fields that rise within a session."""
 ATTENDED = ("therapy_session/start", "therapy_session/resume")
 """Services that a page calls only for a session that it attends."""
 LIMITS = (
@@ -49,13 +54,6 @@ LIMITS = (
     "wish.half_width", "wish.half_depth", "wish.low", "wish.high", "wish.speed",
 )  # fmt: skip
 """Parameters of `therapy_session` that a therapist may read and set."""
-
-_HEARS = {
-    PATIENT: _READ,
-    THERAPIST: tuple(HEARD),
-}
-_SENDS = {PATIENT: (), THERAPIST: tuple(SENT)}
-_ASKS = {PATIENT: (), THERAPIST: tuple(ASKED)}
 
 
 class Denied(PermissionError):
@@ -73,6 +71,11 @@ class Place(NamedTuple):
         """Full name."""
         return f"{self.robot.rstrip('/')}/{self.name}"
 
+    @property
+    def type(self) -> str:
+        """Type as `package/msg/Name` or `package/srv/Name`."""
+        return TYPES[self.name]
+
 
 class Rights:
     """Rights of each role for the robots of a bridge.
@@ -85,45 +88,36 @@ class Rights:
         self.robots = tuple(robots)
         self.wishes = wishes
 
-    def hears(self, role: str, name: str) -> tuple[Place, str]:
-        """Return a topic that a role may subscribe to, and its type. Raises Denied."""
-        return self._found(name, HEARD, _HEARS[role], f"the {role}'s page may not hear {{}}")
+    def may(
+        self, role: str, verb: str, name: str, kind: str = "", arguments: dict | None = None
+    ) -> Place:
+        """Return the topic or service that a role may use.
 
-    def sends(self, role: str, name: str) -> tuple[Place, str]:
-        """Return a topic that a role may publish, and its type. Raises Denied."""
-        may = _SENDS[role] + ((WISH,) if self.wishes else ())
-        hint = (
-            f"; nobody publishes set points here: a game publishes {WISH}"
-            if name.endswith("setpoint") else ""
-        )  # fmt: skip
-        return self._found(name, SENT, may, f"the {role}'s page may not publish {{}}{hint}")
-
-    def asks(self, role: str, name: str, arguments: dict) -> tuple[Place, str]:
-        """Return a service that a role may call with these arguments, and its type.
-
-        Raises Denied.
+        verb: SUBSCRIBE, PUBLISH or CALL. kind: expected type, also as `package/Name`, empty for
+        any. arguments: of a call. Raises Denied.
         """
-        place, kind = self._found(name, ASKED, _ASKS[role], f"the {role}'s page may not call {{}}")
-        if place.name.endswith("_parameters"):
-            for parameter in _parameters_in(arguments):
-                if parameter not in LIMITS:
-                    raise Denied(
-                        f"{place.full}: parameter {str(parameter)[:80]!r} is not for pages; "
-                        f"those are {', '.join(LIMITS)}"
-                    )
-        return place, kind
-
-    def places(self, table: dict[str, str]) -> list[tuple[Place, str]]:
-        """Return each entry of a table of names and types for each robot."""
-        return [(Place(robot, name), kind) for robot in self.robots for name, kind in table.items()]
-
-    def _found(
-        self, name: str, known: dict[str, str], may: Sequence[str], refusal: str
-    ) -> tuple[Place, str]:
+        allowed = ROLES[role][verb]
+        if verb == PUBLISH and self.wishes and WISH not in allowed:
+            allowed = (*allowed, WISH)
         place = self._place(name)
-        if place is None or place.name not in may or place.name not in known:
-            raise Denied(refusal.format(name[:80]) + f" (it may: {', '.join(may) or 'nothing'})")
-        return place, known[place.name]
+        if place is None or place.name not in allowed:
+            hint = ""
+            if verb == PUBLISH and name.endswith("setpoint"):
+                hint = f"; nobody publishes set points here: a game publishes {WISH}"
+            raise Denied(
+                f"the {role}'s page may not {verb} {name[:80]}{hint} "
+                f"(it may: {', '.join(allowed) or 'nothing'})"
+            )
+        package, _, rest = place.type.partition("/")
+        if kind not in ("", place.type, f"{package}/{rest.rpartition('/')[2]}"):
+            raise Denied(f"{name} has the type {place.type}, not {kind[:80]!r}")
+        if place.name.endswith("_parameters"):
+            _check_parameters(place.full, arguments or {})
+        return place
+
+    def places(self, verb: str) -> list[Place]:
+        """Return each topic or service that any role may use, for each robot."""
+        return [Place(robot, name) for robot in self.robots for name in ROLES[THERAPIST][verb]]
 
     def _place(self, name: str) -> Place | None:
         """Return the place of a name; a name without a leading / belongs to the first robot."""
@@ -131,16 +125,22 @@ class Rights:
             return Place(self.robots[0], name)
         for robot in self.robots:
             prefix = f"{robot.rstrip('/')}/"
-            if name.startswith(prefix) and name[len(prefix) :] in (*HEARD, *SENT, *ASKED):
+            if name.startswith(prefix) and name[len(prefix) :] in TYPES:
                 return Place(robot, name[len(prefix) :])
         return None
 
 
-def _parameters_in(arguments: dict) -> list[Any]:
-    """Return the names of the parameters in a call of a parameter service."""
+def _check_parameters(service: str, arguments: dict[str, Any]) -> None:
+    """Raise Denied unless a call of a parameter service names limits alone."""
     (key, named), *more = [*arguments.items(), ("", None)]
     if key not in ("names", "parameters") or len(more) > 1 or not isinstance(named, list):
         raise Denied("one list, names or parameters, is wanted")
     if not named:
         raise Denied("the list names no parameter")
-    return [each.get("name") if isinstance(each, dict) else each for each in named]
+    for each in named:
+        parameter = each.get("name") if isinstance(each, dict) else each
+        if parameter not in LIMITS:
+            raise Denied(
+                f"{service}: parameter {str(parameter)[:80]!r} is not for pages; "
+                f"those are {', '.join(LIMITS)}"
+            )

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server: pages and websocket on one port, in its own thread, so that no other thread waits.
+"""The server: pages and websocket on one port, all in one asyncio thread, without a lock.
 
 A client that does not read is disconnected after `patience`; until then it delays only itself. The
-log never contains a token.
+log contains nothing of a request, and so no token.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import ssl
-import threading
+import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
@@ -20,84 +20,91 @@ from aiohttp import WSCloseCode, WSMessage, WSMsgType, web
 from ..clock import Clock
 from .client import Client, CutOff, Gateway
 from .door import Door, Refused, names_of, token_in
+from .listener import Listener
 from .pages import FOLDER, PAGES, SECURITY_HEADERS
-from .rights import KEPT, THERAPIST, Denied, Rights
-from .rosbridge import status
+from .rights import THERAPIST, Rights
 from .settings import Limits, Listening
 from .tokens import Tokens
 
 _HEARTBEAT_S = 10.0  # of the websocket: finds a client whose machine has gone
 _BUFFER = 65536  # bytes on the way to a client, beside the kernel's
-_END_S = 3.0
+_END_S = 0.5
 _FOR_THERAPISTS = 2  # places that other pages cannot take: a therapist can always stop the robot
 
+_SILENT = logging.getLogger(f"{__name__}.aiohttp")  # its errors quote the request
+_SILENT.disabled = True
 
+
+@dataclass(eq=False)
 class Connection:
-    """A websocket with its client.
+    """A websocket with its client; wake: set when there may be something to send."""
 
-    sending_since_ns: start of the present transmission, None while the server sends nothing.
-    """
-
-    def __init__(self, socket: web.WebSocketResponse, transport: Any):
-        self.socket, self.transport = socket, transport
-        self.wake = asyncio.Event()
-        self.sending_since_ns: int | None = None
-        self.client: Client | None = None
+    socket: web.WebSocketResponse
+    transport: asyncio.Transport
+    client: Client
+    wake: asyncio.Event
 
 
 class Server:
-    """Serves until `close`. log: takes a sentence. config: content of /config.json."""
+    """Serves from `start` to `close`, in the asyncio loop that runs both, while `turn` is called.
+
+    log: takes a sentence. config: content of /config.json. cut_off: number of disconnected clients.
+    refused: number of refused requests.
+    """
 
     def __init__(
-        self,
-        listening: Listening,
-        limits: Limits,
-        tokens: Tokens,
-        rights: Rights,
-        gateway: Gateway,
-        clock: Clock,
-        config: dict,
+        self, listening: Listening, limits: Limits, tokens: Tokens, rights: Rights,
+        gateway: Gateway, clock: Clock, config: dict,
         log: Callable[[str], None] = lambda sentence: None,
-    ):
+    ):  # fmt: skip
         self.limits = limits
         self._listening, self._tokens, self._rights = listening, tokens, rights
         self._gateway, self._clock, self._config, self._log = gateway, clock, config, log
         self._connections: set[Connection] = set()
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._run, name="bridge", daemon=True)
+        self._listener: Listener | None = None
         self._door: Door | None = None
         self._runner: web.AppRunner | None = None
         self.cut_off = self.refused = 0
 
-    # From other threads --------------------------------------------------------------------
-
-    def start(self) -> None:
+    async def start(self) -> None:
         """Listen. Raises OSError or ssl.SSLError if that fails."""
-        self._thread.start()
-        future = asyncio.run_coroutine_threadsafe(self._listen(), self._loop)
-        try:
-            future.result()
-        except BaseException:
-            self.close()
-            raise
+        listening = self._listening
+        self._listener = Listener(listening, self._is_client, self._log)
+        app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
+        app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
+        app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
+        app.router.add_static("/static/", FOLDER, follow_symlinks=False)
+        app.on_response_prepare.append(_add_headers)
+        self._runner = web.AppRunner(
+            app, access_log=None, logger=_SILENT, handle_signals=False, shutdown_timeout=_END_S
+        )
+        await self._runner.setup()
+        names = names_of(listening.address, listening.hosts)
+        origins = tuple(filter(None, listening.origins))
+        listener = self._listener
+        self._door = Door(names, listener.port, listener.scheme, origins, self._tokens)
+        asyncio.get_running_loop().set_exception_handler(self._unexpected)
+        listener.start(self._runner.server)
 
-    def close(self) -> None:
-        """Close every connection, and the thread."""
-        if self._loop.is_closed():
-            return
-        if self._thread.is_alive():
-            future = asyncio.run_coroutine_threadsafe(self._end(), self._loop)
-            with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
-                future.result(_END_S)
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(_END_S)
-        if not self._thread.is_alive():
-            self._loop.close()
+    async def turn(self, idle_s: float) -> None:
+        """Serve for a sampling period, `idle_s` without clients; then send what is new."""
+        await asyncio.sleep(1.0 / self.limits.rate if self._connections else idle_s)
+        self._gateway.poll()
+        for connection in self._connections:
+            connection.wake.set()
 
-    def look(self) -> None:
-        """Send new messages and check times; call it regularly. Cheap without clients."""
-        if self._connections and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._look)
+    async def close(self) -> None:
+        """Close every connection."""
+        for connection in list(self._connections):
+            with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
+                going = connection.socket.close(
+                    code=WSCloseCode.GOING_AWAY, message=b"bridge ends"
+                )
+                await asyncio.wait_for(going, _END_S)
+            connection.transport.abort()
+        if self._runner is not None:
+            await self._listener.close()
+            await self._runner.cleanup()
 
     @property
     def address(self) -> str:
@@ -111,46 +118,19 @@ class Server:
         """Number of connected clients."""
         return len(self._connections)
 
-    # In the server's thread ----------------------------------------------------------------
+    @property
+    def unfinished(self) -> int:
+        """Number of connections that were closed without a request."""
+        return self._listener.unfinished
 
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        self._loop.run_forever()
+    def _is_client(self, transport: asyncio.BaseTransport) -> bool:
+        return any(connection.transport is transport for connection in self._connections)
 
-    async def _listen(self) -> None:
-        listening = self._listening
-        context = None
-        if listening.certificate:
-            context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-            context.load_cert_chain(listening.certificate, listening.key or None)
-        app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
-        app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
-        app.add_routes([web.get("/history.json", self._history)])
-        app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
-        app.router.add_static("/static/", FOLDER, follow_symlinks=False)
-        app.on_response_prepare.append(_add_headers)
-        self._runner = web.AppRunner(app, access_log=None, handle_signals=False)
-        await self._runner.setup()
-        site = web.TCPSite(
-            self._runner, listening.address, listening.port, ssl_context=context, backlog=16
-        )
-        await site.start()
-        port = self._runner.addresses[0][1]
-        names = names_of(listening.address, listening.hosts)
-        origins = tuple(filter(None, listening.origins))
-        scheme = "https" if context else "http"
-        self._door = Door(names, port, scheme, origins, self._tokens)
+    def _unexpected(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Log an error of asyncio without its text, which may quote a request."""
+        self._log(f"{context['message']}: {type(context.get('exception')).__name__}")
 
-    async def _end(self) -> None:
-        for connection in list(self._connections):
-            with contextlib.suppress(ConnectionError):
-                await asyncio.wait_for(
-                    connection.socket.close(code=WSCloseCode.GOING_AWAY, message=b"bridge ends"),
-                    timeout=0.5,
-                )
-            connection.transport.abort()
-        if self._runner is not None:
-            await self._runner.cleanup()
+    # Requests ------------------------------------------------------------------------------
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Callable) -> web.StreamResponse:
@@ -162,22 +142,17 @@ class Server:
         except Refused as error:
             self.refused += 1
             raise web.HTTPForbidden(text=f"{error}\n") from None
+        except web.HTTPException:
+            raise
+        except Exception as error:
+            self._log(f"a request failed: {type(error).__name__}")
+            raise
 
     async def _configured(self, request: web.Request) -> web.Response:
-        """Return a page's role, robots and protocols; requires a token, like the websocket."""
+        """Return a page's role, robots, protocols and measures; it needs a token as `/ws` does."""
         role = self._door.role_of(token_in(request.query, request.headers))
-        config = {**self._config, "role": role, "wishes": self._rights.wishes or role != "patient"}
+        config = {**self._config, "role": role, "wishes": self._rights.wishes or role == THERAPIST}
         return web.Response(text=json.dumps(config), content_type="application/json")
-
-    async def _history(self, request: web.Request) -> web.Response:
-        """Return earlier messages to a page: /history.json?topic=/therapy/trial."""
-        role = self._door.role_of(token_in(request.query, request.headers))
-        try:
-            place, _ = self._rights.hears(role, request.query.get("topic", ""))
-        except Denied as error:
-            raise Refused(str(error)) from None
-        texts = self._gateway.history(place.full) if place.name in KEPT else []
-        return web.Response(text=f"[{','.join(texts)}]", content_type="application/json")
 
     async def _websocket(self, request: web.Request) -> web.StreamResponse:
         role = self._door.role_of(token_in(request.query, request.headers))
@@ -186,45 +161,35 @@ class Server:
                 text=f"{self._room_for(role)} clients are connected, the most there may be for a "
                 f"{role}'s page\n"
             )
-        socket = web.WebSocketResponse(
+        ws = web.WebSocketResponse(
             max_msg_size=self.limits.size, heartbeat=_HEARTBEAT_S, compress=False
         )
-        connection = Connection(socket, request.transport)
+        wake, now_ns = asyncio.Event(), self._clock.now_ns()
+        client = Client(role, self._rights, self._gateway, self.limits, now_ns, wake.set)
+        connection = Connection(ws, request.transport, client, wake)
         self._connections.add(connection)
-        writer = None
         try:
-            await socket.prepare(request)
+            await ws.prepare(request)
             request.transport.set_write_buffer_limits(high=_BUFFER)
-            connection.client = Client(
-                role, self._rights, self._gateway, self.limits, self._clock.now_ns(),
-                connection.wake.set, self._from_other_threads,
-            )  # fmt: skip
             writer = asyncio.create_task(self._write(connection))
-            await self._read(connection)
+            try:
+                await self._read(connection)
+            finally:
+                writer.cancel()
         finally:
             self._connections.discard(connection)
-            if writer is not None:
-                writer.cancel()
-        return socket
+        return ws
 
     def _room_for(self, role: str) -> int:
         """Return how many clients may be connected before one of this role."""
         kept = 0 if role == THERAPIST else min(_FOR_THERAPISTS, self.limits.clients - 1)
         return self.limits.clients - kept
 
-    def _from_other_threads(self, answered: Callable) -> Callable:
-        def answer(*given: Any) -> None:
-            with contextlib.suppress(RuntimeError):  # the loop has been closed since
-                self._loop.call_soon_threadsafe(answered, *given)
-
-        return answer
-
     async def _read(self, connection: Connection) -> None:
         async for message in connection.socket:
-            if message.type is not WSMsgType.TEXT:
-                await self._cut_off(connection, self._unwanted(message))
-                return
             try:
+                if message.type is not WSMsgType.TEXT:
+                    raise CutOff(self._unwanted(message))
                 connection.client.take(message.data, self._clock.now_ns())
                 connection.wake.set()  # a new subscriber gets the newest message at once
             except CutOff as error:
@@ -237,49 +202,43 @@ class Server:
             return "JSON texts are wanted, no binary messages"
         if getattr(message.data, "code", None) == WSCloseCode.MESSAGE_TOO_BIG:
             return f"a message had more than the {self.limits.size} bytes that are allowed"
-        return f"it does not keep to the websocket protocol: {message.data}"
+        return "it does not keep to the websocket protocol"
+
+    async def _write(self, connection: Connection) -> None:
+        """Send what is new, until the client ends or does not read."""
+        why = "it does not read"
+        try:
+            while True:
+                await connection.wake.wait()
+                connection.wake.clear()
+                for text in connection.client.texts(self._clock.now_ns()):
+                    sending = connection.socket.send_str(text)
+                    await asyncio.wait_for(sending, self.limits.patience)
+        except ConnectionError:
+            return  # the reading task also notices
+        except asyncio.TimeoutError:
+            pass
+        except Exception as error:  # otherwise a page without news looks like a robot at rest
+            why = f"{type(error).__name__}: {error}"
+        self._count_cut_off(connection, why)
+        connection.transport.abort()
 
     async def _cut_off(self, connection: Connection, sentence: str) -> None:
         """Send a client the reason of its disconnection, if it reads, and close."""
-        self.cut_off += 1
-        self._log(f"cut off a {connection.client.role}'s page: {sentence}")
-        socket = connection.socket
+        self._count_cut_off(connection, sentence)
+        ws = connection.socket
 
         async def farewell() -> None:
-            await socket.send_str(status("error", sentence))
-            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=sentence.encode()[:120])
+            await ws.send_json({"op": "status", "level": "error", "msg": sentence})
+            await ws.close(code=WSCloseCode.POLICY_VIOLATION, message=sentence.encode()[:120])
 
         with contextlib.suppress(asyncio.TimeoutError, ConnectionError):
             await asyncio.wait_for(farewell(), self.limits.patience)
         connection.transport.abort()
 
-    async def _write(self, connection: Connection) -> None:
-        try:
-            while True:
-                await connection.wake.wait()
-                connection.wake.clear()
-                for text in connection.client.due(self._clock.now_ns()):
-                    connection.sending_since_ns = self._clock.now_ns()
-                    await connection.socket.send_str(text)
-                    connection.sending_since_ns = None
-        except ConnectionError:
-            pass  # the reading task also notices
-        except Exception as error:  # otherwise a page without news looks like a robot at rest
-            self._log(f"cut off a {connection.client.role}'s page: {type(error).__name__}: {error}")
-            connection.transport.abort()
-
-    def _look(self) -> None:
-        """Wake the clients that wait for messages; disconnect those that do not read."""
-        now_ns, patience_ns = self._clock.now_ns(), self.limits.patience * 1e9
-        for connection in list(self._connections):
-            since_ns = connection.sending_since_ns
-            if since_ns is not None and now_ns - since_ns > patience_ns:
-                self.cut_off += 1
-                connection.sending_since_ns = None  # it lasts a moment until the connection ends
-                self._log(f"cut off a {connection.client.role}'s page: it does not read")
-                connection.transport.abort()
-            else:
-                connection.wake.set()
+    def _count_cut_off(self, connection: Connection, why: str) -> None:
+        self.cut_off += 1
+        self._log(f"cut off a {connection.client.role}'s page: {why}")
 
 
 def _page(name: str) -> Callable:
@@ -291,3 +250,5 @@ def _page(name: str) -> Callable:
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
     response.headers.update(SECURITY_HEADERS)
+    if not isinstance(response, web.WebSocketResponse):
+        response.force_close()  # so what stays open has made no request

@@ -8,6 +8,7 @@ robot: `therapy_session` pauses a session when the therapist's page is silent fo
 
 from __future__ import annotations
 
+import asyncio
 import ssl
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -22,6 +23,7 @@ from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.clock import WallClock
 from screw_module_ros.settings import Setting
+from screw_module_ros.therapy.measures import MEASURES
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 from .bridge_gateway import BridgeGateway
@@ -49,14 +51,14 @@ class BridgeSettings(NamedTuple):
 
 
 class WebBridgeNode(Node):
-    """The loop's thread polls the topics; the server has a thread of its own."""
+    """The loop's thread runs the server's asyncio loop, a sampling period at a time."""
 
     def __init__(self):
         super().__init__("web_bridge")
         self.parameters.declare(BridgeSettings)
         self.parameters.declare(Listening)
         self.parameters.declare(Limits, "limits")
-        self._wall = WallClock()
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._gateway: BridgeGateway | None = None
         self._server: Server | None = None
 
@@ -64,41 +66,41 @@ class WebBridgeNode(Node):
 
     def connect(self) -> None:
         """Check address, certificate and tokens; make the topics."""
-        listening, settings = self._listening(), self.parameters.read(BridgeSettings)
-        limits = self.parameters.read(Limits, "limits")
+        self._listens_at, settings = self._listening(), self.parameters.read(BridgeSettings)
         self._rights = Rights(self._robots(settings.robots), settings.wishes)
-        tokens = tokens_in(self._token_file(listening))
-        self._gateway = BridgeGateway(self, self._rights, self.periodic, limits.answer)
-        say = self.get_logger().warning
-        protocols = protocols_for_screens(root_folder(settings.folder), say)
-        config = {"robots": list(self._rights.robots), "protocols": protocols}
-        self._make_server = lambda: Server(
-            listening, limits, tokens, self._rights, self._gateway, self._wall, config, say
-        )  # fmt: skip
-        self._pause_s = 1.0 / limits.rate
+        self._tokens = tokens_in(self._token_file())
+        self._limits = self.parameters.read(Limits, "limits")
+        self._gateway = BridgeGateway(self, self._rights, self._limits.answer)
+        protocols = protocols_for_screens(root_folder(settings.folder), self.get_logger().warning)
+        robots, measures = list(self._rights.robots), measures_for_screens()
+        self._config = {"robots": robots, "protocols": protocols, "measures": measures}
 
     def begin(self) -> None:
         """Listen."""
-        server = self._make_server()
+        self._loop = asyncio.new_event_loop()
+        self._server = Server(
+            self._listens_at, self._limits, self._tokens, self._rights, self._gateway, WallClock(),
+            self._config, self.get_logger().warning,
+        )  # fmt: skip
         try:
-            server.start()
+            self._loop.run_until_complete(self._server.start())
         except ssl.SSLError as error:
             raise OSError(f"certificate and key cannot be used: {error}") from None
         except OSError as error:
-            where = self.parameters.read(Listening)
+            where = self._listens_at
             raise OSError(
                 f"cannot listen on {where.address} port {where.port}: {error.strerror or error}; "
                 "end the program that listens there, or choose another port"
             ) from None
-        self._server = server
         self.get_logger().info(
-            f"pages at {server.address}; the tokens are in {self._token_file(self._listening())}"
+            f"pages at {self._server.address}; the tokens are in {self._token_file()}"
         )
 
     def end(self) -> None:
-        """Disconnect every page."""
+        """Disconnect every page, and give up what is under way."""
         if self._server is not None:
-            self._server.close()
+            self._loop.run_until_complete(_ended(self._server))
+            self._loop.close()
             self._server = None
 
     def disconnect(self) -> None:
@@ -137,9 +139,9 @@ class WebBridgeNode(Node):
             found.append(full)
         return found
 
-    def _token_file(self, listening: Listening) -> Path:
-        if listening.token_file:
-            return Path(listening.token_file).expanduser()
+    def _token_file(self) -> Path:
+        if self._listens_at.token_file:
+            return Path(self._listens_at.token_file).expanduser()
         return state_folder() / "web_bridge" / "tokens.json"
 
     def changed(self, kind: type) -> None:
@@ -150,24 +152,32 @@ class WebBridgeNode(Node):
     # Loop ----------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Take the newest messages while a client is connected; by wall clock, as in browsers."""
+        """Serve for a moment; by wall clock, as in browsers."""
         self.clock.idle()
-        clients = self._server.clients
-        self._gateway.poll(anybody=clients > 0)
-        if clients:
-            self._server.look()
-            self._wall.sleep(self._pause_s)
-        else:
-            self.stopping.wait(_IDLE_S)
+        self._loop.run_until_complete(self._server.turn(_IDLE_S))
 
     def health(self) -> Health:
         """Report the connected clients."""
         server = self._server
         values = {
             "address": server.address, "clients": server.clients, "cut off": server.cut_off,
-            "refused": server.refused,
+            "refused": server.refused, "unfinished": server.unfinished,
         }  # fmt: skip
         return Health(OK, f"pages at {server.address}", values)
+
+
+def measures_for_screens() -> list[dict[str, str | float]]:
+    """Return name, label, unit and factor from SI of each measure."""
+    keys = ("name", "label", "unit", "factor")
+    return [{key: getattr(measure, key) for key in keys} for measure in MEASURES]
+
+
+async def _ended(server: Server) -> None:
+    await server.close()
+    calls = asyncio.all_tasks() - {asyncio.current_task()}  # also of clients that have gone
+    for call in calls:
+        call.cancel()
+    await asyncio.gather(*calls, return_exceptions=True)
 
 
 def main() -> int:

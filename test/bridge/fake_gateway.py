@@ -1,39 +1,82 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot for the bridge without ROS: topics that are set by hand, calls that are kept."""
+"""A robot for the bridge without ROS, and the thread in which a server runs."""
 
 from __future__ import annotations
 
+import asyncio
 import json
+import threading
+from concurrent.futures import Future
 
-from screw_module_ros.bridge.conversion import ConversionError
+from screw_module_ros.bridge.rights import KEPT
 
 
 class FakeGateway:
-    """Keeps what clients do; `tell` publishes."""
+    """Topics that are set by hand (`tell`), calls that are kept with the future of their answer."""
 
     def __init__(self):
         self.published: list[tuple[str, dict]] = []
         self.calls: list[tuple] = []
-        self._topics: dict[str, tuple[int, str]] = {}
+        self.told: dict[str, list[tuple[int, str]]] = {}
 
     def tell(self, topic, content):
-        count = self._topics.get(topic, (0, ""))[0] + 1
-        self._topics[topic] = (count, json.dumps(content))
+        messages = self.told.setdefault(topic, [])
+        messages.append((len(messages) + 1, json.dumps(content)))
 
-    def newest(self, topic):
-        return self._topics.get(topic)
+    def poll(self):
+        """What `tell` has set is there already."""
 
-    def history(self, topic):
-        return [json.dumps({"trial": number}) for number in (1, 2, 3)]
+    def begin(self, topic):
+        return 0
+
+    def after(self, topic, number):
+        messages = self.told.get(topic, [])
+        kept = messages if topic.endswith(tuple(KEPT)) else messages[-1:]
+        return [each for each in kept if each[0] > number]
 
     def publish(self, topic, content):
-        if "bad" in content:
-            raise ConversionError("bad: unknown field")
+        if not isinstance(content, dict) or "bad" in content:
+            raise ValueError("bad: unknown field")
         self.published.append((topic, content))
 
-    def call(self, service, arguments, answered):
+    async def call(self, service, arguments):
         if "bad" in arguments:
-            raise ConversionError("bad: unknown field")
-        self.calls.append((service, arguments, answered))
+            raise ValueError("bad: unknown field")
+        answer = asyncio.get_running_loop().create_future()
+        self.calls.append((service, arguments, answer))
+        return await answer
 
 
+class Served:
+    """Runs a server in a thread, as the node's loop does, from entering to leaving."""
+
+    def __init__(self, server):
+        self.server = server
+        self._ending = threading.Event()
+        self._started: Future = Future()
+        self._thread = threading.Thread(target=self._run, name="bridge", daemon=True)
+
+    def __enter__(self):
+        self._thread.start()
+        self._started.result()
+        return self.server
+
+    def __exit__(self, *_):
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self):
+        loop = asyncio.new_event_loop()
+        try:
+            loop.run_until_complete(self.server.start())
+        except Exception as error:
+            self._started.set_exception(error)
+        else:
+            self._started.set_result(None)
+            while not self._ending.is_set():
+                loop.run_until_complete(self.server.turn(0.01))
+        loop.run_until_complete(self.server.close())
+        for call in asyncio.all_tasks(loop):  # that nobody has answered
+            call.cancel()
+        loop.run_until_complete(asyncio.sleep(0))
+        loop.close()

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client's side: newest samples, never a queue; rights; floods; calls. Time is handed in."""
+"""A client's side: its texts, newest samples and no queue, rights, floods, calls."""
 
 from __future__ import annotations
 
+import asyncio
 import json
 
 import pytest
@@ -10,12 +11,13 @@ from fake_gateway import FakeGateway
 from hypothesis import given
 from hypothesis import strategies as st
 
-from screw_module_ros.bridge.client import Client, CutOff
+from screw_module_ros.bridge.client import Client, CutOff, ServiceError
 from screw_module_ros.bridge.rights import PATIENT, THERAPIST, Rights
 from screw_module_ros.bridge.settings import Limits
 
 MS = 1_000_000
 LIMITS = Limits()
+HALF = "\ud800"
 
 
 def client(gateway, role=THERAPIST, limits=LIMITS, wishes=False):
@@ -27,7 +29,128 @@ def text(op, **more):
 
 
 def sent(client, now_ns):
-    return [json.loads(each) for each in client.due(now_ns)]
+    return [json.loads(each) for each in client.texts(now_ns)]
+
+
+def run(gateway, acts, role=THERAPIST):
+    """Carry out `acts(page)`, a generator; let calls go on at each of its yields."""
+
+    async def play():
+        page = client(gateway, role)
+        for _ in acts(page):
+            for _ in range(3):
+                await asyncio.sleep(0)
+        for task in asyncio.all_tasks() - {asyncio.current_task()}:
+            task.cancel()
+        return sent(page, 0)
+
+    return asyncio.run(play())
+
+
+# Texts -------------------------------------------------------------------------------------
+
+
+def test_what_roslibjs_writes_is_understood(gateway):
+    page = client(gateway)
+    kind = "screw_module_msgs/EndpointState"
+    page.take(text("subscribe", id="subscribe:/endpoint_state:1", type=kind, compression="none",
+                   topic="/endpoint_state", throttle_rate=50, queue_length=0), 0)  # fmt: skip
+    assert page.subscribed == {"/endpoint_state"}
+    page.take(text("unsubscribe", id="x", topic="/endpoint_state"), 0)
+    wish = "screw_module_msgs/EndpointSetpoint"
+    page.take(text("advertise", id="y", type=wish, topic="/therapy/wish", latch=False,
+                   queue_size=100), 0)  # fmt: skip
+    page.take(text("publish", id="z", topic="/therapy/wish", msg={"data": 1.5}, latch=False), 0)
+    page.take(text("unadvertise", id="y", topic="/therapy/wish"), 0)
+    assert page.subscribed == frozenset()
+    assert gateway.published == [("/therapy/wish", {"data": 1.5})]
+    assert sent(page, 0) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("hello", "no JSON"),
+        ("[" * 100_000, "no JSON"),
+        ('{"op":"publish","topic":"/a","msg":{"x":NaN}}', "NaN is no JSON: write null"),
+        ("[]", "a JSON object"),
+        ("{}", "op = None"),
+        ('{"op":["publish"]}', "one of subscribe, unsubscribe"),
+        ('{"op":"fragment"}', "one of subscribe"),
+        ('{"op":"subscribe"}', "topic, type: names"),
+        ('{"op":"subscribe","topic":""}', "may not subscribe"),
+        ('{"op":"subscribe","topic":"' + "a" * 2000 + '"}', "may not subscribe"),
+        ('{"op":"subscribe","topic":"/endpoint_state","type":3}', "topic, type: names"),
+        ('{"op":"subscribe","topic":"/endpoint_state","throttle_rate":true}', "throttle_rate"),
+        ('{"op":"subscribe","topic":"/endpoint_state","throttle_rate":-1}', "throttle_rate"),
+        ('{"op":"subscribe","topic":"/endpoint_state","throttle_rate":1e999}', "throttle_rate"),
+        ('{"op":"subscribe","topic":"/endpoint_state","compression":"png"}', "compression"),
+        ('{"op":"publish","topic":"/therapy/wish","msg":3}', "bad"),
+        ('{"op":"subscribe","topic":"/a","id":7}', "id: a text"),
+        ('{"op":"subscribe","topic":"/a","id":1e999}', "id: a text"),
+    ],
+)
+def test_what_cannot_be_understood_is_told(gateway, text, told):
+    page = client(gateway)
+    page.take(text, 0)
+    (answer,) = sent(page, 0)
+    assert answer["op"] == "status" and told in answer["msg"]
+    assert len(answer["msg"]) < 400
+    assert page.subscribed == frozenset()
+
+
+@pytest.mark.parametrize("wrong", [
+    {"service": "/supervisor/estop", "args": [1]},
+    {"service": ["/supervisor/estop"]},
+    {"service": "/therapy_session/pause", "type": "std_srvs/Empty"},
+    {"service": "/supervisor/reset"},
+    {"service": "/therapy_session/get_parameters", "args": {"names": ["folder"]}},
+    {"service": "/therapy_session/start", "args": {"patient": HALF}},
+    {},
+])  # fmt: skip
+def test_every_refusal_of_a_call_is_a_response(gateway, wrong):
+    """roslibjs waits for one; a status tells its caller nothing."""
+    page = client(gateway)
+    page.take(text("call_service", id="mine", **wrong), 0)
+    (answer,) = sent(page, 0)
+    assert (answer["op"], answer["id"], answer["result"]) == ("service_response", "mine", False)
+    assert answer["values"] and gateway.calls == []
+
+
+@pytest.mark.parametrize("op", [
+    text("publish", topic="/therapy/wish", msg={"header": {"frame_id": HALF}}),
+    text("publish", topic="/therapy/wish", msg={HALF: 1}),
+    text("call_service", service="/therapy_session/start", args={"patient": f"P{HALF}"}),
+    text("subscribe", topic=f"/endpoint_state{HALF}"),
+    text("subscribe", topic="/endpoint_state", id=HALF),
+])  # fmt: skip
+def test_half_of_a_surrogate_pair_is_refused(gateway, op):
+    """Such a text in a call that had to wait for its node ended the whole bridge."""
+    page = client(gateway)
+    page.take(op, 0)
+    (answer,) = page.texts(0)
+    assert "half of a surrogate pair is no text" in answer
+    answer.encode()
+    assert gateway.published == [] and gateway.calls == [] and not page.subscribed
+
+
+@given(st.text() | st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
+        st.sampled_from(["op", "topic", "id", "msg", "args", "service", "type", "throttle_rate"]),
+        inner | st.sampled_from(["subscribe", "publish", "call_service"]), max_size=6,
+    ),
+).map(json.dumps))  # fmt: skip
+def test_no_text_does_more_than_be_refused(text):
+    gateway = FakeGateway()
+    page = client(gateway)
+    page.take(text, 0)
+    (answer,) = sent(page, 0)
+    assert answer["op"] in ("status", "service_response")
+    assert (gateway.published, gateway.calls) == ([], [])
+
+
+# Topics ------------------------------------------------------------------------------------
 
 
 def test_of_a_topic_there_is_the_newest_sample_alone(gateway):
@@ -36,8 +159,23 @@ def test_of_a_topic_there_is_the_newest_sample_alone(gateway):
     for number in range(1000):
         gateway.tell("/endpoint_state", {"number": number})
     (message,) = sent(page, 10 * MS)
-    assert message["msg"] == {"number": 999}
+    assert message == {"op": "publish", "topic": "/endpoint_state", "msg": {"number": 999}}
     assert sent(page, 1000 * MS) == []
+
+
+def test_of_results_each_one_comes_also_those_before(gateway):
+    page = client(gateway)
+    for trial in (1, 2):
+        gateway.tell("/therapy/trial", {"trial": trial})
+    page.take(text("subscribe", topic="/therapy/trial"), 0)
+    assert [each["msg"]["trial"] for each in sent(page, 0)] == [1, 2]
+    for trial in (3, 4):
+        gateway.tell("/therapy/trial", {"trial": trial})
+    assert [each["msg"]["trial"] for each in sent(page, 100 * MS)] == [3, 4]
+    assert sent(page, 200 * MS) == []
+    gateway.begin = lambda topic: 3  # another session has begun
+    page.take(text("subscribe", topic="/therapy/trial"), 0)
+    assert [each["msg"]["trial"] for each in sent(page, 300 * MS)] == [4]
 
 
 def test_samples_come_no_faster_than_asked(gateway):
@@ -86,72 +224,93 @@ def test_a_set_point_is_refused_and_goes_nowhere(gateway, role):
     assert gateway.published == []
 
 
-def test_the_patients_token_reads(gateway):
+def test_the_patients_token_reads_what_the_patients_page_shows(gateway):
     page = client(gateway, PATIENT)
     page.take(text("publish", topic="/therapy/wish", msg={}), 0)
     page.take(text("publish", topic="/therapy/attendance", msg={}), 0)
     page.take(text("call_service", service="/supervisor/estop", id="c"), 0)
     page.take(text("subscribe", topic="/safety_state"), 0)
+    page.take(text("subscribe", topic="/therapy/trial"), 0)
     answers = sent(page, 0)
-    assert [answer["op"] for answer in answers] == ["status"] * 2 + ["service_response", "status"]
+    ops = [answer["op"] for answer in answers]
+    assert ops == ["status"] * 2 + ["service_response"] + ["status"] * 2
     assert answers[2]["result"] is False and answers[2]["id"] == "c"
     assert gateway.published == [] and gateway.calls == []
     assert page.subscribed == frozenset()
 
 
+# Calls -------------------------------------------------------------------------------------
+
+
 def test_a_call_is_answered_with_its_id(gateway):
-    page = client(gateway)
-    page.take(text("call_service", service="/therapy_session/pause", id="c1"), 0)
-    ((service, arguments, answered),) = gateway.calls
-    assert (service, arguments) == ("/therapy_session/pause", {})
-    assert sent(page, 0) == []
-    answered({"success": True, "message": ""}, True)
-    (answer,) = sent(page, 0)
-    assert answer == {
+    def acts(page):
+        page.take(text("call_service", service="/therapy_session/pause", id="c1"), 0)
+        yield
+        ((service, arguments, answer),) = gateway.calls
+        assert (service, arguments) == ("/therapy_session/pause", {})
+        assert sent(page, 0) == []
+        answer.set_result({"success": True, "message": ""})
+        yield
+
+    assert run(gateway, acts) == [{
         "op": "service_response", "service": "/therapy_session/pause", "id": "c1",
         "values": {"success": True, "message": ""}, "result": True,
-    }  # fmt: skip
+    }]  # fmt: skip
+
+
+@pytest.mark.parametrize("error", [ServiceError("no answer"), OSError("no answer")])
+def test_a_call_that_fails_is_answered_too(gateway, error):
+    def acts(page):
+        page.take(text("call_service", service="/therapy_session/pause", id="c1"), 0)
+        yield
+        gateway.calls[0][2].set_exception(error)
+        yield
+
+    (answer,) = run(gateway, acts)
+    assert (answer["values"], answer["result"], answer["id"]) == ("no answer", False, "c1")
 
 
 def test_calls_without_answers_are_bounded(gateway):
-    page = client(gateway)
-    for _ in range(20):
+    def acts(page):
+        for _ in range(20):
+            page.take(text("call_service", service="/therapy_session/pause"), 0)
+        yield
+        assert len(gateway.calls) == 8
+        assert len([answer for answer in sent(page, 0) if answer["result"] is False]) == 12
+        gateway.calls[0][2].set_result({})
+        yield
         page.take(text("call_service", service="/therapy_session/pause"), 0)
-    assert len(gateway.calls) == 8
-    assert len([answer for answer in sent(page, 0) if answer["result"] is False]) == 12
-    gateway.calls[0][2]({}, True)
-    page.take(text("call_service", service="/therapy_session/pause"), 0)
+        yield
+
+    run(gateway, acts)
     assert len(gateway.calls) == 9
 
 
 def test_the_software_stop_needs_no_answers_to_other_calls(gateway):
     """A therapist presses Pause again and again as the session's node hangs, and then the stop."""
-    page = client(gateway)
-    for _ in range(20):
-        page.take(text("call_service", service="/therapy_session/pause"), 0)
-    page.take(text("call_service", service="/supervisor/estop"), 0)
+    def acts(page):
+        for _ in range(20):
+            page.take(text("call_service", service="/therapy_session/pause"), 0)
+        page.take(text("call_service", service="/supervisor/estop"), 0)
+        yield
+
+    run(gateway, acts)
     assert gateway.calls[-1][0] == "/supervisor/estop"
 
 
 def test_wrong_content_is_told_and_frees_the_call(gateway):
-    page = client(gateway)
-    for _ in range(20):
-        page.take(text("call_service", service="/therapy_session/start", args={"bad": 1}), 0)
-    page.take(text("publish", topic="/therapy/attendance", msg={"bad": 1}), 0)
-    answers = sent(page, 0)
+    def acts(page):
+        for _ in range(20):
+            page.take(text("call_service", service="/therapy_session/start", args={"bad": 1}), 0)
+            yield
+        page.take(text("publish", topic="/therapy/attendance", msg={"bad": 1}), 0)
+
+    answers = run(gateway, acts)
     assert all("bad: unknown field" in (a.get("values") or a.get("msg")) for a in answers)
     assert len(answers) == 21
 
 
-def test_a_wrong_type_is_refused(gateway):
-    page = client(gateway)
-    page.take(text("subscribe", topic="/endpoint_state", type="std_msgs/String"), 0)
-    page.take(text("advertise", topic="/therapy/wish", type="std_msgs/String"), 0)
-    right = "screw_module_msgs/EndpointSetpoint"
-    page.take(text("advertise", topic="/therapy/wish", type=right), 0)
-    answers = sent(page, 0)
-    assert len(answers) == 2
-    assert "screw_module_msgs/msg/EndpointState" in answers[0]["msg"]
+# Bounds ------------------------------------------------------------------------------------
 
 
 def test_a_flood_is_cut_off_with_a_sentence(gateway):
@@ -175,7 +334,7 @@ def test_answers_nobody_fetches_do_not_pile_up(gateway):
     page = client(gateway, limits=Limits(messages=1000.0))
     for number in range(100_000):
         page.take("nonsense", number * 2 * MS)
-    assert len(page.due(0)) <= 64
+    assert len(page.texts(0)) <= 64
 
 
 @given(st.lists(st.tuples(
@@ -186,10 +345,13 @@ def test_answers_nobody_fetches_do_not_pile_up(gateway):
 ), max_size=30), st.sampled_from([PATIENT, THERAPIST]))  # fmt: skip
 def test_whatever_comes_is_answered_and_nothing_else_happens(operations, role):
     gateway = FakeGateway()
-    page = client(gateway, role)
-    for op, name, content in operations:
-        page.take(text(op, topic=name, service=name, msg=content, args=content), 0)
-    for answer in sent(page, 0):
+
+    def acts(page):
+        for op, name, content in operations:
+            page.take(text(op, topic=name, service=name, msg=content, args=content), 0)
+        yield
+
+    for answer in run(gateway, acts, role):
         assert answer["op"] in ("status", "service_response")
     assert {topic for topic, _ in gateway.published} <= {"/therapy/wish"}
     assert role == THERAPIST or not gateway.published

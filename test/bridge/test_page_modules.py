@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 
@@ -11,6 +12,7 @@ import pytest
 
 from screw_module_ros.bridge.pages import FOLDER
 from screw_module_ros.nodes import therapy_session
+from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
 
 PLAYED_DOCUMENT = """
@@ -18,7 +20,8 @@ class Played {
   constructor() { this.classList = { add() {}, remove() {}, toggle() {} }; this.textContent = ""; }
   append() {} setAttribute() {} replaceChildren() {} checkValidity() { return true; }
 }
-globalThis.document = { createElement: () => new Played() };
+globalThis.document = { createElement: () => new Played(), getElementById: () => new Played() };
+globalThis.getComputedStyle = () => ({ fontSize: "16px" });
 """
 
 
@@ -53,9 +56,9 @@ def result_of(tmp_path):
     return run
 
 
-COUNTED = """
-import { Count } from "./js/patient/count.js";
-import { ABORTED, FINISHED, MOVING, PAUSED, PREPARE, REACHED, RUNNING } from "./js/states.js";
+COUNTED = PLAYED_DOCUMENT + """
+const { Count } = await import("./js/patient/main.js");
+import { ABORTED, FINISHED, MOVING, PAUSED, PREPARE, REACHED, RUNNING } from "./js/link.js";
 const count = new Count();
 let before = null;
 function told(state, phase, trial) {
@@ -86,7 +89,7 @@ def test_a_session_after_one_that_was_ended_in_its_first_trial_counts_anew(resul
 
 def test_a_screen_that_lost_its_connection_tells_no_number(result_of):
     script = """
-        import { veil } from "./js/patient/words.js";
+        import { veil } from "./js/words.js";
         told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
         count.miss();
         told(RUNNING, MOVING, 4); told(FINISHED, 0, 4);
@@ -112,7 +115,7 @@ def test_only_reaches_have_targets(result_of):
         const result = card.summary.textContent;
     """) == "P-22222: 1 of 3 targets reached, without assistance 0 of 2"
     script = """
-        import { veil } from "./js/patient/words.js";
+        import { veil } from "./js/words.js";
         told(RUNNING, PREPARE, 1); told(RUNNING, REACHED, 1);
         count.take({ state: RUNNING, phase: MOVING, trial: 2, kind: "hold" }, before, false);
         told(FINISHED, 0, 2);
@@ -131,8 +134,8 @@ def test_only_reaches_have_targets(result_of):
 def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told):
     """The robot still tells where the hand is when the session's node has died."""
     assert result_of(f"""
-        import {{ veil }} from "./js/patient/words.js";
-        import {{ {state} }} from "./js/states.js";
+        import {{ veil }} from "./js/words.js";
+        import {{ {state} }} from "./js/link.js";
         const result = veil({{ isOpen: true, isHeard: true, isTold: false, safety: 0,
                                state: {{ state: {state} }} }});
     """) == told
@@ -144,7 +147,7 @@ def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told)
 def test_the_targets_of_one_block_are_shown(result_of, block, shown):
     """Those of a whole evaluation overlapped on a phone."""
     assert result_of(f"""
-        import {{ targetsOf }} from "./js/states.js";
+        import {{ targetsOf }} from "./js/link.js";
         const protocol = {{ targets: [[1], [2]], blocks: {{ Reaching: [[1]], Strength: [] }} }};
         const result = targetsOf(protocol, {{ block: {block} }});
     """) == shown
@@ -158,8 +161,8 @@ def test_the_targets_of_one_block_are_shown(result_of, block, shown):
 def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, told):
     """Nobody `goes on in a moment` after a stop, and a session that begins was not interrupted."""
     title, _ = result_of(f"""
-        import {{ veil }} from "./js/patient/words.js";
-        import {{ PAUSED }} from "./js/states.js";
+        import {{ veil }} from "./js/words.js";
+        import {{ PAUSED }} from "./js/link.js";
         const result = veil({{ isOpen: true, isHeard: true, isTold: true, safety: {safety},
                                state: {{ state: PAUSED, reason: "{reason}" }} }});
     """)
@@ -172,7 +175,7 @@ def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, to
 def test_a_patients_screen_shows_no_other_robot_than_was_asked_for(result_of, asked, robot):
     """`?robot=right` showed the left one's hand to the right one's patient."""
     assert result_of(f"""
-        import {{ chosenRobot }} from "./js/bridge.js";
+        import {{ chosenRobot }} from "./js/link.js";
         const result = chosenRobot(["/left", "/right"], {asked}) ?? null;
     """) == robot
 
@@ -181,7 +184,7 @@ def test_a_patients_screen_shows_no_other_robot_than_was_asked_for(result_of, as
 def test_the_elevators_car_is_seen_though_the_plane_is_not_homed(result_of, height, is_drawn):
     """A session up and down needs no plane: it ran, but the patient did not see the hand."""
     assert result_of(f"""
-        import {{ drawElevator }} from "./js/patient/elevator.js";
+        import {{ drawElevator }} from "./js/patient/scenes.js";
         const drawn = [];
         const draws = (_, name) => () => drawn.push(name);
         const ctx = new Proxy({{}}, {{ get: draws, set: () => true }});
@@ -193,9 +196,9 @@ def test_the_elevators_car_is_seen_though_the_plane_is_not_homed(result_of, heig
 
 
 FORM = PLAYED_DOCUMENT + """
-    const { StartCard } = await import("./js/therapist/start.js");
+    const { SessionCard } = await import("./js/therapist/session.js");
     const protocols = [{ name: "a", protocol: "a" }, { name: "b", protocol: "b" }];
-    const card = new StartCard(protocols, () => {});
+    const card = new SessionCard(protocols, () => {});
 """
 
 
@@ -209,7 +212,7 @@ def test_the_form_follows_the_session_also_when_another_began_meanwhile(result_o
 
 
 STOPPED = """
-    const { safetySentence } = await import("./js/therapist/sentences.js");
+    const { safetySentence } = await import("./js/words.js");
     const safety = { level: 2, reasons: ["emergency stop"] };
     const endpoint = { enabled: [false, false] };
 """
@@ -235,11 +238,10 @@ def test_after_a_software_stop_a_therapist_is_told_what_to_do(result_of, state, 
 
 def test_the_supervisors_answer_to_a_console_is_not_shown(result_of):
     assert result_of(PLAYED_DOCUMENT + """
-        globalThis.getComputedStyle = () => ({ fontSize: "16px" });
-        const { RobotPanel } = await import("./js/therapist/robot.js");
+        const { RobotPanel } = await import("./js/therapist/main.js");
         const tell = RobotPanel.prototype.softwareStop;
         const words = [];
-        const panel = { robot: "/", start: { tell: (sentence) => words.push(sentence) } };
+        const panel = { robot: "/", session: { tell: (sentence) => words.push(sentence) } };
         panel.bridge = { call: async () => ({ success: true, message: "call ~/reset" }) };
         await tell.call(panel);
         panel.bridge = { call: async () => ({ success: false, message: "nobody answers" }) };
@@ -310,28 +312,15 @@ def test_limits_that_another_page_has_set_are_shown(result_of):
     """) == [0.1, 0.1, 0.33]
 
 
-def test_a_change_of_assistance_that_comes_while_the_past_is_asked_for_is_shown(result_of):
-    assert result_of(PLAYED_DOCUMENT + """
-        const { TrialsCard } = await import("./js/therapist/trials.js");
-        const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
-        const values = { block: 2, circuit: 1, duration: 1, side_stiffness: 1, reason: "" };
-        const card = new TrialsCard();
-        card.await();
-        card.takeChange({ ...at(9), ...values });
-        card.begin([{ ...at(5), patient: "P-22222", protocol: "a", trial: 1 }], []);
-        const result = card.changes.length;
-    """) == 1
-
-
 ROWS = PLAYED_DOCUMENT + """
-    const { TrialsCard } = await import("./js/therapist/trials.js");
+    const { MovementsCard } = await import("./js/therapist/movements.js");
     const at = (sec) => ({ header: { stamp: { sec, nanosec: 0 } } });
     const trial = (number, sec, patient = "P-22222") =>
       ({ ...at(sec), patient, protocol: "a", trial: number, block: 1, circuit: 1, duration: 1,
         peak_speed: 1, path_error: 1, sparc: -1, robot_share: null });
     const change = (circuit, sec) => ({ ...at(sec), block: 1, circuit, duration: 1,
       side_stiffness: 1, reason: "" });
-    const card = new TrialsCard();
+    const card = new MovementsCard([]);
     card.take(trial(1, 1)); card.take(trial(2, 2)); card.takeChange(change(1, 2));
     const shown = () => [card.trials.map((each) => each.trial),
       card.changes.map((each) => each.circuit)];
@@ -351,23 +340,74 @@ def test_another_session_does_not_show_the_movements_of_the_last(result_of, stat
 @pytest.mark.parametrize(("kept", "expected"), [
     ("[], []", [[1, 2, 3], [1]]),  # the bridge was started again
     ("[trial(1, 1), trial(2, 2)], [change(1, 2)]", [[1, 2, 3], [1]]),
-    ("[trial(3, 3)], [change(2, 3)]", [[1, 2, 3], [1, 2]]),
+    ("[trial(3, 4)], [change(2, 3)]", [[1, 2, 3], [1, 2]]),
     ("[trial(1, 3, 'P-33333')], []", [[1, 3], []]),  # and another session
     ("[trial(1, 3)], []", [[1, 3], []]),  # of the same patient
 ])  # fmt: skip
 def test_movements_stay_when_the_bridge_was_started_again(result_of, kept, expected):
+    """With each connection it sends what it has kept, and then what comes."""
     told = "P-33333" if "P-33333" in kept else "P-22222"
     assert result_of(ROWS + f"""
-        card.await();
+        const connect = (trials, changes) => {{
+          trials.forEach((each) => card.take(each));
+          changes.forEach((each) => card.takeChange(each));
+        }};
+        connect({kept});
         card.take(trial(3, 4, "{told}"));
-        card.begin({kept.replace("trial(3, 3)", "trial(3, 4)")});
-        const result = shown();
-    """) == expected
+        const once = shown();
+        connect({kept});
+        card.take(trial(3, 4, "{told}"));
+        const result = [once, shown()];
+    """) == [expected, expected]
+
+
+def test_measures_are_shown_as_the_bridge_describes_them(result_of):
+    """Labels, units and factors exist once, in therapy/measures.py."""
+    measures = json.dumps(measures_for_screens())
+    assert result_of(PLAYED_DOCUMENT + f"""
+        const {{ MovementsCard }} = await import("./js/therapist/movements.js");
+        const {{ measureTitle }} = await import("./js/words.js");
+        const card = new MovementsCard({measures});
+        const cells = [];
+        document.createElement = () => {{
+          const made = new Played();
+          made.append = (...words) => {{
+            cells.push(...words.filter((each) => typeof each === "string"));
+          }};
+          return made;
+        }};
+        card.row({{ trial: 7, reached: true, duration: 1.234, peak_speed: 0.2, path_error: 0.0042,
+                   sparc: null, robot_share: 0.25 }});
+        const result = [card.measures.map(measureTitle), cells];
+    """) == [
+        ["Duration [s]", "Peak speed [mm/s]", "Path error [mm]", "SPARC",
+         "Robot's share of the work [%]"],
+        ["7", "✓ yes", "1.23", "200", "4.2", "–", "25"],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("error", "told"), [
+    ('new Error("", { cause: "lost" })', "the connection to the robot was lost"),
+    ('new Error("wrong token", { cause: "refused" })', "Not let in: wrong token"),
+    ('new Error("a/service", { cause: "unanswered" })', "a/service did not answer"),
+    ('new Error("not a pseudonym")', "not a pseudonym"),
+])  # fmt: skip
+def test_an_error_has_a_sentence(result_of, error, told):
+    script = f'import {{ failure }} from "./js/words.js"; const result = failure({error});'
+    assert result_of(script) == told
+
+
+def test_sentences_stand_in_one_module():
+    """The one place to translate."""
+    sentence = re.compile(r"""["`][A-Z][a-z]+ [a-z][^"`]*["`]""")
+    for file in (FOLDER / "js").rglob("*.js"):
+        found = sentence.findall(file.read_text("utf-8"))
+        assert bool(found) == (file.name == "words.js"), f"{file.name}: {found}"
 
 
 def test_pseudonyms_of_page_and_node_are_the_same_and_no_names(result_of):
     made, fits = result_of("""
-        import { PATTERN, cleaned, newPseudonym } from "./js/therapist/pseudonym.js";
+        import { PATTERN, cleaned, newPseudonym } from "./js/therapist/session.js";
         const pattern = new RegExp(`^(?:${PATTERN})$`, "v");
         const made = Array.from({ length: 300 }, newPseudonym);
         const texts = [...made, "P-7K3QX", cleaned("Peter"), cleaned("Erika Musterfrau"), "P-7K3Q"];

@@ -3,17 +3,17 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import pytest
-from fake_gateway import FakeGateway
+from fake_gateway import FakeGateway, Served
 
-from screw_module_ros.bridge.rights import KEPT, Rights
+from screw_module_ros.bridge.rights import Rights
 from screw_module_ros.bridge.server import Server
 from screw_module_ros.bridge.settings import Limits, Listening
 from screw_module_ros.bridge.tokens import Tokens
 from screw_module_ros.clock import WallClock
+from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.protocol_file import protocols_for_screens
 
 pytestmark = pytest.mark.long
@@ -34,34 +34,24 @@ class PlayedRobot(FakeGateway):
         super().__init__()
         self.values = {robot: dict(VALUES) for robot in robots}
         self.robots, self.at, self.hand = robots, 0, None
-        self.kept = {}
 
-    def tell(self, topic, content):
-        super().tell(topic, content)
-        if topic.endswith(KEPT):
-            self.kept.setdefault(topic, []).append(json.dumps(content))
-
-    def history(self, topic):
-        return list(self.kept.get(topic, []))
-
-    def call(self, service, arguments, answered):
-        self.calls.append((service, arguments, answered))
+    async def call(self, service, arguments):
+        self.calls.append((service, arguments))
         robot, _, name = service.rpartition("/therapy_session/")
         values = self.values.get(robot or "/", {})
         if name == "describe_parameters":
-            answered({"descriptors": [{
+            return {"descriptors": [{
                 "name": each, "description": f"{each} [{'N/m' if 'stiff' in each else 'm'}].",
                 "floating_point_range": [{"from_value": 0.0, "to_value": RANGES[each]}],
-            } for each in arguments["names"]]}, True)  # fmt: skip
-        elif name == "get_parameters":
+            } for each in arguments["names"]]}  # fmt: skip
+        if name == "get_parameters":
             found = [{"type": 3, "double_value": values[each]} for each in arguments["names"]]
-            answered({"values": found}, True)
-        elif name == "set_parameters":
+            return {"values": found}
+        if name == "set_parameters":
             (parameter,) = arguments["parameters"]
             values[parameter["name"]] = parameter["value"]["double_value"]
-            answered({"results": [{"successful": True, "reason": ""}]}, True)
-        else:
-            answered({"success": True, "message": ""}, True)
+            return {"results": [{"successful": True, "reason": ""}]}
+        return {"success": True, "message": ""}
 
     def move(self, **state):
         """Tell a moment of all topics of all robots; state: fields of therapy/state."""
@@ -105,21 +95,26 @@ class Serving:
         self._make(0)
 
     def _make(self, port):
-        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens()}
+        config = {"robots": list(self.robot.robots), "protocols": protocols_for_screens(),
+                  "measures": measures_for_screens()}  # fmt: skip
         rights = Rights(self.robot.robots, wishes=True)
-        self.server = Server(Listening(port=port), Limits(), TOKENS, rights, self.robot,
-                             WallClock(), config)  # fmt: skip
-        self.server.start()
+        made = Server(
+            Listening(port=port), Limits(), TOKENS, rights, self.robot, WallClock(), config
+        )
+        self.served = Served(made)
+        self.server = self.served.__enter__()
 
     def restart(self):
         """End the server, and start another one on its port."""
         port = int(self.server.address.rpartition(":")[2])
-        self.server.close()
+        self.close()
         return lambda: self._make(port)
+
+    def close(self):
+        self.served.__exit__()
 
     def look(self):
         self.robot.move(**self.state)
-        self.server.look()
 
     def until(self, page, script, act=lambda: None):
         """Let robots and pages go on until a script in the page gives true; act: each time."""
@@ -145,7 +140,7 @@ def serving():
 
     yield serve
     for each in made:
-        each.server.close()
+        each.close()
 
 
 @pytest.fixture
@@ -325,6 +320,13 @@ def test_results_come_into_the_table(serving, open_page):
         given.robot.finish(trial)
         given.until(page, f"document.querySelectorAll('.results tbody tr').length === {trial}")
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
+    titles = page.locator(".results th").all_inner_texts()
+    assert titles == [
+        "#", "Reached", "Duration [s]", "Peak speed [mm/s]", "Path error [mm]", "SPARC",
+        "Robot's share of the work [%]",
+    ]  # fmt: skip
+    cells = page.locator(".results tbody tr").first.locator("td").all_inner_texts()
+    assert cells == ["5", "– no", "1.20", "210", "3.1", "-1.52", "–"]
     page.reload()
     given.until_text(page, "P-7K3QX: 4 of 5 targets reached")
     given.robot.finish(6)

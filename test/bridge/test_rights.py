@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may do what: tables attacked name by name."""
+"""Who may do what: the table attacked name by name."""
 
 from __future__ import annotations
 
 import pytest
 
 from screw_module_ros.bridge.rights import (
-    ASKED,
-    HEARD,
+    CALL,
     LIMITS,
     PATIENT,
+    PUBLISH,
     ROLES,
-    SENT,
+    SERVICES,
+    SUBSCRIBE,
     THERAPIST,
     Denied,
     Rights,
@@ -26,34 +27,37 @@ from screw_module_ros.bridge.rights import (
 ])  # fmt: skip
 def test_nobody_publishes_what_moves_the_robot(role, wishes, name):
     with pytest.raises(Denied):
-        Rights(["/"], wishes).sends(role, name)
+        Rights(["/"], wishes).may(role, PUBLISH, name)
 
 
 def test_a_refused_set_point_tells_the_way():
     with pytest.raises(Denied, match="a game publishes therapy/wish"):
-        Rights(["/"]).sends(PATIENT, "/setpoint")
+        Rights(["/"]).may(PATIENT, PUBLISH, "/setpoint")
 
 
-def test_the_patient_reads():
+def test_the_patient_reads_what_the_patients_page_shows():
     rights = Rights(["/"])
-    for name in (*SENT, *ASKED):
+    for name in ("therapy/wish", "therapy/attendance", *SERVICES):
         with pytest.raises(Denied):
-            rights.sends(PATIENT, name)
+            rights.may(PATIENT, PUBLISH, name)
         with pytest.raises(Denied):
-            rights.asks(PATIENT, name, {"names": ["wish.high"]})
-    assert rights.hears(PATIENT, "/endpoint_state")[0].full == "/endpoint_state"
-    with pytest.raises(Denied):
-        rights.hears(PATIENT, "/therapy/assistance")
+            rights.may(PATIENT, CALL, name, arguments={"names": ["wish.high"]})
+    for name in ("/endpoint_state", "/therapy/state"):
+        assert rights.may(PATIENT, SUBSCRIBE, name).full == name
+    for name in ("therapy/trial", "therapy/assistance", "safety_state", "screw/encoder"):
+        with pytest.raises(Denied):  # its token could read the results
+            rights.may(PATIENT, SUBSCRIBE, name)
 
 
 def test_the_patient_may_wish_where_that_is_allowed():
     rights = Rights(["/"], wishes=True)
-    assert rights.sends(PATIENT, "therapy/wish")[1] == "screw_module_msgs/msg/EndpointSetpoint"
+    wish = rights.may(PATIENT, PUBLISH, "therapy/wish")
+    assert wish.type == "screw_module_msgs/msg/EndpointSetpoint"
     with pytest.raises(Denied):
-        rights.sends(PATIENT, "therapy/attendance")
+        rights.may(PATIENT, PUBLISH, "therapy/attendance")
     rights.wishes = False
     with pytest.raises(Denied):
-        rights.sends(PATIENT, "therapy/wish")
+        rights.may(PATIENT, PUBLISH, "therapy/wish")
 
 
 @pytest.mark.parametrize("name", [
@@ -62,14 +66,15 @@ def test_the_patient_may_wish_where_that_is_allowed():
 ])  # fmt: skip
 def test_no_page_switches_on_or_releases(name):
     with pytest.raises(Denied):
-        Rights(["/"]).asks(THERAPIST, f"/{name}", {})
+        Rights(["/"]).may(THERAPIST, CALL, f"/{name}")
 
 
-def test_the_therapist_asks_for_what_the_page_offers():
+def test_the_therapist_calls_what_the_page_offers():
     rights = Rights(["/"])
     for name in ("therapy_session/start", "therapy_session/abort", "supervisor/estop"):
-        assert rights.asks(THERAPIST, f"/{name}", {})[0].name == name
-    rights.asks(THERAPIST, "/therapy_session/get_parameters", {"names": list(LIMITS)})
+        assert rights.may(THERAPIST, CALL, f"/{name}").name == name
+    names = {"names": list(LIMITS)}
+    assert rights.may(THERAPIST, CALL, "/therapy_session/get_parameters", arguments=names)
 
 
 @pytest.mark.parametrize("arguments", [
@@ -80,14 +85,32 @@ def test_the_therapist_asks_for_what_the_page_offers():
 ])  # fmt: skip
 def test_other_parameters_are_out_of_reach(arguments):
     with pytest.raises(Denied):
-        Rights(["/"]).asks(THERAPIST, "/therapy_session/set_parameters", arguments)
+        Rights(["/"]).may(
+            THERAPIST, CALL, "/therapy_session/set_parameters", arguments=arguments
+        )
 
 
 def test_each_robot_has_its_names():
     rights = Rights(["/left", "/right"])
-    assert rights.hears(PATIENT, "/right/endpoint_state")[0].full == "/right/endpoint_state"
-    assert rights.hears(PATIENT, "endpoint_state")[0].full == "/left/endpoint_state"
+    assert rights.may(PATIENT, SUBSCRIBE, "/right/endpoint_state").full == "/right/endpoint_state"
+    assert rights.may(PATIENT, SUBSCRIBE, "endpoint_state").full == "/left/endpoint_state"
     for name in ("/endpoint_state", "/middle/endpoint_state", "/left/right/endpoint_state"):
         with pytest.raises(Denied):
-            rights.hears(PATIENT, name)
-    assert len(rights.places(HEARD)) == 2 * len(HEARD)
+            rights.may(PATIENT, SUBSCRIBE, name)
+    assert len(rights.places(SUBSCRIBE)) == 2 * len(ROLES[THERAPIST][SUBSCRIBE])
+
+
+def test_no_role_has_what_the_bridge_does_not_subscribe_publish_or_call():
+    rights = Rights(["/"], wishes=True)
+    for verb in (SUBSCRIBE, PUBLISH, CALL):
+        offered = {place.name for place in rights.places(verb)}
+        assert all(set(role[verb]) <= offered for role in ROLES.values())
+
+
+def test_types_are_meant_by_either_spelling():
+    rights, name = Rights(["/"]), "/endpoint_state"
+    for kind in ("", "screw_module_msgs/msg/EndpointState", "screw_module_msgs/EndpointState"):
+        assert rights.may(PATIENT, SUBSCRIBE, name, kind).full == name
+    for kind in ("screw_module_msgs/Other", "EndpointState", "std_msgs/String"):
+        with pytest.raises(Denied, match="has the type screw_module_msgs/msg/EndpointState"):
+            rights.may(PATIENT, SUBSCRIBE, name, kind)

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 from screw_module_msgs.msg import TherapyState
 
 from screw_module_ros.nodes import bridge_gateway
-from screw_module_ros.nodes.bridge_gateway import PolledTopic
+from screw_module_ros.nodes.bridge_gateway import KeptTopic, PolledTopic
 from screw_module_ros.nodes.support import topics
 
 S = 1_000_000_000
 
 
-def polled(waiting, kept=False):
+def polled(waiting, made=PolledTopic, **more):
     """Return a topic whose subscription has these messages, [(message, time of arrival [ns])]."""
 
     def take_message(kind, raw):
@@ -27,42 +27,65 @@ def polled(waiting, kept=False):
     subscription = SimpleNamespace(handle=SimpleNamespace(take_message=take_message))
     node = SimpleNamespace(create_subscription=lambda *given, **more: subscription)
     kind = "screw_module_msgs/msg/TherapyState"
-    return PolledTopic(node, "/therapy/state", kind, topics.SAMPLE, None, kept)
+    return made(node, "/therapy/state", kind, topics.SAMPLE, None, **more)
+
+
+def kept(waiting):
+    return polled(waiting, KeptTopic, rising=("trial",))
+
+
+def shown(topic):
+    """Return the trials of which a page is told that subscribes now."""
+    return [json.loads(text)["trial"] for _, text in topic.after(topic.begin(), 3700 * S)]
 
 
 def test_a_message_of_a_node_that_has_died_is_no_news():
     waiting = [(TherapyState(state=TherapyState.RUNNING), 100 * S)]
     topic = polled(waiting)
     topic.poll()
-    number, text = topic.newest(100 * S + 10_000_000)
+    ((number, text),) = topic.after(0, 100 * S + 10_000_000)
     assert (number, json.loads(text)["state"]) == (1, TherapyState.RUNNING)
-    assert topic.newest(102 * S) is None
+    assert topic.after(0, 102 * S) == []
     waiting.append((TherapyState(state=TherapyState.IDLE), 103 * S))
     topic.poll()
-    assert topic.newest(103 * S)[0] == 2
+    ((number, _),) = topic.after(1, 103 * S)
+    assert number == 2 and topic.after(2, 103 * S) == []
 
 
 def test_a_message_that_waited_until_a_client_came_is_as_old_as_it_is():
     topic = polled([(TherapyState(state=TherapyState.RUNNING), 100 * S)])
     topic.poll()  # the first client, an hour later
-    assert topic.newest(3700 * S) is None
+    assert topic.after(0, 3700 * S) == []
 
 
 def test_a_result_stays():
-    topic = polled([(TherapyState(), 100 * S)], kept=True)
+    topic = kept([(TherapyState(trial=1), 100 * S)])
     topic.poll()
-    assert topic.newest(3700 * S)[0] == 1 and len(topic.history()) == 1
+    assert shown(topic) == [1]
 
 
-def test_who_asks_for_the_history_again_and_again_holds_nobody_up(monkeypatch):
+def test_the_results_of_another_session_are_not_shown():
+    topic = kept([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3)])
+    topic.poll()
+    assert shown(topic) == [1, 2, 3]
+    topic.forget()
+    assert shown(topic) == []
+    topic = kept([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3, 1, 2)])
+    topic.poll()
+    assert shown(topic) == [1, 2], "a trial number that does not rise is of another session"
+    topic = kept([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3, 3)])
+    topic.poll()
+    assert shown(topic) == [3]
+
+
+def test_who_asks_for_the_results_again_and_again_holds_nobody_up(monkeypatch):
     """Each request converted up to 1100 messages in the server's thread, 0.1 s long."""
     converted = []
-    text = bridge_gateway._text
+    as_json = bridge_gateway.as_json
     monkeypatch.setattr(
-        bridge_gateway, "_text", lambda message: converted.append(1) or text(message)
+        bridge_gateway, "as_json", lambda message: converted.append(1) or as_json(message)
     )
-    topic = polled([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3)], kept=True)
+    topic = kept([(TherapyState(trial=number), 100 * S) for number in (1, 2, 3)])
     topic.poll()
-    histories = [topic.history() for _ in range(10)]
-    assert [json.loads(each)["trial"] for each in histories[-1]] == [1, 2, 3]
+    assert [shown(topic) for _ in range(10)] == [[1, 2, 3]] * 10
     assert len(converted) == 3, "once each"

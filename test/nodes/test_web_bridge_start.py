@@ -10,9 +10,11 @@ import stat
 
 import aiohttp
 import pytest
-from screw_module_msgs.msg import EndpointState, TrialResult
+from screw_module_msgs.msg import EndpointState, TherapyState, TrialResult
 from std_msgs.msg import Empty
 
+from screw_module_ros.bridge.client import ServiceError
+from screw_module_ros.nodes import bridge_gateway
 from screw_module_ros.settings import SettingError
 
 
@@ -110,12 +112,12 @@ def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
 
     def seen():
         publisher.publish(EndpointState(sequence=7))
-        gateway.poll(anybody=True)
-        return gateway.newest("/right/endpoint_state")
+        gateway.poll()
+        return gateway.after("/right/endpoint_state", 0)
 
     wait_until(seen)
-    assert json.loads(seen()[1])["sequence"] == 7
-    assert gateway.newest("/left/endpoint_state") is None
+    assert json.loads(seen()[0][1])["sequence"] == 7
+    assert gateway.after("/left/endpoint_state", 0) == []
     heard = node.create_subscription(Empty, "/left/therapy/attendance", lambda _: None, 1)
 
     def attended():
@@ -126,31 +128,44 @@ def test_two_robots_are_heard_and_told_apart(make_node, tmp_path, wait_until):
     node.disconnect()
 
 
-def test_a_service_that_nobody_offers_is_told(make_node, tmp_path, wait_until):
+def test_a_service_that_nobody_offers_is_told(make_node, tmp_path, monkeypatch):
+    monkeypatch.setattr(bridge_gateway, "_FOUND_S", 0.0)
     node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
     node.connect()
-    told = []
-    node._gateway.call("/supervisor/estop", {}, lambda *answer: told.append(answer))
-    wait_until(lambda: node.periodic.run() or told, 20.0)
-    assert told == [("nobody offers /supervisor/estop: is its node running?", False)]
+    with pytest.raises(ServiceError) as error:
+        asyncio.run(node._gateway.call("/supervisor/estop", {}))
+    assert str(error.value) == "nobody offers /supervisor/estop: is its node running?"
     node.disconnect()
 
 
-def test_the_results_of_a_session_are_kept(make_node, tmp_path, wait_until):
+def test_the_results_of_a_session_are_kept_until_it_ends(make_node, tmp_path, wait_until):
+    """1100 were, from patient to patient, and each patient's token could read them."""
     node = make_node("web_bridge", "-p", "port:=0", "-p", f"token_file:={tmp_path}/s/tokens.json")
     node.connect()
     gateway = node._gateway
-    publisher = node.create_publisher(TrialResult, "/therapy/trial", 10)
-    wait_until(lambda: publisher.get_subscription_count() == 1)
+    results = node.create_publisher(TrialResult, "/therapy/trial", 10)
+    states = node.create_publisher(TherapyState, "/therapy/state", 10)
+    wait_until(lambda: results.get_subscription_count() and states.get_subscription_count())
     for trial in (1, 2, 3):
-        publisher.publish(TrialResult(trial=trial))
+        results.publish(TrialResult(trial=trial))
 
     def kept():
-        gateway.poll(anybody=False)  # nobody looks
-        return [json.loads(text)["trial"] for text in gateway.history("/therapy/trial")]
+        """Return what a page would get that subscribes now."""
+        gateway.poll()
+        new = gateway.after("/therapy/trial", gateway.begin("/therapy/trial"))
+        return [json.loads(text)["trial"] for _, text in new]
 
     wait_until(lambda: len(kept()) == 3)
     assert kept() == [1, 2, 3]
+
+    def is_over():
+        states.publish(TherapyState(state=TherapyState.FINISHED))
+        return kept() == []
+
+    wait_until(is_over)
+    assert [number for number, _ in gateway.after("/therapy/trial", 1)] == [2, 3], (
+        "who has subscribed before gets the last ones"
+    )
     node.disconnect()
 
 

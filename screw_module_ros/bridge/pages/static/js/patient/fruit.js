@@ -2,16 +2,14 @@
 // Picking fruit in three dimensions. No clock runs against the patient: who is slow gets nearer and
 // larger fruit, who is quick gets them farther apart, swinging in the wind, and golden ones.
 
-import { INK } from "../colours.js";
-import { disc, text } from "../shapes.js";
-import { camera, drawFloor, drawStem, seen } from "./depth.js";
-import { drawFruit, KINDS } from "./fruit_shapes.js";
-import { drawHand } from "./marks.js";
+import { GREEN, INK, ORANGE, PURPLE, VERMILLION, YELLOW, disc, drawHand, text } from "../draw.js";
+import { camera, drawFloor, drawStem, seen } from "../space.js";
+import { gameLine } from "../words.js";
 
 const FULL = 8; // fruit in a basket
-const SEASONS = [
-  ["Spring", "#e8f3e4", "#d3e6cc"], ["Summer", "#fdf3d3", "#f3e3ad"],
-  ["Autumn", "#f9e6d2", "#ecd0b0"], ["Winter", "#e6eff5", "#cfdfe9"],
+const STREAK = 5; // fruit in a row from which each is worth one more
+const SEASONS = [ // sky and ground in spring, summer, autumn and winter
+  ["#e8f3e4", "#d3e6cc"], ["#fdf3d3", "#f3e3ad"], ["#f9e6d2", "#ecd0b0"], ["#e6eff5", "#cfdfe9"],
 ];
 const QUICK = 3.0, SLOW = 6.0; // time from fruit to fruit [s]
 const LEAST_REACH = 0.05, MOST_REACH = 0.17; // from the hand to the next fruit [m]
@@ -62,7 +60,7 @@ export class FruitGame {
   pick(hand) {
     const took = this.age;
     this.streak = took < SLOW ? this.streak + 1 : 0;
-    const worth = this.fruit.kind.worth + (this.streak >= 5 ? 1 : 0);
+    const worth = this.fruit.kind.worth + (this.streak >= STREAK ? 1 : 0);
     this.score += worth;
     this.picked += 1;
     this.flying.push({ from: this.place, kind: this.fruit.kind, worth, age: 0 });
@@ -105,7 +103,7 @@ export class FruitGame {
 
   draw({ ctx, width, height }, hand) {
     const view = camera(width, height);
-    const [name, sky, ground] = this.season;
+    const [sky, ground] = this.season;
     ctx.fillStyle = sky;
     ctx.fillRect(0, 0, width, height);
     drawFloor(ctx, view, ground, "rgb(255 255 255 / 70%)");
@@ -117,7 +115,7 @@ export class FruitGame {
       drawHand(ctx, x, y, 0.02 * scale);
     }
     for (const each of this.flying) this.drawPicked(ctx, view, each, width, height);
-    this.drawScore(ctx, width, height, name);
+    this.drawScore(ctx, width, height);
   }
 
   drawTree(ctx, view) {
@@ -153,7 +151,7 @@ export class FruitGame {
     text(ctx, `+${worth}`, start.x, start.y - 0.08 * height * ease, 0.05 * height, INK);
   }
 
-  drawScore(ctx, width, height, season) {
+  drawScore(ctx, width, height) {
     const size = Math.min(0.045 * height, 0.055 * width);
     const [x, y] = [0.1 * width, 0.9 * height];
     ctx.fillStyle = "#b98a5a";
@@ -164,12 +162,79 @@ export class FruitGame {
     ctx.lineTo(x - 1.1 * size, y + size);
     ctx.fill();
     text(ctx, `${this.picked % FULL}/${FULL}`, x, y + 0.25 * size, 0.8 * size, "#ffffff");
-    const row = this.streak >= 5 ? ` · ${this.streak} in a row, +1 each` : "";
-    const words = this.picked ? `${this.score} points · ${season}, basket ${this.basket + 1}${row}`
-      : "Move the blue disc to the fruit";
+    const { score, picked, basket, streak } = this;
+    const words = gameLine({ score, picked, basket, streak: streak >= STREAK ? streak : 0 });
     ctx.fillStyle = "rgb(255 255 255 / 85%)";
     ctx.fillRect(0, 0, width, 2 * size);
     const fitting = (0.94 * width) / (0.62 * words.length); // a letter is 0.62 of its size wide
     text(ctx, words, 0.5 * width, size, Math.min(1.05 * size, fitting), INK);
   }
+}
+
+// The fruit: each kind has a colour and a shape of its own.
+const KINDS = {
+  apple: { colour: VERMILLION, worth: 1, shape: apple },
+  pear: { colour: GREEN, worth: 1, shape: pear },
+  plum: { colour: PURPLE, worth: 1, shape: plum },
+  lemon: { colour: YELLOW, worth: 1, shape: lemon },
+  golden: { colour: ORANGE, worth: 3, shape: star },
+};
+
+function drawFruit(ctx, kind, x, y, radius) {
+  kind.shape(ctx, x, y, radius, kind.colour);
+}
+
+function stalk(ctx, x, y, radius) {
+  ctx.strokeStyle = INK;
+  ctx.lineWidth = 0.12 * radius;
+  ctx.beginPath();
+  ctx.moveTo(x, y);
+  ctx.quadraticCurveTo(x, y - 0.3 * radius, x + 0.25 * radius, y - 0.45 * radius);
+  ctx.stroke();
+}
+
+function apple(ctx, x, y, radius, colour) {
+  disc(ctx, x - 0.35 * radius, y, 0.75 * radius, colour);
+  disc(ctx, x + 0.35 * radius, y, 0.75 * radius, colour);
+  stalk(ctx, x, y - 0.6 * radius, radius);
+}
+
+function pear(ctx, x, y, radius, colour) {
+  disc(ctx, x, y + 0.25 * radius, 0.75 * radius, colour);
+  disc(ctx, x, y - 0.45 * radius, 0.45 * radius, colour);
+  stalk(ctx, x, y - 0.85 * radius, radius);
+}
+
+function plum(ctx, x, y, radius, colour) {
+  ctx.fillStyle = colour;
+  ctx.beginPath();
+  ctx.ellipse(x, y, 0.95 * radius, 0.65 * radius, 0.5, 0, 2 * Math.PI);
+  ctx.fill();
+  stalk(ctx, x + 0.1 * radius, y - 0.6 * radius, radius);
+}
+
+function lemon(ctx, x, y, radius, colour) {
+  ctx.fillStyle = colour;
+  ctx.strokeStyle = INK;
+  ctx.lineWidth = 0.06 * radius;
+  ctx.beginPath();
+  ctx.moveTo(x - 1.05 * radius, y);
+  ctx.quadraticCurveTo(x, y - 1.25 * radius, x + 1.05 * radius, y);
+  ctx.quadraticCurveTo(x, y + 1.25 * radius, x - 1.05 * radius, y);
+  ctx.fill();
+  ctx.stroke();
+}
+
+function star(ctx, x, y, radius, colour) {
+  ctx.fillStyle = colour;
+  ctx.strokeStyle = INK;
+  ctx.lineWidth = 0.08 * radius;
+  ctx.beginPath();
+  for (let i = 0; i < 10; i++) {
+    const [r, angle] = [(i % 2 ? 0.5 : 1.1) * radius, (Math.PI * i) / 5 - Math.PI / 2];
+    ctx.lineTo(x + r * Math.cos(angle), y + r * Math.sin(angle));
+  }
+  ctx.closePath();
+  ctx.fill();
+  ctx.stroke();
 }

@@ -1,19 +1,83 @@
 // SPDX-License-Identifier: Apache-2.0
 // The patient's screen: shows what the session asks for; while none runs, there is a game.
 
-import { Bridge, chosenRobot, configurationAtLast, named } from "../bridge.js";
-import { fitted } from "../canvas.js";
-import { ABORTED, FINISHED, IDLE, RUNNING, SAFETY_OK } from "../states.js";
-import { ownToken } from "../token.js";
-import { drawClock } from "./clock.js";
-import { Count } from "./count.js";
-import { drawElevator } from "./elevator.js";
+import { el, fitted, say } from "../draw.js";
+import {
+  ABORTED, Bridge, FINISHED, IDLE, PAUSED, REACHED, RUNNING, SAFETY_OK, chosenRobot,
+  configurationAtLast, named, ownToken,
+} from "../link.js";
+import { SCREEN, failure, noRobot, task, veil } from "../words.js";
 import { FruitGame } from "./fruit.js";
-import { Sound } from "./sound.js";
-import { drawSpace } from "./space.js";
-import { task, veil } from "./words.js";
+import { SCENES } from "./scenes.js";
 
-const SCENES = { plane: drawClock, vertical: drawElevator, space: drawSpace };
+// Counts the targets that this screen has seen reached in a session. One that came late, or lost its
+// connection, has not seen all and must not tell a number.
+export class Count {
+  constructor() {
+    this.begin(false);
+  }
+
+  begin(hasSeenAll) {
+    this.trials = new Set(); // a trial that was paused after its target is done again
+    this.hasSeenAll = hasSeenAll;
+    this.hasOthers = false; // trials without a target: circles, holding, pushing
+  }
+
+  get reached() {
+    return this.trials.size;
+  }
+
+  // Takes a message of therapy/state, with the one before or null; returns whether a target has
+  // been reached just now. isOther: it is of another patient or protocol.
+  take(state, before, isOther) {
+    const wasOn = before?.state === RUNNING || before?.state === PAUSED;
+    if (isOther) this.begin(state.trial === 1);
+    else if (state.trial === 1 && state.state === RUNNING && !(wasOn && before.trial === 1)) this.begin(true);
+    if (state.state === RUNNING && state.kind && state.kind !== "reach") this.hasOthers = true;
+    const isSame = before?.phase === REACHED && before.trial === state.trial;
+    const isReached = state.phase === REACHED && !isSame;
+    if (isReached) this.trials.add(state.trial);
+    return isReached;
+  }
+
+  miss() {
+    this.hasSeenAll = false;
+  }
+}
+
+// Soft tones, off until somebody switches them on; made here, so nothing is loaded.
+const TONES = { pick: [660, 880], basket: [523, 659, 784, 1047], reached: [587, 784] };
+
+export class Sound {
+  constructor() {
+    this.isOn = false;
+    this.context = null;
+  }
+
+  toggle() {
+    this.isOn = !this.isOn;
+    if (this.isOn) this.context ??= new AudioContext();
+    return this.isOn;
+  }
+
+  play(name) {
+    if (!this.isOn) return;
+    TONES[name].forEach((pitch, i) => this.tone(pitch, this.context.currentTime + 0.11 * i));
+  }
+
+  tone(pitch, at) {
+    const [source, gain] = [this.context.createOscillator(), this.context.createGain()];
+    source.frequency.value = pitch;
+    source.type = "sine";
+    gain.gain.setValueAtTime(0, at);
+    gain.gain.linearRampToValueAtTime(0.15, at + 0.02);
+    gain.gain.exponentialRampToValueAtTime(0.001, at + 0.25);
+    source.connect(gain).connect(this.context.destination);
+    source.start(at);
+    source.stop(at + 0.3);
+  }
+}
+
 const SILENT_MS = 1500;
 const TOLD_MS = 3000; // a session tells its state at 20 Hz
 const WISH_MS = 60;
@@ -90,7 +154,7 @@ function drawPlay(picture, dt, now, isHeard) {
       bridge.publish(named(robot, "therapy/wish"), { position: { x, y, z } });
     }
   } else {
-    drawSpace(picture, { ...world, state: FREE, protocol: null });
+    SCENES.space(picture, { ...world, state: FREE, protocol: null });
   }
 }
 
@@ -103,7 +167,7 @@ function showWords(inSession, isHeard, isTold) {
   const running = inSession && world.state.state === RUNNING;
   $("menu").hidden = Boolean(over) || inSession || play !== null;
   $("back").hidden = inSession || play === null;
-  put([$("task")], [running && !over ? task(world.state) : ""]);
+  say($("task"), running && !over ? task(world.state) : "");
   $("progress").hidden = !running;
   if (running) {
     const share = (100 * (world.state.trial - 1)) / Math.max(world.state.trials, 1);
@@ -117,9 +181,7 @@ function showWords(inSession, isHeard, isTold) {
 }
 
 function put(elements, words) {
-  words.forEach((word, i) => {
-    if (elements[i].textContent !== word) elements[i].textContent = word;
-  });
+  words.forEach((word, i) => say(elements[i], word));
 }
 
 // Frames of the last second, for tests and for the curious (document.body.dataset.fps).
@@ -135,9 +197,13 @@ function choose(game) {
 }
 
 function makeButtons() {
+  canvas.setAttribute("aria-label", SCREEN.picture);
+  for (const id of ["back", "full", "hint"]) say($(id), SCREEN[id]);
+  say($("sound"), SCREEN.soundOff);
+  say($("menu").querySelector("h1"), SCREEN.menu);
   $("sound").onclick = () => {
     const isOn = sound.toggle();
-    $("sound").textContent = `Sound: ${isOn ? "on" : "off"}`;
+    say($("sound"), isOn ? SCREEN.soundOn : SCREEN.soundOff);
     $("sound").setAttribute("aria-pressed", isOn);
   };
   $("back").onclick = () => choose(null);
@@ -145,13 +211,11 @@ function makeButtons() {
     if (document.fullscreenElement) document.exitFullscreen();
     else document.documentElement.requestFullscreen?.().catch(() => {});
   };
-  for (const [id, words, make] of [
-    ["fruit", "Pick fruit", () => new FruitGame()], ["free", "Move freely", () => "free"],
+  for (const [id, make] of [
+    ["fruit", () => new FruitGame()], ["free", () => "free"],
   ]) {
-    const button = document.createElement("button");
-    Object.assign(button, { id, type: "button", textContent: words });
-    button.onclick = () => choose(make());
-    $("choices").append(button);
+    const onclick = () => choose(make());
+    $("choices").append(el("button", { id, type: "button", onclick }, SCREEN[id]));
   }
 }
 
@@ -159,11 +223,11 @@ async function main() {
   makeButtons();
   requestAnimationFrame(frame);
   const token = ownToken();
-  config = await configurationAtLast(token, (sentence) => { world.sentence = sentence; });
+  config = await configurationAtLast(token, (error) => { world.sentence = failure(error); });
   const asked = new URLSearchParams(location.search).get("robot");
   robot = chosenRobot(config.robots, asked);
   if (!robot) {
-    world.sentence = `There is no robot ${asked} here: ask for the right address.`;
+    world.sentence = noRobot(asked);
     return;
   }
   bridge = new Bridge(token, (isOpen, sentence) => {

@@ -2,13 +2,9 @@
 // Limits of assistance and workspace: parameters of the session node, whose own bounds the sliders
 // take from its descriptions.
 
-import { el, say } from "../elements.js";
+import { el, say } from "../draw.js";
+import { LIMITS, PAGE, failure, quantity, wasSet } from "../words.js";
 
-const NAMES = {
-  "assistance.stiffness": "Stiffest wall of the next session", "wish.half_width": "Workspace, left and right",
-  "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
-  "wish.high": "Workspace, greatest height", "wish.speed": "Speed of what a game wishes",
-};
 const DOUBLE = 3; // ParameterType.msg
 
 export class LimitsCard {
@@ -17,14 +13,14 @@ export class LimitsCard {
     this.changed = changed;
     this.values = {};
     this.sliders = {};
-    this.list = el("div", {}, el("p", { className: "empty" }, "Not known yet."));
+    this.list = el("div", {}, el("p", { className: "empty" }, PAGE.unknown));
     this.told = el("p", { className: "told", role: "status" });
-    this.element = el("section", { className: "card limits" }, el("h2", {}, "Limits"), this.list, this.told);
+    this.element = el("section", { className: "card limits" }, el("h2", {}, PAGE.limits), this.list, this.told);
   }
 
   // Asks the node for bounds and values, and shows them.
   async load() {
-    const names = Object.keys(NAMES);
+    const names = Object.keys(LIMITS);
     try {
       const described = await this.call("therapy_session/describe_parameters", { names });
       const { values } = await this.call("therapy_session/get_parameters", { names });
@@ -35,7 +31,7 @@ export class LimitsCard {
       this.changed(this.values);
       say(this.told, "");
     } catch (error) {
-      say(this.told, error.message);
+      say(this.told, failure(error));
     }
   }
 
@@ -64,9 +60,9 @@ export class LimitsCard {
   slider(name, descriptor, value) {
     const [{ from_value: low, to_value: high }] = descriptor.floating_point_range;
     const unit = /\[(.+?)\]/.exec(descriptor.description)?.[1] ?? "";
-    const shown = el("output", {}, words(value, unit));
+    const shown = el("output", {}, quantity(value, unit));
     const input = el("input", {
-      type: "range", min: low, max: high, step: (high - low) / 100, ariaLabel: NAMES[name],
+      type: "range", min: low, max: high, step: (high - low) / 100, ariaLabel: LIMITS[name],
     });
     input.value = value;
     const slider = this.sliders[name] = {
@@ -74,18 +70,18 @@ export class LimitsCard {
       isHeld: false,
       show: (now) => {
         input.value = now;
-        say(shown, words(now, unit));
+        say(shown, quantity(now, unit));
       },
     };
     input.oninput = () => {
       slider.isHeld = true;
-      say(shown, words(Number(input.value), unit));
+      say(shown, quantity(Number(input.value), unit));
     };
     input.onchange = () => {
       slider.isHeld = false;
       this.set(name, Number(input.value));
     };
-    return el("label", { className: "limit" }, el("span", {}, NAMES[name]), input, shown);
+    return el("label", { className: "limit" }, el("span", {}, LIMITS[name]), input, shown);
   }
 
   async set(name, value) {
@@ -96,15 +92,11 @@ export class LimitsCard {
       this.values[name] = value;
       this.changed(this.values);
       this.told.classList.add("good");
-      say(this.told, `${NAMES[name]}: set.`);
+      say(this.told, wasSet(name));
     } catch (error) {
       await this.load(); // first, as it says nothing where all is well
       this.told.classList.remove("good");
-      say(this.told, error.message);
+      say(this.told, failure(error));
     }
   }
-}
-
-function words(value, unit) {
-  return unit === "m" ? `${(100 * value).toFixed(1)} cm` : `${value.toFixed(value < 10 ? 2 : 0)} ${unit}`;
 }

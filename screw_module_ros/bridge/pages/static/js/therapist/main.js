@@ -1,10 +1,108 @@
 // SPDX-License-Identifier: Apache-2.0
 // The therapist's page: one panel per robot.
 
-import { Bridge, configurationAtLast } from "../bridge.js";
-import { say } from "../elements.js";
-import { ownToken } from "../token.js";
-import { RobotPanel } from "./robot.js";
+import { el, say } from "../draw.js";
+import { Bridge, SAFETY_STOPPED, configurationAtLast, named, ownToken } from "../link.js";
+import {
+  PAGE, failure, robotTitle, safetySentence, sessionSentence, stopFailed,
+} from "../words.js";
+import { Traces, Views } from "./charts.js";
+import { LimitsCard } from "./limits.js";
+import { MovementsCard } from "./movements.js";
+import { SessionCard } from "./session.js";
+
+const SILENT_MS = 3000;
+const LIMITS_MS = 5000; // another therapist's page may set them
+const VIEW_MS = 30, TRACE_MS = 100; // who supervises needs no more pictures than these
+
+export class RobotPanel {
+  constructor(robot, config, bridge) {
+    this.robot = robot;
+    this.bridge = bridge;
+    this.protocols = config.protocols;
+    this.heard = {};
+    const call = (service, args) => bridge.call(named(robot, service), args);
+    this.sentence = el("p", { className: "state", role: "status" });
+    this.reasons = el("p", { className: "reasons", role: "status" });
+    this.stop = el("button", { type: "button", className: "stop", onclick: () => this.softwareStop() },
+      PAGE.stop, el("small", {}, PAGE.notEmergency));
+    this.session = new SessionCard(config.protocols, call);
+    this.limits = new LimitsCard(call, (values) => { this.allowed = values; });
+    this.views = new Views();
+    this.traces = new Traces();
+    this.movements = new MovementsCard(config.measures);
+    this.element = el("article", { className: "robot", id: `robot${robot.replaceAll("/", "-")}` },
+      el("section", { className: "card top" },
+        el("div", {}, el("h2", {}, robotTitle(robot, config.robots)), this.sentence, this.reasons), this.stop),
+      this.session.element, this.views.element, this.traces.element, this.movements.element,
+      this.limits.element);
+    this.hear("endpoint_state", (message) => {
+      this.views.take(message);
+      this.traces.take(message);
+    });
+    this.hear("therapy/state", (message) => {
+      this.session.show(message, this.isStopped());
+      this.movements.follow(message);
+    });
+    this.hear("safety_state");
+    this.hear("therapy/trial", (message) => this.movements.take(message));
+    this.hear("therapy/assistance", (message) => this.movements.takeChange(message));
+    this.drawn = this.viewed = this.refreshed = 0;
+  }
+
+  hear(topic, more = () => {}) {
+    this.bridge.subscribe(named(this.robot, topic), (message) => {
+      this.heard[topic] = { message, at: performance.now() };
+      more(message);
+    });
+  }
+
+  // The newest message of a topic, null where it is silent.
+  newest(topic) {
+    const { message, at } = this.heard[topic] ?? { at: -Infinity };
+    return performance.now() - at < SILENT_MS ? message : null;
+  }
+
+  isStopped() {
+    return this.newest("safety_state")?.level === SAFETY_STOPPED;
+  }
+
+  async softwareStop() {
+    this.session.tell(PAGE.stopping);
+    try {
+      const { success, message } = await this.bridge.call(named(this.robot, "supervisor/estop"));
+      if (!success) throw new Error(message);
+      this.session.tell(PAGE.stopped);
+    } catch (error) {
+      this.session.tell(stopFailed(failure(error)));
+    }
+  }
+
+  // Tells that somebody is at this page: a session that misses it pauses.
+  attend() {
+    this.bridge.publish(named(this.robot, "therapy/attendance"), {});
+    if (!this.bridge.isOpen || performance.now() - this.refreshed < LIMITS_MS) return;
+    this.refreshed = performance.now();
+    this.limits.refresh();
+  }
+
+  draw(now) {
+    if (now - this.viewed < VIEW_MS) return;
+    this.viewed = now;
+    const [endpoint, state] = [this.newest("endpoint_state"), this.newest("therapy/state")];
+    say(this.sentence, sessionSentence(state, this.protocols));
+    const [reason, isBad] = safetySentence(this.newest("safety_state"), endpoint, state);
+    say(this.reasons, reason);
+    this.reasons.classList.toggle("bad", isBad);
+    const shown = this.protocols.find(({ protocol }) => protocol === state?.protocol);
+    this.movements.show();
+    this.views.draw(endpoint, state, this.allowed, shown);
+    if (now - this.drawn > TRACE_MS) {
+      this.drawn = now;
+      this.traces.draw();
+    }
+  }
+}
 
 const ATTEND_MS = 500; // a session pauses after 2 s without
 const $ = (id) => document.getElementById(id);
@@ -17,9 +115,9 @@ function notice(sentence) {
 
 function connected(isOpen, sentence) {
   document.body.dataset.open = isOpen;
-  say($("connection"), isOpen ? "Connected" : "No connection: a session that runs pauses by itself");
-  notice(sentence || (isOpen ? "" : "The connection is lost. This page connects again by itself."));
-  if (isOpen) for (const panel of panels) panel.load();
+  say($("connection"), isOpen ? PAGE.connected : PAGE.unconnected);
+  notice(sentence || (isOpen ? "" : PAGE.lost));
+  if (isOpen) for (const panel of panels) panel.limits.load();
 }
 
 function frame(now) {
@@ -28,10 +126,12 @@ function frame(now) {
 }
 
 async function main() {
+  say($("title"), PAGE.title);
+  say($("connection"), PAGE.connecting);
   const token = ownToken();
-  const config = await configurationAtLast(token, notice);
+  const config = await configurationAtLast(token, (error) => notice(failure(error)));
   if (config.role !== "therapist") {
-    notice("This token is the patient's: open the therapist's address.");
+    notice(PAGE.wrongRole);
     return;
   }
   notice("");

@@ -1,6 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// A client of the bridge: the subset of rosbridge v2 that the pages need, which connects again by
-// itself. Subscriptions are made anew with each connection; what was asked for is not asked again.
+// The connection to the bridge: states of its messages, the page's token, and a client of the subset
+// of rosbridge v2 that the pages need, which connects again by itself. Subscriptions are made anew with
+// each connection; a call is not repeated. Errors name their kind as `cause`; `words` has the sentences.
+
+// Constants of TherapyState.msg and SafetyState.msg.
+export const IDLE = 0, RUNNING = 1, PAUSED = 2, FINISHED = 3, ABORTED = 4;
+export const NONE = 0, PREPARE = 1, WAIT = 2, MOVING = 3, OVER_TIME = 4, REACHED = 5;
+export const SAFETY_OK = 0, SAFETY_WAITING = 1, SAFETY_STOPPED = 2;
+
+// A session that begins is paused with this reason until its recording has begun.
+const AWAITS_RECORDING = "waiting for the recording";
+
+export function isBeginning({ state, reason }) {
+  return state === PAUSED && reason === AWAITS_RECORDING;
+}
+
+// The targets of the block that runs: those of all blocks together would overlap.
+export function targetsOf(protocol, { block }) {
+  const { blocks = {}, targets = [] } = protocol ?? {};
+  return Object.hasOwn(blocks, block) ? blocks[block] : targets;
+}
 
 const FIRST_PAUSE_MS = 300;
 const LONGEST_PAUSE_MS = 4000;
@@ -41,7 +60,7 @@ export class Bridge {
     this.isOpen = false;
     for (const { reject, timer } of this.calls.values()) {
       clearTimeout(timer);
-      reject(new Error("the connection to the robot was lost"));
+      reject(new Error("", { cause: "lost" }));
     }
     this.calls.clear();
     this.changed(false, this.sentence);
@@ -78,14 +97,14 @@ export class Bridge {
     if (this.isOpen) this.send({ op: "publish", topic, msg });
   }
 
-  // Returns a promise of the response's fields; it fails with an Error whose message is a sentence.
+  // Returns a promise of the response's fields.
   call(service, args = {}) {
-    if (!this.isOpen) return Promise.reject(new Error("there is no connection to the robot"));
+    if (!this.isOpen) return Promise.reject(new Error("", { cause: "closed" }));
     const id = `call${++this.count}`;
     return new Promise((resolve, reject) => {
       const timer = setTimeout(() => {
         this.calls.delete(id);
-        reject(new Error(`${service} did not answer`));
+        reject(new Error(service, { cause: "unanswered" }));
       }, ANSWER_MS);
       this.calls.set(id, { resolve, reject, timer });
       this.send({ op: "call_service", service, args, id });
@@ -97,40 +116,30 @@ export class Bridge {
   }
 }
 
-// Returns what the bridge tells of itself: role, robots, protocols. Throws as `fetched`.
-export function configuration(token) {
-  return fetched("/config.json", token);
-}
-
-// Returns the last messages of a topic of which each one counts, oldest first. Throws as `fetched`.
-export function history(token, topic) {
-  return fetched(`/history.json?topic=${encodeURIComponent(topic)}`, token);
-}
-
-// Returns what the bridge has at a path. Throws an Error whose message is a sentence; `final` on it:
-// it makes no sense to ask again.
-async function fetched(path, token) {
+// Returns what the bridge tells of itself: role, robots, protocols, measures. Throws an Error; `final` on
+// it: it makes no sense to ask again.
+async function configuration(token) {
   let answer;
   try {
-    answer = await fetch(path, { headers: { Authorization: `Bearer ${token}` } });
+    answer = await fetch("/config.json", { headers: { Authorization: `Bearer ${token}` } });
   } catch {
-    throw new Error("The bridge does not answer.");
+    throw new Error("", { cause: "silent" });
   }
   if (!answer.ok) {
-    const error = new Error(`Not let in: ${(await answer.text()).trim()}`);
+    const error = new Error((await answer.text()).trim(), { cause: "refused" });
     error.final = answer.status === 403;
     throw error;
   }
   return answer.json();
 }
 
-// The same, asked again until there is an answer; told(sentence) hears what is wrong meanwhile.
+// The same, asked again until there is an answer; told(error) gets what is wrong meanwhile.
 export async function configurationAtLast(token, told) {
   for (;;) {
     try {
       return await configuration(token);
     } catch (error) {
-      told(error.message);
+      told(error);
       if (error.final) throw error;
       await new Promise((resolve) => setTimeout(resolve, 1000));
     }
@@ -145,4 +154,15 @@ export function chosenRobot(robots, asked) {
 
 export function named(robot, name) {
   return `${robot === "/" ? "" : robot}/${name}`;
+}
+
+// The token comes behind the # of the address, which a browser sends to nobody. It is kept for this
+// tab, so that a reload works, and taken out of the address bar, where others could read it.
+export function ownToken() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (given) {
+    sessionStorage.setItem("token", given);
+    history.replaceState(null, "", location.pathname + location.search);
+  }
+  return sessionStorage.getItem("token") ?? "";
 }

@@ -1,40 +1,63 @@
 // SPDX-License-Identifier: Apache-2.0
-// The form that starts a session, and the buttons that pause, resume and end it.
+// The form that starts a session, the buttons that pause, resume and end it, and pseudonyms.
 
-import { el, say } from "../elements.js";
-import { PAUSED, RUNNING } from "../states.js";
-import { PATTERN, cleaned, newPseudonym } from "./pseudonym.js";
+import { el, say } from "../draw.js";
+import { PAUSED, RUNNING } from "../link.js";
+import { PAGE, again, failure } from "../words.js";
 
-export class StartCard {
+// Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
+// with a digit: else a name of five letters would be one.
+const ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ";
+export const PATTERN = `P-(?=.*[2-9])[${ALPHABET}]{5}`;
+
+export function newPseudonym() {
+  const signs = [];
+  while (signs.length < 5 || !signs.some((sign) => "2" <= sign && sign <= "9")) {
+    if (signs.length === 5) signs.length = 0;
+    const [byte] = crypto.getRandomValues(new Uint8Array(1));
+    if (byte < ALPHABET.length * Math.floor(256 / ALPHABET.length)) {
+      signs.push(ALPHABET[byte % ALPHABET.length]);
+    }
+  }
+  return `P-${signs.join("")}`;
+}
+
+// What of a typed text may stand in the field: names and other free text do not get in.
+export function cleaned(text) {
+  const kept = text.toUpperCase().replace(/^P-?/, "");
+  return `P-${[...kept].filter((sign) => ALPHABET.includes(sign)).slice(0, 5).join("")}`;
+}
+
+export class SessionCard {
   // call(service, args): a service of this robot.
   constructor(protocols, call) {
     this.call = call;
     this.protocols = protocols;
     this.patient = el("input", {
       className: "pseudonym", pattern: PATTERN, value: "P-", maxLength: 7, required: true,
-      autocomplete: "off", spellcheck: false, ariaLabel: "Pseudonym of the patient",
+      autocomplete: "off", spellcheck: false, ariaLabel: PAGE.patient,
     });
     this.patient.oninput = () => { this.patient.value = cleaned(this.patient.value); };
-    this.new = el("button", { type: "button", onclick: () => this.fresh() }, "New");
+    this.new = el("button", { type: "button", onclick: () => this.fresh() }, PAGE.fresh);
     this.again = el("button", { type: "button", hidden: true, onclick: () => this.sameAgain() });
-    this.protocol = el("select", { ariaLabel: "Protocol" }, ...protocols.map(
+    this.protocol = el("select", { ariaLabel: PAGE.protocol }, ...protocols.map(
       ({ name, title, trials }) => el("option", { value: name }, `${title} (${trials})`)));
     this.record = el("input", { type: "checkbox", checked: true });
-    this.start = el("button", { type: "submit", className: "primary" }, "Start");
-    this.pause = this.button("Pause", "therapy_session/pause");
-    this.resume = this.button("Resume", "therapy_session/resume");
-    this.end = this.button("End session", "therapy_session/abort");
-    this.save = this.button("Stop recording", "session_recorder/stop");
+    this.start = el("button", { type: "submit", className: "primary" }, PAGE.start);
+    this.pause = this.button(PAGE.pause, "therapy_session/pause");
+    this.resume = this.button(PAGE.resume, "therapy_session/resume");
+    this.end = this.button(PAGE.end, "therapy_session/abort");
+    this.save = this.button(PAGE.save, "session_recorder/stop");
     this.told = el("p", { className: "told", role: "status" });
     const form = el("form", { onsubmit: (event) => this.submit(event) },
       el("div", { className: "row" },
-        el("label", {}, "Pseudonym", this.patient), this.new, this.again,
-        el("label", { className: "wide" }, "Protocol (movements)", this.protocol)),
+        el("label", {}, PAGE.pseudonym, this.patient), this.new, this.again,
+        el("label", { className: "wide" }, PAGE.movements, this.protocol)),
       el("div", { className: "row" },
-        el("label", { className: "check" }, this.record, "Record"), this.start, this.pause,
+        el("label", { className: "check" }, this.record, PAGE.record), this.start, this.pause,
         this.resume, this.end, this.save));
     form.noValidate = true;
-    this.element = el("section", { className: "card" }, el("h2", {}, "Session"), form, this.told);
+    this.element = el("section", { className: "card" }, el("h2", {}, PAGE.session), form, this.told);
     this.show(null);
   }
 
@@ -44,7 +67,7 @@ export class StartCard {
 
   fresh() {
     this.patient.value = newPseudonym();
-    this.tell("Write down, elsewhere, whose pseudonym this is.", true);
+    this.tell(PAGE.write, true);
   }
 
   sameAgain() {
@@ -55,7 +78,7 @@ export class StartCard {
   submit(event) {
     event.preventDefault();
     if (!this.patient.checkValidity()) {
-      this.tell("A pseudonym like P-7K3QX is wanted: press New, or type it. No names.");
+      this.tell(PAGE.wanted);
       return;
     }
     const [patient, protocol] = [this.patient.value, this.protocol.value];
@@ -68,7 +91,7 @@ export class StartCard {
       const { success, message } = await this.call(service, args);
       this.tell(message, success);
     } catch (error) {
-      this.tell(error.message);
+      this.tell(failure(error));
     }
   }
 
@@ -103,7 +126,7 @@ export class StartCard {
   // After a session: the next patient's must not be kept under the pseudonym of the one before.
   clear() {
     this.patient.value = "P-";
-    this.again.textContent = `${this.last} again`;
+    this.again.textContent = again(this.last);
     this.again.hidden = false;
   }
 }

@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every sentence and label of both pages: the one place to translate. Labels and units of measures come
+// from the bridge (`config.measures`), titles of protocols too.
+
+import {
+  ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
+  SAFETY_STOPPED, WAIT, isBeginning,
+} from "./link.js";
+
+// Why something did not work ----------------------------------------------------------------
+
+const FAILURES = {
+  lost: () => "the connection to the robot was lost",
+  closed: () => "there is no connection to the robot",
+  unanswered: (service) => `${service} did not answer`,
+  silent: () => "The bridge does not answer.",
+  refused: (why) => `Not let in: ${why}`,
+};
+
+// The sentence of an error; the bridge and the nodes send sentences themselves.
+export function failure({ cause, message }) {
+  return FAILURES[cause]?.(message) ?? message;
+}
+
+// The patient's screen ----------------------------------------------------------------------
+
+export const SCREEN = {
+  picture: "Where the hand is and where it is to go",
+  back: "Back", full: "Full screen", soundOn: "Sound: on", soundOff: "Sound: off",
+  menu: "What shall we do?", hint: "The therapist starts the exercises; until then you can play.",
+  fruit: "Pick fruit", free: "Move freely", start: "start",
+};
+const WAITING = "One moment …";
+const ASK_THERAPIST = "Your therapist knows what to do";
+
+const TASKS = {
+  reach: "Move to the orange diamond", circle: "Draw circles along the orange line",
+  hold: "Hold your hand still", resisted: "Stay at the orange diamond",
+  strength: "Push in the direction of the arrow",
+};
+
+// What to do now in a session.
+export function task(state) {
+  if (state.phase === PREPARE) return "The robot brings your hand to the start";
+  if (state.phase === REACHED) return "Well done";
+  const lift = state.kind === "reach" && state.start.z !== state.target.z
+    && state.start.x === state.target.x && state.start.y === state.target.y;
+  const words = lift ? "Take the elevator to the marked floor" : TASKS[state.kind] ?? "";
+  if (state.phase === OVER_TIME) return `${words}: take your time`;
+  return state.phase === WAIT || state.phase === MOVING ? words : "";
+}
+
+// What covers the picture, [title, more]; null when nothing does.
+export function veil({
+  sentence, isOpen, isHeard, isTold, state, safety, reached, trials, hasSeenAll, hasOthers,
+}) {
+  if (!isOpen) return [WAITING, sentence || "Connecting to the robot"];
+  if (!isHeard) return [WAITING, "The robot does not tell anything yet"];
+  const isOn = state?.state === PAUSED || state?.state === RUNNING;
+  if (isOn && !isTold) return [WAITING, "The exercise has stopped"];
+  if (safety === SAFETY_STOPPED) return ["The robot has stopped", ASK_THERAPIST];
+  if (safety !== SAFETY_OK) return ["The robot rests", ASK_THERAPIST];
+  if (state && isBeginning(state)) return [WAITING, "The exercise is about to begin"];
+  if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
+  if (state?.state === FINISHED) {
+    const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
+    return ["Finished. Thank you!", hasSeenAll ? `${count} reached` : ""];
+  }
+  if (state?.state === ABORTED) return ["The exercise has ended", ""];
+  return null;
+}
+
+export function noRobot(asked) {
+  return `There is no robot ${asked} here: ask for the right address.`;
+}
+
+const SEASONS = ["Spring", "Summer", "Autumn", "Winter"];
+
+// The line above the game; streak: fruit picked without a pause, 0 while it is too short to count.
+export function gameLine({ score, picked, basket, streak }) {
+  if (!picked) return "Move the blue disc to the fruit";
+  const row = streak ? ` · ${streak} in a row, +1 each` : "";
+  return `${score} points · ${SEASONS[basket % SEASONS.length]}, basket ${basket + 1}${row}`;
+}
+
+// The therapist's page ----------------------------------------------------------------------
+
+export const PAGE = {
+  title: "Therapist's page", connecting: "Connecting …", connected: "Connected",
+  unconnected: "No connection: a session that runs pauses by itself",
+  lost: "The connection is lost. This page connects again by itself.",
+  wrongRole: "This token is the patient's: open the therapist's address.",
+  stop: "Software stop", notEmergency: "(not the emergency stop)",
+  stopping: "Software stop asked for …",
+  stopped: "The software stop was carried out. What to do now stands beside its button.",
+  session: "Session", pseudonym: "Pseudonym", patient: "Pseudonym of the patient", fresh: "New",
+  protocol: "Protocol", movements: "Protocol (movements)", record: "Record", start: "Start",
+  pause: "Pause", resume: "Resume", end: "End session", save: "Stop recording",
+  write: "Write down, elsewhere, whose pseudonym this is.",
+  wanted: "A pseudonym like P-7K3QX is wanted: press New, or type it. No names.",
+  limits: "Limits", unknown: "Not known yet.",
+  hand: "Hand", above: "From above: away from the patient is up",
+  side: "From the side: away from the patient is right", traces: "Traces",
+  position: "Position [cm] over time [s]", force: "Force of the patient on the robot [N] over time [s]",
+  axes: ["x right", "y away", "z up"],
+  results: "Movements", reached: "Reached", yes: "✓ yes", no: "– no", noMovement: "No movement yet.",
+  assistance: "Assistance", noChange: "No change yet.",
+};
+
+export const LIMITS = {
+  "assistance.stiffness": "Stiffest wall of the next session", "wish.half_width": "Workspace, left and right",
+  "wish.half_depth": "Workspace, near and far", "wish.low": "Workspace, lowest height",
+  "wish.high": "Workspace, greatest height", "wish.speed": "Speed of what a game wishes",
+};
+
+export function robotTitle(robot, robots) {
+  return robots.length > 1 ? `Robot ${robot.slice(1)}` : "Robot";
+}
+
+export function stopFailed(why) {
+  return `The software stop failed: ${why}. Use the emergency stop.`;
+}
+
+export function again(patient) {
+  return `${patient} again`;
+}
+
+export function wasSet(name) {
+  return `${LIMITS[name]}: set.`;
+}
+
+export function quantity(value, unit) {
+  return unit === "m" ? `${(100 * value).toFixed(1)} cm` : `${value.toFixed(value < 10 ? 2 : 0)} ${unit}`;
+}
+
+// Title of a measure's column, as `Peak speed [mm/s]`.
+export function measureTitle({ label, unit }) {
+  const words = label[0].toUpperCase() + label.slice(1);
+  return unit ? `${words} [${unit}]` : words;
+}
+
+// reaches, alone: results of the reaches, and of those without assistance.
+export function resultSentence(patient, reaches, alone) {
+  const apart = alone.length && alone.length < reaches.length
+    ? `, without assistance ${counted(alone)}` : "";
+  return `${patient}: ${counted(reaches)} targets reached${apart}`;
+}
+
+function counted(reaches) {
+  return `${reaches.filter(({ reached }) => reached).length} of ${reaches.length}`;
+}
+
+export function changeSentence({ block, circuit, duration, side, reason }) {
+  return `Block ${block}, circuit ${circuit}: ${duration.toFixed(2)} s, side walls ${side.toFixed(0)} N/m; ${reason}`;
+}
+
+const PHASES = {
+  [PREPARE]: "the robot brings the hand to the start", [WAIT]: "the target is shown",
+  [MOVING]: "the patient moves", [OVER_TIME]: "over time, the wall stiffens slowly",
+  [REACHED]: "reached",
+};
+
+// Where the session is, in one sentence.
+export function sessionSentence(state, protocols) {
+  if (!state) return "The session node is silent.";
+  const title = protocols.find(({ protocol }) => protocol === state.protocol)?.title ?? state.protocol;
+  const kept = state.recorded ? "It is recorded." : "It is not recorded.";
+  const count = `movement ${state.trial} of ${state.trials}`;
+  switch (state.state) {
+    case RUNNING: {
+      const isAlone = state.phase === OVER_TIME && !state.assisted; // there is no wall
+      const words = isAlone ? "over time" : PHASES[state.phase];
+      const phase = words ? `: ${words}` : "";
+      return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
+    }
+    case PAUSED:
+      if (isBeginning(state)) return `${state.patient}: ${title}. Starting: ${state.reason}.`;
+      return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
+    case FINISHED:
+      return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
+    case ABORTED:
+      return `${state.patient}: ${title}. Ended before its time: ${state.reason}.`;
+    default:
+      return "No session.";
+  }
+}
+
+// What to do after a stop. Only an operator resets it: no page has that right.
+function wayOut(state) {
+  const isOn = state?.state === RUNNING || state?.state === PAUSED;
+  const after = isOn ? "Resume, which repeats the movement, or End session" : "Start";
+  return "See to the patient first. This page cannot start the robot again: ask its operator to remove "
+    + `the cause, reset the stop and switch the torque on at the robot's computer. Then press ${after}.`;
+}
+
+// The supervisor's word for a stop by `estop`, which is all that this page's button does.
+const ESTOP = "emergency stop";
+
+// What stands in the way of motion, [sentence, whether it is bad].
+export function safetySentence(safety, endpoint, state) {
+  if (!safety) return ["The supervisor says nothing: no motion is permitted.", true];
+  const told = safety.reasons.map((each) => (each === ESTOP ? "the software stop was asked for" : each));
+  const reasons = told.join("; ");
+  if (safety.level === SAFETY_STOPPED) {
+    return [`The robot has stopped: ${reasons || "no reason told"}. ${wayOut(state)}`, true];
+  }
+  if (safety.level !== SAFETY_OK) return [`Waiting: ${reasons || "no reason told"}.`, true];
+  if (!endpoint) return ["The robot's position is silent.", true];
+  const off = [["plane", 0], ["vertical", 1]].filter(([, i]) => !endpoint.enabled[i]);
+  if (off.length) return [`The torque is off: ${off.map(([name]) => name).join(" and ")}.`, true];
+  return ["The robot is ready, the torque is on.", false];
+}
