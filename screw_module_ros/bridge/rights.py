@@ -47,8 +47,6 @@ TYPES = {name: topic.type for name, topic in graph.TOPICS.items()} | SERVICES
 KEPT = {graph.THERAPY_TRIAL: ("trial",), graph.THERAPY_ASSISTANCE: ("block", "circuit")}
 """Topics whose messages of the running session are kept, for a page that subscribes later, with
 the fields that rise within a session."""
-ATTENDED = ("therapy_session/start", "therapy_session/resume")
-"""Services that a page calls only for a session that it attends."""
 LIMITS = (
     "allow_wishes", "assistance.stiffness",
     "wish.half_width", "wish.half_depth", "wish.low", "wish.high", "wish.speed",

@@ -14,7 +14,6 @@ import contextlib
 from collections import deque
 from typing import Any
 
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from screw_module_msgs.msg import TherapyState
@@ -22,8 +21,6 @@ from screw_module_msgs.msg import TherapyState
 from screw_module_ros.bridge.client import ServiceError
 from screw_module_ros.bridge.messages import as_json, filled, plain, type_class
 from screw_module_ros.bridge.rights import (
-    ATTENDANCE,
-    ATTENDED,
     CALL,
     KEPT,
     PUBLISH,
@@ -42,8 +39,7 @@ _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
 _FOUND_S = 5.0  # the middleware repeats lost announcements each 3 s
-_AT_ONCE = Duration(nanoseconds=5_000_000)  # most acknowledgements come within it
-_IN_SESSION = (TherapyState.RUNNING, TherapyState.PAUSED)
+_IN_SESSION = (TherapyState.STARTING, TherapyState.RUNNING, TherapyState.PAUSED)
 
 
 class PolledTopic:
@@ -140,14 +136,10 @@ class BridgeGateway:
             place.full: node.create_publisher(type_class(place.type), place.full, topics.COMMAND)
             for place in rights.places(PUBLISH)
         }
-        calls = rights.places(CALL)
         self._clients = {
-            place.full: node.create_client(type_class(place.type), place.full) for place in calls
+            place.full: node.create_client(type_class(place.type), place.full)
+            for place in rights.places(CALL)
         }
-        self._attendance = {
-            place.full: self._publishers[place._replace(name=ATTENDANCE).full]
-            for place in calls if place.name in ATTENDED
-        }  # fmt: skip
 
     def close(self) -> None:
         """Destroy topics and clients."""
@@ -206,26 +198,10 @@ class BridgeGateway:
         return plain(future.result())
 
     async def _until_found(self, service: str) -> None:
-        """Wait until a node offers the service, and has received that the page attends.
-
-        Else a session would not miss a page that is lost at once: the bridge's end of a connection
-        is there before the session's. Raises ServiceError.
-        """
+        """Wait until a node offers the service. Raises ServiceError."""
         loop = asyncio.get_running_loop()
         late_s = loop.time() + _FOUND_S
-        attendance, attended = self._attendance.get(service), False
-        while True:
-            if is_served(self._node, self._clients[service]):
-                if attendance is None:
-                    return
-                if not attended and attendance.get_subscription_count():
-                    attendance.publish(attendance.msg_type())
-                    attended = True
-                if attended and attendance.wait_for_all_acked(_AT_ONCE):
-                    break
+        while not is_served(self._node, self._clients[service]):
             if loop.time() >= late_s:
-                if attended:  # a frozen subscriber must not keep a session from being started
-                    break
                 raise ServiceError(f"nobody offers {service}: is its node running?")
             await asyncio.sleep(_CHECK_S)
-        attendance.publish(attendance.msg_type())  # a session forgets an old word at its start

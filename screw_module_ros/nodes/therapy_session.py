@@ -154,22 +154,14 @@ class TherapySessionNode(Node):
 
     def _watch(self, now_ns: int) -> None:
         """Pause the session when its samples stop or the therapist's page is silent."""
-        self._take_page(now_ns)
+        if self._take_attendance() is not None:
+            self._attendance.hear(now_ns)
         if self._session is None:
             return
         if self._silent(now_ns):
             self._change(self._session.pause, f"{graph.ENDPOINT_STATE} is silent")
         if reason := self._attendance.missed(now_ns):
             self._change(self._session.pause, reason)
-
-    def _begin_attendance(self, now_ns: int) -> None:
-        """Forget a silent page; take now, before it could be lost, what was sent ahead."""
-        self._attendance.begin(now_ns)
-        self._take_page(now_ns)
-
-    def _take_page(self, now_ns: int) -> None:
-        if self._take_attendance() is not None:
-            self._attendance.hear(now_ns)
 
     def _is_under_way(self) -> bool:
         return self._session is not None and self._session.state in UNDER_WAY
@@ -257,9 +249,7 @@ class TherapySessionNode(Node):
             now_ns = self.clock.now_ns()
             if hindrance := self._recording.hindrance(patient, request.record, now_ns):
                 return hindrance
-            self._begin_attendance(now_ns)
-            if request.attended:
-                self._attendance.hear(now_ns)
+            self._attendance.begin(request.attended, now_ns)
             self._patient, self._definition = patient, definition
             self._state.definition_sha256 = sha256(definition)
             self._session = Session(protocol, _WAITS if request.record else "")
@@ -290,7 +280,7 @@ class TherapySessionNode(Node):
         if self._recording.waits:
             return _WAITS
         with self._lock:
-            self._begin_attendance(self.clock.now_ns())
+            self._attendance.resume(self.clock.now_ns())
         return self._act("resume")
 
     def health(self) -> Health:

@@ -23,6 +23,15 @@ class Attendance:
         self._settings = settings
         self._heard_ns: int | None = None
 
+    def begin(self, attended: bool, now_ns: int) -> None:
+        """Begin a session at now_ns [ns]; attended: a page has promised to attend it."""
+        self._heard_ns = now_ns if attended else None
+
+    def resume(self, now_ns: int) -> None:
+        """Go on at now_ns [ns]: the page of an attended session gets its time again."""
+        if self._heard_ns is not None:
+            self._heard_ns = now_ns
+
     def hear(self, now_ns: int) -> None:
         """Note an attendance message; now_ns: time [ns]."""
         self._heard_ns = now_ns
@@ -33,8 +42,3 @@ class Attendance:
         if self._heard_ns is None or now_ns - self._heard_ns <= timeout * 1e9:
             return ""
         return f"the therapist's page has been silent for {timeout:g} s"
-
-    def begin(self, now_ns: int) -> None:
-        """Forget a silent page: the operator resumes the session without it."""
-        if self.missed(now_ns):
-            self._heard_ns = None

@@ -11,7 +11,6 @@ import subprocess
 import pytest
 
 from screw_module_ros.bridge.pages import FOLDER
-from screw_module_ros.nodes import therapy_session
 from screw_module_ros.nodes.web_bridge import measures_for_screens
 from screw_module_ros.therapy.pseudonym import PATTERN, checked_pseudonym
 
@@ -129,6 +128,7 @@ def test_only_reaches_have_targets(result_of):
 @pytest.mark.parametrize(("state", "told"), [
     ("RUNNING", ["One moment …", "The exercise has stopped"]),
     ("PAUSED", ["One moment …", "The exercise has stopped"]),
+    ("STARTING", ["One moment …", "The exercise has stopped"]),
     ("IDLE", None),
 ])  # fmt: skip
 def test_a_session_that_has_gone_silent_asks_for_nothing(result_of, state, told):
@@ -153,18 +153,16 @@ def test_the_targets_of_one_block_are_shown(result_of, block, shown):
     """) == shown
 
 
-@pytest.mark.parametrize(("safety", "reason", "told"), [
-    (0, "the therapist paused it", "Pause"),
-    (0, therapy_session._WAITS, "One moment …"),
-    (2, "the robot's safety monitor permits no motion", "The robot has stopped"),
+@pytest.mark.parametrize(("safety", "state", "told"), [
+    (0, "PAUSED", "Pause"), (0, "STARTING", "One moment …"), (2, "PAUSED", "The robot has stopped"),
 ])  # fmt: skip
-def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, reason, told):
+def test_a_pause_tells_the_patient_what_kind_it_is(result_of, safety, state, told):
     """Nobody `goes on in a moment` after a stop, and a session that begins was not interrupted."""
     title, _ = result_of(f"""
         import {{ veil }} from "./js/words.js";
-        import {{ PAUSED }} from "./js/link.js";
+        import {{ {state} }} from "./js/link.js";
         const result = veil({{ isOpen: true, isHeard: true, isTold: true, safety: {safety},
-                               state: {{ state: PAUSED, reason: "{reason}" }} }});
+                               state: {{ state: {state} }} }});
     """)
     assert title == told
 

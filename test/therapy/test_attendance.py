@@ -21,15 +21,26 @@ def test_a_page_that_is_silent_for_two_seconds_is_missed():
     assert attendance.missed(4000 * MS) == ""
 
 
-def test_who_begins_without_the_page_is_not_held_up_by_it():
+def test_a_start_forgets_the_page_of_the_session_before():
     attendance = Attendance(AttendanceSettings(0.5))
     attendance.hear(0)
-    attendance.begin(600 * MS)
+    attendance.begin(False, 600 * MS)
     assert attendance.missed(10**12) == ""
 
 
-def test_beginning_does_not_forget_a_page_that_is_there():
+def test_a_page_that_starts_a_session_is_missed_though_it_was_never_heard():
+    """It may be lost before its first word arrives: nobody would attend the session."""
     attendance = Attendance(AttendanceSettings(0.5))
+    attendance.begin(True, 600 * MS)
+    assert attendance.missed(1100 * MS) == ""
+    assert attendance.missed(1101 * MS)
+
+
+def test_an_attended_session_stays_so_when_it_goes_on():
+    attendance = Attendance(AttendanceSettings(0.5))
+    attendance.resume(0)
+    assert attendance.missed(10**12) == "", "nobody has ever attended it"
     attendance.hear(0)
-    attendance.begin(400 * MS)
-    assert attendance.missed(600 * MS)
+    attendance.resume(5000 * MS)
+    assert attendance.missed(5500 * MS) == ""
+    assert attendance.missed(5501 * MS)

@@ -4,15 +4,13 @@
 // each connection; a call is not repeated. Errors name their kind as `cause`; `words` has the sentences.
 
 // Constants of TherapyState.msg and SafetyState.msg.
-export const IDLE = 0, RUNNING = 1, PAUSED = 2, FINISHED = 3, ABORTED = 4;
+export const IDLE = 0, RUNNING = 1, PAUSED = 2, FINISHED = 3, ABORTED = 4, STARTING = 5;
 export const NONE = 0, PREPARE = 1, WAIT = 2, MOVING = 3, OVER_TIME = 4, REACHED = 5;
 export const SAFETY_OK = 0, SAFETY_WAITING = 1, SAFETY_STOPPED = 2;
 
-// A session that begins is paused with this reason until its recording has begun.
-const AWAITS_RECORDING = "waiting for the recording";
-
-export function isBeginning({ state, reason }) {
-  return state === PAUSED && reason === AWAITS_RECORDING;
+// Whether a session is under way; state: a TherapyState, null before the first.
+export function isUnderWay(state) {
+  return [STARTING, RUNNING, PAUSED].includes(state?.state);
 }
 
 // The targets of the block that runs: those of all blocks together would overlap.

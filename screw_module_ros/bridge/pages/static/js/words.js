@@ -4,7 +4,7 @@
 
 import {
   ABORTED, FINISHED, MOVING, OVER_TIME, PAUSED, PREPARE, REACHED, RUNNING, SAFETY_OK,
-  SAFETY_STOPPED, WAIT, isBeginning,
+  SAFETY_STOPPED, STARTING, WAIT, isUnderWay,
 } from "./link.js";
 
 // Why something did not work ----------------------------------------------------------------
@@ -56,11 +56,11 @@ export function veil({
 }) {
   if (!isOpen) return [WAITING, sentence || "Connecting to the robot"];
   if (!isHeard) return [WAITING, "The robot does not tell anything yet"];
-  const isOn = state?.state === PAUSED || state?.state === RUNNING;
+  const isOn = isUnderWay(state);
   if (isOn && !isTold) return [WAITING, "The exercise has stopped"];
   if (safety === SAFETY_STOPPED) return ["The robot has stopped", ASK_THERAPIST];
   if (safety !== SAFETY_OK) return ["The robot rests", ASK_THERAPIST];
-  if (state && isBeginning(state)) return [WAITING, "The exercise is about to begin"];
+  if (state?.state === STARTING) return [WAITING, "The exercise is about to begin"];
   if (state?.state === PAUSED) return ["Pause", "The therapist goes on in a moment"];
   if (state?.state === FINISHED) {
     const count = hasOthers ? `${reached} target${reached === 1 ? "" : "s"}` : `${reached} of ${trials} targets`;
@@ -173,8 +173,9 @@ export function sessionSentence(state, protocols) {
       const phase = words ? `: ${words}` : "";
       return `${state.patient}: ${title}. Running, ${count}${phase}. ${kept}`;
     }
+    case STARTING:
+      return `${state.patient}: ${title}. Starting: ${state.reason}.`;
     case PAUSED:
-      if (isBeginning(state)) return `${state.patient}: ${title}. Starting: ${state.reason}.`;
       return `${state.patient}: ${title}. Paused, ${count}: ${state.reason}. ${kept}`;
     case FINISHED:
       return `${state.patient}. Finished: ${title}, ${state.trials} movements.`;
@@ -187,7 +188,7 @@ export function sessionSentence(state, protocols) {
 
 // What to do after a stop. Only an operator resets it: no page has that right.
 function wayOut(state) {
-  const isOn = state?.state === RUNNING || state?.state === PAUSED;
+  const isOn = isUnderWay(state);
   const after = isOn ? "Resume, which repeats the movement, or End session" : "Start";
   return "See to the patient first. This page cannot start the robot again: ask its operator to remove "
     + `the cause, reset the stop and switch the torque on at the robot's computer. Then press ${after}.`;

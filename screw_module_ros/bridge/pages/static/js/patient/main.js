@@ -3,8 +3,8 @@
 
 import { el, fitted, say } from "../draw.js";
 import {
-  ABORTED, Bridge, FINISHED, IDLE, PAUSED, REACHED, RUNNING, SAFETY_OK, chosenRobot,
-  configurationAtLast, named, ownToken,
+  ABORTED, Bridge, FINISHED, IDLE, REACHED, RUNNING, SAFETY_OK, chosenRobot, configurationAtLast,
+  isUnderWay, named, ownToken,
 } from "../link.js";
 import { SCREEN, failure, noRobot, task, veil } from "../words.js";
 import { FruitGame } from "./fruit.js";
@@ -30,7 +30,7 @@ export class Count {
   // Takes a message of therapy/state, with the one before or null; returns whether a target has
   // been reached just now. isOther: it is of another patient or protocol.
   take(state, before, isOther) {
-    const wasOn = before?.state === RUNNING || before?.state === PAUSED;
+    const wasOn = isUnderWay(before);
     if (isOther) this.begin(state.trial === 1);
     else if (state.trial === 1 && state.state === RUNNING && !(wasOn && before.trial === 1)) this.begin(true);
     if (state.state === RUNNING && state.kind && state.kind !== "reach") this.hasOthers = true;

@@ -3,7 +3,7 @@
 // session so far with each subscription, so that a reload or another device shows them all.
 
 import { el, say } from "../draw.js";
-import { PAUSED, RUNNING } from "../link.js";
+import { isUnderWay } from "../link.js";
 import { PAGE, changeSentence, measureTitle, resultSentence } from "../words.js";
 
 const SHOWN = 60, KEPT = 1100; // a session of the clock game has 1024 movements
@@ -65,10 +65,11 @@ export class MovementsCard {
   }
 
   // Forgets the movements of the session before, as soon as another one is on.
-  follow({ state, patient, protocol, trial }) {
+  follow(state) {
+    const { patient, protocol, trial } = state;
     const session = `${patient} ${protocol}`;
     const last = this.trials.at(-1);
-    if (!last || (state !== RUNNING && state !== PAUSED)) return;
+    if (!last || !isUnderWay(state)) return;
     if (session === this.session && trial >= last.trial) return;
     this.begin(session);
   }

@@ -2,7 +2,7 @@
 // The form that starts a session, the buttons that pause, resume and end it, and pseudonyms.
 
 import { el, say } from "../draw.js";
-import { PAUSED, RUNNING } from "../link.js";
+import { PAUSED, RUNNING, STARTING, isUnderWay } from "../link.js";
 import { PAGE, again, failure } from "../words.js";
 
 // Pseudonyms, as therapy/pseudonym.py makes them: P- and five signs that look like no other,
@@ -82,7 +82,7 @@ export class SessionCard {
       return;
     }
     const [patient, protocol] = [this.patient.value, this.protocol.value];
-    this.ask("therapy_session/start", { patient, protocol, record: this.record.checked });
+    this.ask("therapy_session/start", { patient, protocol, record: this.record.checked, attended: true });
   }
 
   async ask(service, args = {}) {
@@ -103,13 +103,13 @@ export class SessionCard {
   // isStopped: the robot has stopped, so that a session would pause again at once.
   show(state, isStopped = false) {
     const now = state?.state;
-    const isOn = now === RUNNING || now === PAUSED;
+    const isOn = isUnderWay(state);
     if (isOn) this.take(state);
     else if (this.isOn) this.clear();
     this.isOn = isOn;
     for (const each of [this.patient, this.new, this.protocol, this.record]) each.disabled = isOn;
     this.start.disabled = isOn || isStopped;
-    this.pause.disabled = now !== RUNNING;
+    this.pause.disabled = now !== RUNNING && now !== STARTING;
     this.resume.disabled = now !== PAUSED || isStopped;
     this.end.disabled = !isOn;
     this.save.disabled = !(now && state.recorded);
