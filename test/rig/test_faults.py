@@ -253,3 +253,16 @@ def test_every_fault_of_the_list_is_a_word_of_its_own(make_bench):
     lines = rig.describe().splitlines()
     listed = {line.split()[0] for line in lines if line.startswith("  ")}
     assert {key.split()[1] for key in rig.faults()} == listed
+
+
+def test_a_fault_changes_an_attribute_that_its_device_has_and_gives_it_back(make_bench):
+    bench = make_bench("encoder", "drive", "force_sensor")
+    for device in bench.rig.devices.values():
+        kinds = {name: fault for name, fault in device.FAULTS.items() if fault.attribute}
+        for name, fault in kinds.items():
+            healthy = getattr(type(device), fault.attribute)
+            device.inject(name, 0.0, 0.0, bench.now_ns)
+            assert fault.attribute in vars(device), name
+            device.inject("clear", 0.0, 0.0, bench.now_ns)
+            assert getattr(device, fault.attribute) == healthy, name
+            assert fault.attribute not in vars(device), name
