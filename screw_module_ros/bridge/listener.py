@@ -72,9 +72,11 @@ class Listener:
                 continue
             opening = loop.create_task(self._open(accepted, protocols))
             self._opening[opening] = None
-            opening.add_done_callback(self._opening.pop)
+            opening.add_done_callback(lambda ended: self._opening.pop(ended, None))
             if len(self._opening) > _MOST_OPENING:
-                next(iter(self._opening)).cancel()
+                oldest = next(iter(self._opening))
+                del self._opening[oldest]  # now: it ends only after the next one has come
+                oldest.cancel()
             await asyncio.sleep(0)  # others go on, also while many wait to be accepted
 
     async def _open(self, accepted: socket.socket, protocols: web.Server) -> None:

@@ -69,7 +69,7 @@ class Server:
     async def start(self) -> None:
         """Listen. Raises OSError or ssl.SSLError if that fails."""
         listening = self._listening
-        self._listener = Listener(listening, self._is_client, self._log)
+        listener = self._listener = Listener(listening, self._is_client, self._log)
         app = web.Application(middlewares=[self._guard], client_max_size=self.limits.size)
         app.add_routes([web.get("/ws", self._websocket), web.get("/config.json", self._configured)])
         app.add_routes([web.get(path, _page(name)) for path, name in PAGES.items()])
@@ -81,7 +81,6 @@ class Server:
         await self._runner.setup()
         names = names_of(listening.address, listening.hosts)
         origins = tuple(filter(None, listening.origins))
-        listener = self._listener
         self._door = Door(names, listener.port, listener.scheme, origins, self._tokens)
         asyncio.get_running_loop().set_exception_handler(self._unexpected)
         listener.start(self._runner.server)
@@ -97,10 +96,10 @@ class Server:
         """Close every connection."""
         for connection in list(self._connections):
             with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
-                going = connection.socket.close(
-                    code=WSCloseCode.GOING_AWAY, message=b"bridge ends"
+                await asyncio.wait_for(
+                    connection.socket.close(code=WSCloseCode.GOING_AWAY, message=b"bridge ends"),
+                    timeout=_END_S,
                 )
-                await asyncio.wait_for(going, _END_S)
             connection.transport.abort()
         if self._runner is not None:
             await self._listener.close()
@@ -212,8 +211,9 @@ class Server:
                 await connection.wake.wait()
                 connection.wake.clear()
                 for text in connection.client.texts(self._clock.now_ns()):
-                    sending = connection.socket.send_str(text)
-                    await asyncio.wait_for(sending, self.limits.patience)
+                    await asyncio.wait_for(
+                        connection.socket.send_str(text), timeout=self.limits.patience
+                    )
         except ConnectionError:
             return  # the reading task also notices
         except asyncio.TimeoutError:
@@ -252,3 +252,4 @@ async def _add_headers(request: web.Request, response: web.StreamResponse) -> No
     response.headers.update(SECURITY_HEADERS)
     if not isinstance(response, web.WebSocketResponse):
         response.force_close()  # so what stays open has made no request
+        response.headers["Connection"] = "close"  # aiohttp has decided on this one before

@@ -104,6 +104,7 @@ def test_pages_come_with_the_headers_that_keep_them_apart(server):
         assert "default-src 'none'" in headers["Content-Security-Policy"]
         assert headers["X-Content-Type-Options"] == "nosniff"
         assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Connection"] == "close"
     assert run(answer(server, "/patient", Host="evil.example"))[0] == 403
     assert run(answer(server, "/patient", Origin="http://evil.example"))[0] == 403
 
@@ -352,6 +353,7 @@ def test_half_a_request_is_given_up_in_time(server, said, monkeypatch):
 def test_half_open_requests_keep_no_page_out(server, said, monkeypatch):
     """At 1024 handles 1018 of them did; they needed no token."""
     monkeypatch.setattr(listener, "_MOST_OPENING", 8)
+    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)  # not by time
     waiting = [half_open(server) for _ in range(40)]
     try:
         assert run(answer(server, "/config.json", token=THERAPIST))[0] == 200
@@ -361,6 +363,14 @@ def test_half_open_requests_keep_no_page_out(server, said, monkeypatch):
     finally:
         for opened in waiting:
             opened.close()
+
+
+def test_a_connection_ends_with_its_response(server, monkeypatch):
+    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)
+    host = server.address.partition("://")[2]
+    with half_open(server, f"GET /patient HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()) as opened:
+        while not is_closed(opened):
+            pass
 
 
 def test_a_client_stays_as_long_as_it_likes(server, gateway, monkeypatch):
@@ -457,6 +467,7 @@ def test_half_a_handshake_is_given_up_in_time(gateway, certificate, monkeypatch)
 
 def test_half_open_handshakes_keep_no_page_out(gateway, certificate, said, monkeypatch):
     monkeypatch.setattr(listener, "_MOST_OPENING", 8)
+    monkeypatch.setattr(listener, "_OPENING_S", 10 * DEADLINE_S)  # not by time
     files = {"certificate": str(certificate[0]), "key": str(certificate[1])}
     with Served(make_server(gateway, log=said.append, **files)) as server:
         waiting = [half_open(server, b"") for _ in range(40)]
