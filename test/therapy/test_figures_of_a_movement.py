@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from screw_module_ros.control.minimum_jerk import pace, way
+from screw_module_ros.therapy.columns import Trial
+from screw_module_ros.therapy.hand import SPACE, HandSample
 from screw_module_ros.therapy.kinematics import (
     direction_error,
     ellipse_area,
@@ -20,6 +22,9 @@ from screw_module_ros.therapy.kinematics import (
     time_in_motion,
     work_done,
 )
+from screw_module_ros.therapy.line import Line
+from screw_module_ros.therapy.measures import computed
+from screw_module_ros.therapy.protocol import REACH
 
 RATE = 200.0
 PATH_FIGURES = (path_error, path_ratio, direction_error)
@@ -117,3 +122,33 @@ def test_work_has_two_directions():
     force[:] = math.nan
     assert work_done(force, velocity, times) == (0.0, 0.0)
     assert math.isnan(ratio(0.0, 0.0)), "no work, no share"
+
+
+def test_the_table_of_a_minimum_jerk_reach():
+    """0.14 m in 1 s after 0.2 s of rest; the patient pushes at first, then the robot does.
+
+    The movement lies above a tenth of the peak speed: 30 t^2 (1 - t)^2 > 0.1875, from 0.0865 s to
+    0.9135 s.
+    """
+    step_ns, rest, edge = 5_000_000, 40, 0.0865
+    samples = []
+    for k in range(rest + 201):
+        part = max(0, k - rest) / 200
+        force = 10.0 if part <= 0.5 else -5.0
+        samples.append(HandSample(
+            k, k * step_ns, START[0], 0.14 * way(part), START[2], 0.0, 0.14 * pace(part), 0.0,
+            0.0, force, 0.0,
+        ))  # fmt: skip
+    line = Line(START, TARGET, SPACE)
+    found = computed(Trial(REACH, line, 1.4, rest * step_ns, samples[-1].time_ns, samples))
+    assert found["duration"] == pytest.approx(1.0 - 2.0 * edge, abs=0.01)
+    assert found["time_to_start"] == pytest.approx(0.2 + edge, abs=0.005)
+    assert found["peak_speed"] == pytest.approx(1.875 * 0.14)
+    assert found["mean_speed"] == pytest.approx(
+        0.14 * (1.0 - 2.0 * way(edge)) / (1.0 - 2.0 * edge), rel=0.01
+    )
+    assert found["reach_error"] == pytest.approx(0.14 * way(edge), abs=2e-4)
+    assert found["patient_work"] == pytest.approx(10.0 * 0.07, abs=0.01)
+    assert found["robot_work"] == pytest.approx(5.0 * 0.07, abs=0.01)
+    assert found["robot_share"] == pytest.approx(1 / 3, abs=0.01)
+    assert found["pm4"] == pytest.approx(0.14)
