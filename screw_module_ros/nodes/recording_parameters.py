@@ -19,7 +19,7 @@ from rclpy.task import Future
 from screw_module_ros.recording.recorder import NO_ANSWER
 
 _SERVICE = "/get_parameters"
-_PATIENCE = 5  # calls of `ask` until a node that does not answer is asked again
+_PATIENCE = 5  # calls of `ask` until a node that does not answer counts as silent
 
 
 class NodeParameters:
@@ -33,7 +33,7 @@ class NodeParameters:
         """Start without values; `node` asks the nodes of its namespace, those of its robot."""
         self._node = node
         self._prefix = node.get_namespace().rstrip("/")
-        self._clients: list[Client] = []
+        self._clients: dict[str, Client] = {}
         self._waited: dict[str, int] = {}
         self.values: dict[str, str] = {}
 
@@ -51,8 +51,7 @@ class NodeParameters:
             waited = missing[name] = self._waited.get(name, -1) + 1
             if waited >= _PATIENCE:
                 self.values.setdefault(name, NO_ANSWER)
-            if waited % _PATIENCE == 0:
-                self._ask(name)
+            self._ask(name)  # again: an answer is lost if the client is not discovered yet
         self._waited = missing  # a program that comes and goes has not kept silent
         if not missing:
             self.close()  # clients that wait cost the executor time
@@ -87,12 +86,12 @@ class NodeParameters:
         self.values[name] = json.dumps(plain, sort_keys=True, default=str)
 
     def _client(self, kind: type, service: str) -> Client:
-        client = self._node.create_client(kind, service)
-        self._clients.append(client)
-        return client
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+        return self._clients[service]
 
     def close(self) -> None:
         """Destroy the clients."""
-        for client in self._clients:
+        for client in self._clients.values():
             self._node.destroy_client(client)
-        self._clients = []
+        self._clients = {}

@@ -9,7 +9,7 @@ import random
 from collections import Counter
 from pathlib import Path
 
-from bag_damage import blanked, flipped, inserted, removed, scattered, truncated
+from file_damage import blanked, flipped, inserted, removed, scattered, truncated
 from runner import sentence
 
 from screw_module_ros.nodes.support.place import STATE_VARIABLE, Kept

@@ -51,7 +51,7 @@ class TherapyInputs:
             self._look(session)
             if session.state == State.PAUSED and rng.random() < 0.3:
                 session.resume()
-        self.counts[session.state] += 1
+        self.counts[session.state.word] += 1
         self.counts["trials ended"] += len(session.results)
 
     def _look(self, session: Session) -> None:

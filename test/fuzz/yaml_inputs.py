@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bag_damage import NOTES
+from file_damage import NOTES
 from runner import sentence
 
 from screw_module_ros.calibration.module import (

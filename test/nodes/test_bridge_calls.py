@@ -24,7 +24,7 @@ class Sent:
     """
 
     def __init__(self):
-        self.words, self.ready, self.looks = [], True, 0
+        self.words, self.requests, self.ready, self.looks = [], [], True, 0
         self.later = lambda looks: None
         self.gateway = BridgeGateway(self, Rights(["/"]), 0.01)
 
@@ -36,7 +36,9 @@ class Sent:
         return SimpleNamespace(
             srv_type=kind,
             service_is_ready=self.look,
-            call_async=lambda request: self.words.append(service) or future,
+            call_async=lambda request: (
+                self.words.append(service) or self.requests.append(request) or future
+            ),
             remove_pending_request=lambda future: None,
         )
 
@@ -73,6 +75,12 @@ def test_a_call_waits_until_its_node_is_found(sent):
     sent.later = later
     assert sent.call(RESUME) == f"{RESUME} did not answer within 0.01 s"
     assert before == [] and sent.words == [RESUME]
+
+
+@pytest.mark.parametrize("said", [{}, {"attended": False}])
+def test_whoever_starts_a_session_through_the_bridge_attends_it(sent, said):
+    sent.call("/therapy_session/start", protocol="reach_3d", patient="P-22222", **said)
+    assert [request.attended for request in sent.requests] == [True]
 
 
 def test_a_call_that_nobody_offers_is_given_up(sent, monkeypatch):

@@ -135,7 +135,7 @@ def _started_by_page(testbed) -> float:
     page = testbed.added[_PAGE]
 
     def begun() -> bool:
-        page.answer, page.asks = None, (f"{_SESSION}/start", {**_START, "attended": True})
+        page.answer, page.asks = None, (f"{_SESSION}/start", _START)
         # By wall clock, as the bridge waits for the middleware.
         if not creep_until(testbed.robot.clock, lambda: page.answer is not None, _ANSWER_S):
             raise Failed(f"the bridge does not answer: {page.end or 'it is silent'}")

@@ -82,7 +82,7 @@ export class SessionCard {
       return;
     }
     const [patient, protocol] = [this.patient.value, this.protocol.value];
-    this.ask("therapy_session/start", { patient, protocol, record: this.record.checked, attended: true });
+    this.ask("therapy_session/start", { patient, protocol, record: this.record.checked });
   }
 
   async ask(service, args = {}) {
