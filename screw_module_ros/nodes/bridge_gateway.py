@@ -16,7 +16,6 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from screw_module_msgs.msg import TherapyState
 from screw_module_msgs.srv import StartTherapy
 
 from screw_module_ros.bridge.client import ServiceError
@@ -31,6 +30,7 @@ from screw_module_ros.bridge.rights import (
 )
 from screw_module_ros.clock import WallClock
 from screw_module_ros.graph import THERAPY_STATE
+from screw_module_ros.therapy.session import UNDER_WAY
 
 from .support import topics
 from .support.inbox import HotGroup, never
@@ -40,7 +40,6 @@ _OLD_NS = 1_000_000_000  # a state this old says nothing about the robot of now
 _MOST_KEPT = 1100  # a session of the clock game has 1024 movements
 _CHECK_S = 0.1
 _FOUND_S = 5.0  # the middleware repeats lost announcements each 3 s
-_IN_SESSION = (TherapyState.STARTING, TherapyState.RUNNING, TherapyState.PAUSED)
 
 
 class PolledTopic:
@@ -157,7 +156,7 @@ class BridgeGateway:
             polled.poll()
         for robot in self._robots:
             state = self._polled[Place(robot, THERAPY_STATE).full].newest
-            if state is not None and state.state not in _IN_SESSION:
+            if state is not None and state.state not in UNDER_WAY:
                 for name in KEPT:
                     self._polled[Place(robot, name).full].forget()
 

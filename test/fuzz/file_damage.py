@@ -68,4 +68,5 @@ def reworded(rng: random.Random, content: bytes) -> bytes:
     return "\n".join(lines).encode(errors="replace")
 
 
+BYTES: tuple[Damage, ...] = (truncated, flipped, scattered, blanked, removed, inserted)
 NOTES: tuple[Damage, ...] = (truncated, flipped, blanked, reworded)

@@ -9,14 +9,13 @@ import random
 from collections import Counter
 from pathlib import Path
 
-from file_damage import blanked, flipped, inserted, removed, scattered, truncated
+from file_damage import BYTES
 from runner import sentence
 
 from screw_module_ros.nodes.support.place import STATE_VARIABLE, Kept
 from screw_module_ros.safety import supervision
 from screw_module_ros.safety.supervision import SupervisorState
 
-_DAMAGE = (blanked, flipped, inserted, removed, scattered, truncated)
 _ODD = (
     "null", "[]", "{}", "0", "1e999", "NaN", '"x"', "true", " " * 70_000,
     '{"estopped": 1, "locked": false, "latched": []}', '{"estopped": null}', "\ufeff{}", "\x00",
@@ -52,7 +51,7 @@ class KeptState:
         if rng.random() < 0.2:
             content = rng.choice(_ODD).encode()
         else:
-            content = rng.choice(_DAMAGE)(rng, whole)
+            content = rng.choice(BYTES)(rng, whole)
         kept.path.write_bytes(content)
         try:
             found = supervision.restored(Kept("/supervisor").read())

@@ -32,3 +32,5 @@ BY_SERVICE = 6 + DYING
 """Samples: the supervisor publishes at once, the drives' nodes read its state each 4 ms."""
 APART = 50 + 2 + DYING
 """Samples: two positions of one motion have differed for 50 ms."""
+SLOW = 900
+"""Samples until the hand is so slow that a shift of 5 mm exceeds the tolerance, at 70 mm/s."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from std_srvs.srv import SetBool, Trigger
 
 from .acts import both, cured, fault, frozen, game, held_by
-from .limits import APART, AT_ONCE, COMMAND, DYING, HEARTBEAT, VIA_SUPERVISOR
+from .limits import APART, AT_ONCE, COMMAND, DYING, HEARTBEAT, SLOW, VIA_SUPERVISOR
 from .row import GOES_ON, OFF, PLANE_BACK, Alarm, Failed, Row
 
 GROUP = "drives"
@@ -18,8 +18,6 @@ _MODE = 100 + AT_ONCE
 """Samples: the drive's second PDO reports the mode each 100 ms."""
 _STUCK = 400
 """Samples until a lasting wrong torque is detected, by its duration and by the position."""
-_SLOW = 900
-"""Samples until the hand is so slow that a shift of 5 mm exceeds the tolerance, at 70 mm/s."""
 _FAR = (0.12, -0.1, 0.31, 0.0, 0.0, 0.0)
 """A set point [m], [m/s] whose spring of 100 N/m turns an arm that nobody holds."""
 _UNMOVED = 300
@@ -69,7 +67,7 @@ def rows() -> Iterator[Row]:
             yield _row("elbow", "manus", name, text, within, alarm_text)
     for name, text, within, inject in (
         ("position_freeze", "its position stands still", APART, frozen),
-        ("position_jump", "its position jumps", _SLOW, fault),
+        ("position_jump", "its position jumps", SLOW, fault),
     ):
         yield _row("drive", "amplifier", name, text, within, "")._replace(
             inject=inject("drive", name),

@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from screw_module_ros.samples import FORCE_FAULT_BITS, FORCE_STATUS_BITS
 
 from .acts import both, cured, fault, frozen, rehomed
-from .limits import APART, AT_ONCE, DYING, FROZEN, STALE, VIA_SUPERVISOR
+from .limits import APART, AT_ONCE, DYING, FROZEN, SLOW, STALE, VIA_SUPERVISOR
 from .patient import HOME
 from .row import EITHER, GOES_ON, MISSED, OFF, Alarm, Row
 
 _APART_M = 0.005
-_SILENT, _SLOW = STALE + 2 + DYING, 900
-"""Samples until noticed: by the absence of a sample; by comparison with the drive's own position,
-once the hand is so slow that a shift of 5 mm exceeds the tolerance, at 70 mm/s."""
+_SILENT = STALE + 2 + DYING
+"""Samples until the absence of a sample is noticed."""
 _BITS = (0, 4, 14)
 """Bits of the ATI status word: one without and two with a fault. A unit test covers all bits."""
 _GAUGES = (0, 5)
@@ -30,7 +29,7 @@ _ENCODER = Alarm("impedance_controller", "encoder", "encoder")
 _ENCODER_FAULTS = (
     ("freeze", 0, "position stands still", OFF, APART, _ENCODER, _RESET),
     ("jump", 2e5, "position jumps by ten turns", OFF, AT_ONCE, _ENCODER, _UNHOMED),
-    ("jump", 5e3, "position jumps by a quarter turn", OFF, _SLOW, _ENCODER, _UNHOMED),
+    ("jump", 5e3, "position jumps by a quarter turn", OFF, SLOW, _ENCODER, _UNHOMED),
     ("spike", 2e5, "one position is wrong by ten turns", OFF, AT_ONCE, _ENCODER, _RESET),
     ("noise", 20, "position is noisy by 20 counts", GOES_ON, 0, None, _NOT_NEEDED),
     ("noise", 1e5, "position is noisy by 95 mm", OFF, AT_ONCE, _ENCODER, _UNHOMED),
