@@ -29,6 +29,7 @@ EXECUTABLES.append(f"therapy = {NAME}.trials.therapy:main")
 EXECUTABLES.append(f"soak = {NAME}.trials.soak:main")
 EXECUTABLES.append(f"bench = {NAME}.trials.benchmark.command:main")
 EXECUTABLES.append(f"faults = {NAME}.trials.faults.command:main")
+EXECUTABLES.append(f"check_hardware = {NAME}.hardware.command:main")
 EXECUTABLES.append(f"session = {NAME}.session_command:main")
 EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")
 
@@ -48,6 +49,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/params", sorted(glob("params/*.*"))),
+        (f"share/{NAME}/params/devices", sorted(glob("params/devices/*.yaml"))),
         (f"share/{NAME}/params/therapy", sorted(glob("params/therapy/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.py"))),
         (f"share/{NAME}/urdf", sorted(glob("urdf/*.*"))),

@@ -30,6 +30,7 @@ ARGUMENTS = (
               "One process `module` for encoder, force sensor, controller and amplifier."),
     _argument("wall_clock", "false", "The simulated rig runs in real time."),
     _argument("params", "", "Parameter file, in place of the packaged one."),
+    _argument("devices", "", "Makes of the devices, by comma (params/devices)."),
     _argument("namespace", "", "For a second robot."),
     _argument("without", "", "Nodes to leave out, by comma."),
     _argument("network", "false", "Let other machines take part (see docs/security.md)."),
@@ -48,6 +49,7 @@ def nodes(context):
     planned = plan(
         simulation=not bench,
         params=value["params"] or None,
+        devices=value["devices"],
         namespace=value["namespace"],
         without=[name.strip() for name in value["without"].split(",") if name.strip()],
         composed=composed,

@@ -26,12 +26,12 @@ ROS_SUFFIXES = ("_msgs", "_interfaces")
 ROS_LAYERS = ("nodes", "operator", "trials", "identification/live")
 SHARED = (
     "units", "domain", "resources", "settings", "samples", "geometry", "filters", "compiled",
-    "figure_style", "graph",
+    "figure_style", "graph", "profiles",
 )  # fmt: skip
 ROOMS = (
     *SHARED, "clock", "lockstep", "plant", "can_io", "rig", "safety", "control",
     "calibration", "devices", "loop", "recording", "identification", "therapy", "bridge",
-    "session_command",
+    "hardware", "session_command",
     "nodes", "operator", "identification/live", "trials",
 )  # fmt: skip
 FORBIDDEN_LAYERS = {  # beside what their order forbids: the plant and the rig know no control, ...

@@ -12,6 +12,7 @@ from collections import Counter
 from typing import Any, ClassVar, NamedTuple
 
 from ..can_io.port import SYNC_ID, Port
+from ..profiles import Profile, closest
 from . import emcy
 from .errors import DeviceError, NotConfigured, Occupied, Refused, WrongDevice
 from .sdo import Sdo
@@ -80,16 +81,17 @@ class CanopenDevice:
     """One remote node; a driver is a subclass with its profile and the hooks at the end.
 
     settings: at least node_id, vendor_id, product_code, sdo_timeout and listen. label: name of the
-    device in messages, like `vertical drive`. counters: events since the driver was created, by
-    name. running: started, and not left since. intact: the device still has its configuration, as
-    far as its frames tell. nmt, heartbeat_ns: network state and arrival of the last heartbeat.
-    emergency: text of the last emergency, empty after its reset.
+    device in messages, like `vertical drive`. make: what is known of its make. counters: events
+    since the driver was created, by name. running: started, and not left since. intact: the device
+    still has its configuration, as far as its frames tell. nmt, heartbeat_ns: network state and
+    arrival of the last heartbeat. emergency: text of the last emergency, empty after its reset.
     """
 
     profile: ClassVar[int]
 
-    def __init__(self, port: Port, settings: Any, label: str):
+    def __init__(self, port: Port, settings: Any, label: str, make: Profile):
         self.settings = settings
+        self.make = make
         self.label = label
         self.counters: Counter[str] = Counter()
         self.running = self.intact = False
@@ -141,6 +143,16 @@ class CanopenDevice:
             raise
         self.adopt(found)
 
+    def likely_makes(self, most: int = 3) -> str:
+        """Return a table of the profiles that come closest to this device; blocking.
+
+        Raises NotAnswering, BusError.
+        """
+        found = closest(self.make.kind, self._identity.vendor_id, self.sdo.has)[:most]
+        width = max(len(each.name) for each in found)
+        rows = (f"  {each.name:{width}}  {', '.join(each.differing) or 'fits'}" for each in found)
+        return f"profiles closest to the {self.label}, and how it differs:\n" + "\n".join(rows)
+
     def start(self) -> None:
         """NMT start; cyclic work may begin.
 
@@ -191,17 +203,17 @@ class CanopenDevice:
         # Boot-ups that came before its answers happened before them.
         self._disturbances = foreign, self.counters["boot_ups"]
         self._identity = found = Identity(*parts)
-        settings = self.settings
+        settings, make = self.settings, self.make
         for name, value in (
             ("profile", self.profile),
-            ("vendor_id", settings.vendor_id),
-            ("product_code", settings.product_code),
+            ("vendor_id", settings.vendor_id or make.vendor_id),
+            ("product_code", settings.product_code or make.product_code),
         ):
             if value and getattr(found, name) != value:
                 raise WrongDevice(
                     f"{self.label}: node id {settings.node_id} on {self._port.name} is another "
                     f"device ({found.text}); {name} {value} (0x{value:X}) is wanted: check the "
-                    "node id and the cable"
+                    "node id, the cable and the `profile`"
                 )
 
     def _check_undisturbed(self) -> None:

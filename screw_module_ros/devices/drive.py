@@ -11,15 +11,16 @@ import math
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
+from ..profiles import ANY_DRIVE, DRIVE_HEARTBEAT, GUARDS, MASTER_HEARTBEAT, Profile
 from ..settings import validated
-from ..units import to_per_mille
+from ..units import PER_MILLE, to_per_mille
 from . import cia402
 from . import drive_setup as setup
 from .canopen import NMT_START, NMT_STOP, Heartbeat
 from .cia402 import State
 from .drive_logic import ExcessTorque
 from .drive_reports import DriveReports
-from .drive_settings import DriveSettings, cross_checked
+from .drive_settings import DriveSettings, adapted, cross_checked, waived_guards
 from .errors import BusError, DeviceError, NotNow
 
 _UNHEARD_NS = 200_000_000
@@ -32,7 +33,8 @@ class Drive(DriveReports):
     counters: those of `DriveReports`, writes (commands sent), bad_torque (commands that were not
     finite), saturated (commands beyond max_torque), bus_errors, foreign (commands of another
     master).
-    warnings: for the user, such as missing guards. unguarded: the guards that the drive refused.
+    warnings: for the user, such as missing guards. unguarded: guards that the drive refused and
+    nothing replaces. make: what is known of its make.
     beat: our heartbeat, shared by the drives of one bus; the driver creates it if none is given.
     per_turn: change of position per turn: the screw's lead [m], or 2 pi for a joint [rad].
     altered: it may have lost its configuration: another SDO client talked to it, or it was silent
@@ -48,8 +50,10 @@ class Drive(DriveReports):
         label: str = "drive",
         beat: Heartbeat | None = None,
         per_turn: float = 2.0 * math.pi,
+        make: Profile = ANY_DRIVE,
     ):
-        super().__init__(port, cross_checked(validated(settings)), label, per_turn)
+        settings = adapted(cross_checked(validated(settings)), make.drive)
+        super().__init__(port, settings, label, per_turn, make)
         self.warnings: list[str] = []
         self.unguarded: tuple[setup.MissingGuard, ...] = ()
         self.beat = beat or Heartbeat(port, settings.master_id, settings.heartbeat_period)
@@ -59,6 +63,9 @@ class Drive(DriveReports):
             settings.lasting_torque * settings.rated_torque,
             round(1e9 / settings.rate),
         )
+        self._waived = waived_guards(settings)
+        self._largest = settings.max_torque
+        self._open_ids: set[int] = set()
         self._asked = 0.0
         self._was_armed = False
         self._expects_heartbeat = True
@@ -80,11 +87,16 @@ class Drive(DriveReports):
 
     def set_up(self) -> setup.DriveSetup:
         """Write settings and guards; a drive that refuses a guard cannot be enabled."""
-        return setup.set_up(self._port, self.sdo, self.settings)
+        return setup.set_up(self._port, self.sdo, self.settings, self.make.drive)
 
     def adopt(self, found: setup.DriveSetup) -> None:
         """Take over mode, rating and missing guards."""
         self.expect(found)
+        taken = self.make.drive.largest_target / PER_MILLE * found.rated_torque
+        self._largest = min(self.settings.max_torque, taken)
+        for can_id in set(found.open_ids) - self._open_ids:  # nobody else may command it there
+            self._open_ids.add(can_id)
+            self._port.subscribe(can_id, self._on_foreign_command)
         self.unguarded = found.unguarded
         self.warnings = [
             f"UNGUARDED: the {self.label} will not hold its torque back by itself: no {guard}"
@@ -159,7 +171,7 @@ class Drive(DriveReports):
         self.beat.beat(now_ns)
         self._send(cia402.DISABLE_VOLTAGE, 0)
         self._expects_heartbeat = all(
-            missing.guard != setup.DRIVE_HEARTBEAT for missing in self.unguarded
+            missing.guard != DRIVE_HEARTBEAT for missing in self.unguarded
         )
         self._started_ns = now_ns
         self.logic.start(now_ns)
@@ -185,7 +197,7 @@ class Drive(DriveReports):
             )
 
     def _per_mille(self, torque_nm: float) -> int:
-        limit = self.settings.max_torque
+        limit = self._largest
         if not -limit <= torque_nm <= limit:
             self.counters["saturated"] += 1
             torque_nm = max(-limit, min(limit, torque_nm))
@@ -242,12 +254,36 @@ class Drive(DriveReports):
             return f"the {self.label} is not being commanded: activate it first"
         if self.mode_display != self.mode:
             return f"the {self.label} is not in mode {self.mode}, 6061 is {self.mode_display}"
-        if self.unguarded and not self.settings.allow_unguarded:
-            return (
-                f"the {self.label} would not hold its torque back by itself, it has no "
-                f"{'; no '.join(map(str, self.unguarded))}; allow_unguarded overrides this"
-            )
-        return ""
+        return self.lacks_guards()
+
+    def lacks_guards(self) -> str:
+        """Return the guards that are missing and not waived, with the way out; empty if none."""
+        lacking = [each for each in self.unguarded if each.guard not in self._waived]
+        if not lacking:
+            return ""
+        return (
+            f"the {self.label} would not hold its torque back by itself, it has no "
+            f"{'; no '.join(map(str, lacking))}; {self._way_out(lacking)}"
+        )
+
+    def _way_out(self, lacking: list[setup.MissingGuard]) -> str:
+        names = [each.guard for each in lacking if each.guard != MASTER_HEARTBEAT]
+        ways = ["choose the `profile` of its make"]
+        if names:
+            ways.append(f"waive what you can do without, `waived` with {', '.join(names)}")
+        if len(names) < len(lacking):
+            ways.append("only `allow_no_heartbeat` lets a drive run that does not watch us")
+        return ", or ".join(ways)
+
+    @property
+    def danger(self) -> str:
+        """Return what to say at each enabling, empty if the drive watches our heartbeat."""
+        if all(each.guard != MASTER_HEARTBEAT for each in self.unguarded):
+            return ""
+        return (
+            f"DANGER: the {self.label} is enabled without {GUARDS[MASTER_HEARTBEAT]}: its torque "
+            "goes on when this program hangs or the cable breaks; keep a hand on the emergency stop"
+        )
 
     def request_disable(self) -> None:
         """Request torque off; the drive goes down to switched on."""

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..can_io.port import SYNC_ID, Port
+from ..profiles import Profile, key_of
 from ..samples import DriveReading
 from ..units import from_per_mille
 from . import cia402
@@ -13,6 +16,7 @@ from .cia402 import State
 from .drive_logic import DriveLogic
 from .drive_settings import BRAKE, DriveSettings
 from .emcy import Emergency, code_name
+from .errors import BusError, NotAnswering, Refused
 from .motion import FULL_RANGE, Unwrapper
 
 _HEARTBEATS_MISSED = 3
@@ -24,7 +28,7 @@ class DriveReports(CanopenDevice):
     per_turn: change of position per turn [m or rad]. counters: those of `CanopenDevice`, received
     (statuswords), missing (SYNCs without one), unexpected (statuswords without a SYNC),
     wrong_length (frames dropped), bad_statusword (patterns not in CiA 402), illegal_transitions
-    (states that cannot follow each other).
+    (states that cannot follow each other), slow_polls_failed (of what TPDO2 does not carry).
     logic: goal and fault of the drive. reading: the newest cyclic answer, None before the first.
     shown: the state in it. error_code, mode_display, digital_inputs: objects 603F, 6061 and 60FD,
     the newest known. torque_of: torque of one per mille [Nm], direction included.
@@ -32,8 +36,10 @@ class DriveReports(CanopenDevice):
 
     profile = setup.PROFILE
 
-    def __init__(self, port: Port, settings: DriveSettings, label: str, per_turn: float):
-        super().__init__(port, settings, label)
+    def __init__(
+        self, port: Port, settings: DriveSettings, label: str, per_turn: float, make: Profile
+    ):
+        super().__init__(port, settings, label, make)
         brake = settings.stop_reaction == BRAKE
         silence = _HEARTBEATS_MISSED * settings.drive_heartbeat
         self.logic = DriveLogic(label, brake, settings.enable_timeout, silence)
@@ -45,8 +51,13 @@ class DriveReports(CanopenDevice):
         self._stale_ns = round(settings.stale_periods * 1e9 / settings.rate)
         self.forget_reports()
         port.subscribe(setup.status_pdo(settings).cob_id, self._on_status)
-        port.subscribe(setup.slow_status_pdo(settings).cob_id, self._on_slow_status)
+        port.subscribe(setup.slow_status_id(settings), self._on_slow_status)
         port.subscribe(SYNC_ID, self._on_sync)
+
+    @property
+    def step(self) -> float:
+        """Change of position per count of object 6064 [m or rad], direction included."""
+        return self._position_of
 
     @property
     def mode(self) -> int:
@@ -95,13 +106,29 @@ class DriveReports(CanopenDevice):
         self.logic.changed(before, self.shown, self.emergency or _described(self.error_code))
 
     def _on_slow_status(self, data: bytes, _arrival_ns: int) -> None:
-        if len(data) != self._setup.slow_size:
+        layout = setup.slow_status_layout(self._setup.slow)
+        if len(data) != layout.size:
             self.counters["wrong_length"] += 1
             return
-        layout = setup.SLOW_STATUS_LAYOUT
-        self.error_code, self.mode_display, self.digital_inputs = layout.unpack(
-            bytes(data).ljust(layout.size, b"\0")
-        )
+        self._note_slow(dict(zip(self._setup.slow, layout.unpack(data), strict=True)))
+
+    def poll_slow(self) -> None:
+        """Read the slow status that this make cannot map; blocking, not for the loop."""
+        mapped = [key_of(key)[0] for key in self.make.drive.slow_status]
+        polled = [index for index in setup.SLOW_STATUS if index not in mapped]
+        for index in polled if self.running else ():
+            try:
+                read = self.sdo.signed if index == setup.MODE_DISPLAY else self.sdo.unsigned
+                self._note_slow({index: read(index)})
+            except Refused:
+                continue  # it does not have the object
+            except (NotAnswering, BusError):
+                self.counters["slow_polls_failed"] += 1
+
+    def _note_slow(self, values: Mapping[int, int]) -> None:
+        self.error_code = values.get(setup.ERROR_CODE, self.error_code)
+        self.mode_display = values.get(setup.MODE_DISPLAY, self.mode_display)
+        self.digital_inputs = values.get(setup.DIGITAL_INPUTS, self.digital_inputs)
         self.logic.explain(_described(self.error_code))
         if self.logic.enabling and self.mode_display != self.mode:
             self.logic.latch(f"the {self.label} left torque mode, 6061 is {self.mode_display}")

@@ -6,9 +6,12 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..geometry import COUNTS_PER_TURN
+from ..profiles import GENERIC_402, GUARDS, MASTER_HEARTBEAT, DriveProfile
 from ..settings import Setting
 
 COAST, BRAKE = "coast", "brake"
+WAIVABLE = tuple(name for name in GUARDS if name != MASTER_HEARTBEAT)
+_BEATS_PER_TIMEOUT = 4
 
 
 class DriveSettings(NamedTuple):
@@ -49,8 +52,16 @@ class DriveSettings(NamedTuple):
         str, Setting("reaction to a stop: coast lets the patient move out",
                      choices=(COAST, BRAKE))
     ] = COAST
-    allow_unguarded: Annotated[
-        bool, Setting("DANGER: enable a drive that does not stop when this program hangs")
+    profile: Annotated[
+        str, Setting("make of the drive: a file of params/devices, or the path of one of yours")
+    ] = GENERIC_402
+    waived: Annotated[
+        str, Setting("DANGER: guards that the drive may lack, by name, with commas between; of "
+                     + ", ".join(WAIVABLE))
+    ] = ""
+    allow_no_heartbeat: Annotated[
+        bool, Setting("DANGER: enable a drive that does not watch our heartbeat (1016) and goes "
+                      "on when this program hangs or the cable breaks")
     ] = False
     heartbeat_period: Annotated[
         float, Setting("time between our heartbeats", "s", 0.001, 1.0)
@@ -83,8 +94,33 @@ class DriveSettings(NamedTuple):
     ] = 0.15
 
 
+def waived_guards(settings: DriveSettings) -> frozenset[str]:
+    """Return the guards that the operator's word replaces. Raises ValueError for another name."""
+    names = [name.strip() for name in settings.waived.split(",") if name.strip()]
+    for name in names:
+        if name not in WAIVABLE:
+            own = " has a switch of its own, allow_no_heartbeat" if name == MASTER_HEARTBEAT else ""
+            raise ValueError(
+                f"DriveSettings: waived: {name!r}{own}; there are {', '.join(WAIVABLE)}"
+            )
+    heartbeat = (MASTER_HEARTBEAT,) if settings.allow_no_heartbeat else ()
+    return frozenset((*names, *heartbeat))
+
+
+def adapted(settings: DriveSettings, profile: DriveProfile) -> DriveSettings:
+    """Return the settings for a make that needs a shorter heartbeat in place of another guard."""
+    if profile.heartbeat_timeout >= settings.heartbeat_timeout:
+        return settings
+    timeout = profile.heartbeat_timeout
+    return settings._replace(
+        heartbeat_timeout=timeout,
+        heartbeat_period=min(settings.heartbeat_period, timeout / _BEATS_PER_TIMEOUT),
+    )
+
+
 def cross_checked(settings: DriveSettings) -> DriveSettings:
     """Return `settings` unchanged when they are consistent; else raise ValueError."""
+    waived_guards(settings)
     for name, limit in (
         ("heartbeat_period", settings.heartbeat_timeout), ("drive_heartbeat", 10.0)
     ):

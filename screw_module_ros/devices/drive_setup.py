@@ -4,7 +4,8 @@
 The drive is the last guard. It must drop the torque when our heartbeat (1016) or our commands
 (1400:05) stop, with the configured reaction (6007, 605A, 605E). It must never give more torque than
 our largest command (6072), even if another master writes a target. The driver reads each of these
-objects back. It returns the guards that a drive refuses; such a drive is not enabled.
+objects back. What a make of drive lacks, and what may stand in for it, its profile says
+(`profiles.py`). A guard that is neither in force nor replaced keeps the drive disabled.
 """
 
 from __future__ import annotations
@@ -12,10 +13,28 @@ from __future__ import annotations
 import contextlib
 import math
 import struct
+from functools import cache
 from typing import NamedTuple
 
 from ..can_io.load import Traffic
 from ..can_io.port import Port
+from ..profiles import (
+    COMMAND_DEADLINE,
+    DEADLINE_PERIODS,
+    DRIVE_HEARTBEAT,
+    FAULT_REACTION,
+    GUARDS,
+    LIMIT,
+    LOST_CONNECTION,
+    MASTER_HEARTBEAT,
+    PERIOD_US,
+    QUICK_STOP_REACTION,
+    TORQUE_LIMIT,
+    DriveProfile,
+    Substitute,
+    SubstituteObject,
+    key_of,
+)
 from ..units import LARGEST_PER_MILLE, PER_MILLE
 from . import pdo
 from .drive_settings import COAST, DriveSettings
@@ -25,8 +44,8 @@ from .sdo import Sdo
 PROFILE = 402
 
 CYCLIC_TORQUE_MODE, PROFILE_TORQUE_MODE = 10, 4
-#: Mode of operation and its bit in object 6502, best mode first.
-_TORQUE_MODES = ((9, CYCLIC_TORQUE_MODE), (3, PROFILE_TORQUE_MODE))
+#: Bit of object 6502 that shows a mode.
+_MODE_BITS = {CYCLIC_TORQUE_MODE: 9, PROFILE_TORQUE_MODE: 3}
 #: Time that a drive may need to show a mode that was set.
 _MODE_WITHIN_S = 0.25
 
@@ -39,6 +58,7 @@ _FAULT_ON_LOST_CONNECTION = 1
 _DISABLE_AND_COAST, _RAMP_DOWN, _QUICK_STOP_RAMP = 0, 1, 2
 _STEEPEST_SLOPE = 0x7FFFFFFF
 _SLOW_STATUS_MS = 100
+_MOST_SYNCS = 240
 
 #: RPDO1: controlword, target torque [per mille of the rated torque].
 COMMAND = (pdo.Entry(0x6040, 0, 16), pdo.Entry(0x6071, 0, 16))
@@ -46,25 +66,15 @@ COMMAND_LAYOUT = struct.Struct("<Hh")
 #: TPDO1: statusword, position [counts, wraps at 32 bit], torque [per mille of the rated torque].
 STATUS = (pdo.Entry(0x6041, 0, 16), pdo.Entry(0x6064, 0, 32), pdo.Entry(0x6077, 0, 16))
 STATUS_LAYOUT = struct.Struct("<HIh")
-#: TPDO2: error code, mode display, digital inputs; the last is optional.
-SLOW_STATUS = (pdo.Entry(0x603F, 0, 16), pdo.Entry(0x6061, 0, 8), pdo.Entry(0x60FD, 0, 32))
-SLOW_STATUS_LAYOUT = struct.Struct("<HbI")
-
-# The guards, as messages name them.
-DRIVE_HEARTBEAT = "its own heartbeat 1017"
-MASTER_HEARTBEAT = "watching our heartbeat 1016"
-COMMAND_DEADLINE = "command deadline 1400:05"
-LOST_CONNECTION = "fault on lost connection 6007"
-QUICK_STOP_REACTION = "quick stop reaction 605A"
-FAULT_REACTION = "fault reaction 605E"
-TORQUE_LIMIT = "torque limit 6072"
-_GUARD, _OPTIONAL = True, False
+ERROR_CODE, MODE_DISPLAY, DIGITAL_INPUTS = 0x603F, 0x6061, 0x60FD
+#: Of TPDO2, as far as a make can map them: object -> code of `struct`, size [bit].
+SLOW_STATUS = {ERROR_CODE: ("H", 16), MODE_DISPLAY: ("b", 8), DIGITAL_INPUTS: ("I", 32)}
 
 
 class Object(NamedTuple):
     """One object that is written and read back; size: [byte].
 
-    guard: a drive that refuses it is not enabled; else a refusal is a warning, and a drive need not
+    guard: the drive is not enabled without it; empty: a refusal is a warning, and a drive need not
     have the object. name: for messages.
     """
 
@@ -72,32 +82,35 @@ class Object(NamedTuple):
     subindex: int
     value: int
     size: int
-    guard: bool
-    name: str
+    guard: str
+    name: str = ""
 
 
 class MissingGuard(NamedTuple):
-    """A guard that the drive refused. guard: one of the constants above; why: its answer."""
+    """A guard that the drive refused. guard: of `profiles.GUARDS`; why: its answer."""
 
     guard: str
     why: str
 
     def __str__(self) -> str:
-        return f"{self.guard} ({self.why})"
+        return f"{GUARDS[self.guard]} ({self.why})"
 
 
 class DriveSetup(NamedTuple):
     """Result of the configuration.
 
     mode: object 6060 in use. rated_torque: torque of 1000 per mille [Nm]. unguarded: guards that
-    the drive refused, empty without any. warnings: harmless refusals. slow_size: of TPDO2 [byte].
+    the drive refused and nothing replaces. warnings: harmless refusals, and guards that are
+    replaced. slow: objects that TPDO2 carries. open_ids: identifiers at which it takes commands
+    besides ours, because it does not let these PDOs be disabled.
     """
 
     mode: int
     rated_torque: float
     unguarded: tuple[MissingGuard, ...] = ()
     warnings: tuple[str, ...] = ()
-    slow_size: int = SLOW_STATUS_LAYOUT.size
+    slow: tuple[int, ...] = tuple(SLOW_STATUS)
+    open_ids: tuple[int, ...] = ()
 
 
 # -- what the drive is told ----------------------------------------------------------------------
@@ -114,10 +127,25 @@ def status_pdo(settings: DriveSettings) -> pdo.Pdo:
     return pdo.Pdo(1, True, 0x180 + settings.node_id, settings.sync_divider, STATUS)
 
 
-def slow_status_pdo(settings: DriveSettings) -> pdo.Pdo:
-    """Return TPDO2, on change and every 100 ms."""
-    cob_id = 0x280 + settings.node_id
-    return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, SLOW_STATUS, _SLOW_STATUS_MS)
+def slow_status_id(settings: DriveSettings) -> int:
+    """Return the identifier of TPDO2."""
+    return 0x280 + settings.node_id
+
+
+def slow_status_pdo(settings: DriveSettings, slow: tuple[int, ...], timer: bool) -> pdo.Pdo:
+    """Return TPDO2 with these objects, on change and every 100 ms; without a timer after SYNCs."""
+    entries = tuple(pdo.Entry(index, 0, SLOW_STATUS[index][1]) for index in slow)
+    cob_id = slow_status_id(settings)
+    if timer:
+        return pdo.Pdo(2, True, cob_id, pdo.ON_EVENT, entries, _SLOW_STATUS_MS)
+    syncs = round(_SLOW_STATUS_MS * 1e-3 * settings.rate * settings.sync_divider)
+    return pdo.Pdo(2, True, cob_id, max(1, min(_MOST_SYNCS, syncs)), entries)
+
+
+@cache
+def slow_status_layout(slow: tuple[int, ...]) -> struct.Struct:
+    """Return the layout of TPDO2 with these objects."""
+    return struct.Struct("<" + "".join(SLOW_STATUS[index][0] for index in slow))
 
 
 def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
@@ -129,19 +157,19 @@ def stop_objects(settings: DriveSettings, rated: float) -> tuple[Object, ...]:
     consumer = settings.master_id << 16 | _milliseconds(settings.heartbeat_timeout)
     limit = own_limit(settings.max_torque, rated)
     return (
-        Object(0x1017, 0, period, 2, _GUARD, DRIVE_HEARTBEAT),
-        Object(0x1016, 1, consumer, 4, _GUARD, MASTER_HEARTBEAT),
-        Object(0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, _GUARD, LOST_CONNECTION),
-        Object(0x605A, 0, stop, 2, _GUARD, QUICK_STOP_REACTION),
-        Object(0x605E, 0, stop, 2, _GUARD, FAULT_REACTION),
-        Object(0x6072, 0, limit, 2, _GUARD, TORQUE_LIMIT),
-        Object(0x605B, 0, disable, 2, _OPTIONAL, "shutdown reaction"),
-        Object(0x605C, 0, disable, 2, _OPTIONAL, "disable reaction"),
+        Object(0x1017, 0, period, 2, DRIVE_HEARTBEAT),
+        Object(0x1016, 1, consumer, 4, MASTER_HEARTBEAT),
+        Object(0x6007, 0, _FAULT_ON_LOST_CONNECTION, 2, LOST_CONNECTION),
+        Object(0x605A, 0, stop, 2, QUICK_STOP_REACTION),
+        Object(0x605E, 0, stop, 2, FAULT_REACTION),
+        Object(0x6072, 0, limit, 2, TORQUE_LIMIT),
+        Object(0x605B, 0, disable, 2, "", "shutdown reaction"),
+        Object(0x605C, 0, disable, 2, "", "disable reaction"),
     )
 
 
 #: Profile torque ramps towards its target; with the steepest ramp it acts like cyclic torque.
-_SLOPE = Object(0x6087, 0, _STEEPEST_SLOPE, 4, _OPTIONAL, "torque slope")
+_SLOPE = Object(0x6087, 0, _STEEPEST_SLOPE, 4, "", "torque slope")
 #: What a clean exit switches off, in order: the command deadline, then our heartbeat.
 _DISARMED = ((0x1400, 5, 2), (0x1016, 1, 4))
 
@@ -152,7 +180,8 @@ def drive_traffic(settings: DriveSettings, sync_producer: bool = True) -> list[T
     frames = [
         Traffic(f"{name} RPDO1", COMMAND_LAYOUT.size, rate),
         Traffic(f"{name} TPDO1", STATUS_LAYOUT.size, rate),
-        Traffic(f"{name} TPDO2", SLOW_STATUS_LAYOUT.size, 1e3 / _SLOW_STATUS_MS),
+        Traffic(f"{name} TPDO2", slow_status_layout(tuple(SLOW_STATUS)).size,
+                1e3 / _SLOW_STATUS_MS),
         Traffic(f"{name} heartbeat", 1, 1.0 / settings.drive_heartbeat),
         Traffic(f"heartbeat {settings.master_id}", 1, 1.0 / settings.heartbeat_period),
     ]
@@ -177,7 +206,7 @@ def _milliseconds(seconds: float) -> int:
 # -- the dialogue --------------------------------------------------------------------------------
 
 
-def set_up(port: Port, sdo: Sdo, settings: DriveSettings) -> DriveSetup:
+def set_up(port: Port, sdo: Sdo, settings: DriveSettings, profile: DriveProfile) -> DriveSetup:
     """Configure an identified drive that is in PRE-OPERATIONAL as the settings describe.
 
     Raises NotAnswering, WrongDevice, Refused, NotConfigured.
@@ -185,24 +214,91 @@ def set_up(port: Port, sdo: Sdo, settings: DriveSettings) -> DriveSetup:
     for index in (0x6071, 0x6040):  # an earlier program may have left the drive enabled
         with contextlib.suppress(Refused):  # by PDO only; the first command sends the same
             sdo.write(index, 0, 0, 2)
-    rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, sdo.label)
-    mode = _select_mode(port, sdo)
-    warnings = _written(sdo, (_SLOPE,))[1] if mode == PROFILE_TORQUE_MODE else []
-    if mode == CYCLIC_TORQUE_MODE:
+    units = (profile.rated_torque_unit,) if profile.rated_torque_unit else (_MILLI, _MICRO)
+    rated = rated_torque(sdo.unsigned(0x6076), settings.rated_torque, sdo.label, units)
+    mode = _select_mode(port, sdo, profile.modes)
+    warnings = []
+    if mode == PROFILE_TORQUE_MODE:
+        _, warnings = _written(sdo, (_SLOPE,))
+    else:
         _clear_offset(sdo)
-    command, status, slow = command_pdo(settings), status_pdo(settings), slow_status_pdo(settings)
-    pdo.disable_unused(sdo, (command, status, slow))
+    command, status = command_pdo(settings), status_pdo(settings)
+    slow = tuple(key_of(key)[0] for key in profile.slow_status)
+    wanted = slow_status_pdo(settings, slow, profile.slow_status_timer)
+    open_ids = pdo.disable_unused(sdo, (command, status, wanted))
     pdo.configure(sdo, status)
-    try:
-        pdo.configure(sdo, slow)
-    except (Refused, NotConfigured):
-        slow = slow._replace(entries=SLOW_STATUS[:-1])
-        pdo.configure(sdo, slow)
+    slow = _configure_slow_status(sdo, settings, slow, profile.slow_status_timer)
     no_deadline = pdo.configure(sdo, command, timer_optional=True)
-    unguarded, refused = _written(sdo, stop_objects(settings, rated))
+    missing, refused = _written(sdo, stop_objects(settings, rated))
     if no_deadline:
-        unguarded.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
-    return DriveSetup(mode, rated, tuple(unguarded), (*warnings, *refused), slow.size)
+        missing.insert(0, MissingGuard(COMMAND_DEADLINE, no_deadline))
+    share = min(settings.max_torque / rated, profile.largest_target / PER_MILLE)
+    unguarded, replaced = _replaced(sdo, settings, profile, missing, share)
+    return DriveSetup(
+        mode, rated, unguarded, (*warnings, *refused, *replaced), slow, open_ids
+    )
+
+
+def _configure_slow_status(
+    sdo: Sdo, settings: DriveSettings, slow: tuple[int, ...], timer: bool
+) -> tuple[int, ...]:
+    """Configure TPDO2; return its objects. The digital inputs are optional (CiA 402)."""
+    try:
+        pdo.configure(sdo, slow_status_pdo(settings, slow, timer))
+    except (Refused, NotConfigured):
+        if len(slow) == 1 or slow[-1] != DIGITAL_INPUTS:
+            raise
+        slow = slow[:-1]
+        pdo.configure(sdo, slow_status_pdo(settings, slow, timer))
+    return slow
+
+
+def _replaced(
+    sdo: Sdo, settings: DriveSettings, profile: DriveProfile, missing: list[MissingGuard],
+    share: float,
+) -> tuple[tuple[MissingGuard, ...], list[str]]:  # fmt: skip
+    """Put the profile's substitutes in place of the missing guards.
+
+    share: largest torque over the rated one. Returns the guards that nothing replaces, and a
+    warning for each that is replaced.
+    """
+    substitutes = {each.guard: each for each in profile.substitutes}
+    lacking = {each.guard for each in missing}
+    left, replaced = [], []
+    for each in missing:
+        substitute = substitutes.get(each.guard)
+        if substitute is None or substitute.relies_on in lacking:
+            left.append(each)
+        elif why := _substituted(sdo, settings, substitute, share):
+            left.append(MissingGuard(each.guard, f"{each.why}; {substitute.text}: {why}"))
+        else:
+            replaced.append(f"{GUARDS[each.guard]} is missing, in its place: {substitute.text}")
+    return tuple(left), replaced
+
+
+def _substituted(
+    sdo: Sdo, settings: DriveSettings, substitute: Substitute, share: float
+) -> str:
+    """Write a substitute's objects and read them back; return why not, empty if done."""
+    try:
+        for each in substitute.objects:
+            index, subindex = key_of(each.object)
+            sdo.set(index, subindex, _quantity(sdo, settings, each, share), each.size)
+    except (Refused, NotConfigured) as error:
+        return str(error)
+    return ""
+
+
+def _quantity(
+    sdo: Sdo, settings: DriveSettings, wanted: SubstituteObject, share: float
+) -> int:
+    if wanted.quantity == PERIOD_US:
+        return round(1e6 / settings.rate)
+    if wanted.quantity == DEADLINE_PERIODS:
+        return max(1, round(settings.command_timeout * settings.rate))
+    if wanted.quantity == LIMIT:
+        return math.ceil(share * sdo.unsigned(*key_of(wanted.base)) - _ROUNDING)
+    return wanted.value
 
 
 def disarm(sdo: Sdo) -> None:
@@ -215,38 +311,42 @@ def disarm(sdo: Sdo) -> None:
                 raise
 
 
-def rated_torque(raw: int, expected: float, label: str) -> float:
+def rated_torque(
+    raw: int, expected: float, label: str, units: tuple[float, ...] = (_MILLI, _MICRO)
+) -> float:
     """Return object 6076 in Nm: mNm in the standard, micro-Nm on some drives.
 
-    raw: value of the object. expected: the parameter [Nm]. Raises WrongDevice if neither fits.
+    raw: value of the object. expected: the parameter [Nm]. units: that it may have [Nm]. Raises
+    WrongDevice if none fits.
     """
-    for unit in (_MILLI, _MICRO):
+    for unit in units:
         if abs(raw * unit - expected) <= _RATING_TOLERANCE * expected:
             return raw * unit
     raise WrongDevice(
-        f"{label} says a rated torque (6076) of {raw}, which is {raw * _MILLI:g} Nm if in mNm; the "
-        f"parameter rated_torque is {expected:g} Nm: correct whichever is wrong, or every torque "
-        "will be"
+        f"{label} says a rated torque (6076) of {raw}, which is {raw * units[0]:g} Nm if in "
+        f"{'mNm' if units[0] == _MILLI else 'micro-Nm'}; the parameter rated_torque is "
+        f"{expected:g} Nm: correct whichever is wrong, or every torque will be. Some programs "
+        "leave the rated current [mA] there"
     )
 
 
 def _written(sdo: Sdo, objects: tuple[Object, ...]) -> tuple[list[MissingGuard], list[str]]:
     """Write the objects and read them back; return the guards refused and the warnings."""
-    unguarded, warnings = [], []
+    missing, warnings = [], []
     for each in objects:
         try:
             sdo.set(each.index, each.subindex, each.value, each.size)
         except (Refused, NotConfigured) as error:
             if each.guard:
-                unguarded.append(MissingGuard(each.name, str(error)))
+                missing.append(MissingGuard(each.guard, str(error)))
             elif not (isinstance(error, Refused) and error.absent):
                 warnings.append(f"{each.name} not set: {error}")
-    return unguarded, warnings
+    return missing, warnings
 
 
-def _select_mode(port: Port, sdo: Sdo) -> int:
+def _select_mode(port: Port, sdo: Sdo, modes: tuple[int, ...]) -> int:
     supported = sdo.unsigned(0x6502)
-    mode = next((mode for bit, mode in _TORQUE_MODES if supported >> bit & 1), 0)
+    mode = next((mode for mode in modes if supported >> _MODE_BITS[mode] & 1), 0)
     if not mode:
         raise WrongDevice(
             f"{sdo.label} has neither cyclic synchronous torque nor profile torque mode "

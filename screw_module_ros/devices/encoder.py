@@ -13,6 +13,7 @@ import struct
 from ..can_io.load import Traffic
 from ..can_io.port import SYNC_ID, Port
 from ..geometry import SCREW, Screw, counts_to_height
+from ..profiles import ANY_ENCODER, Profile
 from ..samples import SEQUENCE_MASK, EncoderReading
 from ..settings import validated
 from . import encoder_setup as setup
@@ -42,8 +43,14 @@ class Encoder(CanopenDevice):
 
     profile = setup.PROFILE
 
-    def __init__(self, port: Port, settings: EncoderSettings, screw: Screw = SCREW):
-        super().__init__(port, validated(settings), "encoder")
+    def __init__(
+        self,
+        port: Port,
+        settings: EncoderSettings,
+        screw: Screw = SCREW,
+        make: Profile = ANY_ENCODER,
+    ):
+        super().__init__(port, validated(settings), "encoder", make)
         self.fault = ""
         self.warnings: list[str] = []
         self.operating_status = 0
@@ -61,9 +68,15 @@ class Encoder(CanopenDevice):
         self._stamp_offset_ns = 0
         self._foreign_sync = 0
         self._absent: set[int] = set()
-        port.subscribe(setup.position_pdo(settings).cob_id, self._on_position)
+        position = setup.position_pdo(settings, make.encoder.pdo)
+        port.subscribe(position.cob_id, self._on_position)
         if not port.sync_producer:
             port.subscribe(SYNC_ID, self._on_sync)
+
+    @property
+    def step(self) -> float:
+        """Change of height per count [m], direction included."""
+        return self._metres
 
     @property
     def homed(self) -> bool:
@@ -93,7 +106,7 @@ class Encoder(CanopenDevice):
 
     def set_up(self) -> int:
         """Write the settings; return the range at which the position wraps [counts]."""
-        return setup.set_up(self.sdo, self.settings)
+        return setup.set_up(self.sdo, self.settings, self.make.encoder, abs(self.step))
 
     def adopt(self, found: int) -> None:
         """Count from the range that was found."""

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 from ..can_io.load import Traffic
 from ..geometry import COUNTS_PER_TURN
+from ..profiles import GENERIC_406, EncoderProfile
 from ..settings import Setting
 from . import pdo
 from .errors import NotConfigured, Refused
@@ -20,6 +21,7 @@ POSITION = (pdo.Entry(0x6004, 0, 32),)
 # Object 6000, operating parameters.
 _CODE_SEQUENCE_BIT = 0x0001
 _SCALING_BIT = 0x0004
+_STEP_TOLERANCE = 1e-3
 
 #: Object 6503, alarms; bits 12 to 15 are the manufacturer's.
 ALARMS = {0: "position error", 1: "commissioning diagnostics"}
@@ -38,6 +40,9 @@ class EncoderSettings(NamedTuple):
     """The encoder on the screw's motor: its node id, its counting, the unit of a count."""
 
     node_id: Annotated[int, Setting("CANopen node id", "", 1, 127)] = 2
+    profile: Annotated[
+        str, Setting("make of the encoder: a file of params/devices, or the path of one of yours")
+    ] = GENERIC_406
     rate: Annotated[float, Setting("ticks (SYNCs) per second", "Hz", 1.0, 4000.0)] = 1000.0
     counts_per_turn: Annotated[
         int, Setting("counts per turn of the screw, object 6001", "counts", 4, 2**31)
@@ -75,9 +80,10 @@ class EncoderSettings(NamedTuple):
     ] = 0.1
 
 
-def position_pdo(settings: EncoderSettings) -> pdo.Pdo:
-    """Return TPDO1: object 6004 at every SYNC."""
-    return pdo.Pdo(1, True, 0x180 + settings.node_id, pdo.ON_EVERY_SYNC, POSITION)
+def position_pdo(settings: EncoderSettings, number: int = 1) -> pdo.Pdo:
+    """Return a TPDO with object 6004 at every SYNC. number: 1 for TPDO1."""
+    cob_id = 0x080 + 0x100 * number + settings.node_id
+    return pdo.Pdo(number, True, cob_id, pdo.ON_EVERY_SYNC, POSITION)
 
 
 def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> list[Traffic]:
@@ -86,20 +92,25 @@ def encoder_traffic(settings: EncoderSettings, sync_producer: bool = True) -> li
     return [Traffic("SYNC", 0, settings.rate), *frames] if sync_producer else frames
 
 
-def set_up(sdo: Sdo, settings: EncoderSettings) -> int:
+def set_up(sdo: Sdo, settings: EncoderSettings, make: EncoderProfile, step: float) -> int:
     """Write what the settings say and read it back; the device is in PRE-OPERATIONAL.
 
-    Returns the range at which the position wraps [counts]. Raises NotAnswering, Refused,
-    NotConfigured.
+    step: of one count at the nut [m]. Returns the range at which the position wraps [counts].
+    Raises NotAnswering, Refused, NotConfigured.
     """
-    wrap = _scale(sdo, settings)
+    if make.scaling:
+        wrap = _scale(sdo, settings)
+    elif make.linear:
+        wrap = _linear_range(sdo, step)
+    else:
+        wrap = _physical_range(sdo, settings, make.scaling_bit)
     if not settings.counts_per_turn <= wrap <= FULL_RANGE:
         # Within a period the nut could pass half of a shorter range, and turns would be miscounted.
         raise NotConfigured(
             f"{sdo.label} wraps after {wrap} counts (object 6002); {settings.counts_per_turn} "
             "(counts_per_turn) to 2^32 are wanted: set measuring_range, or use an encoder that can"
         )
-    position = position_pdo(settings)
+    position = position_pdo(settings, make.pdo)
     pdo.disable_unused(sdo, (position,))
     pdo.configure(sdo, position)
     return wrap
@@ -124,17 +135,44 @@ def _unscaled(sdo: Sdo, settings: EncoderSettings) -> int:
     """Accept an encoder that cannot scale, if its resolution is that of the settings."""
     direction = sdo.unsigned(0x6000) & ~_SCALING_BIT & ~_CODE_SEQUENCE_BIT | settings.code_sequence
     _set_if_other(sdo, 0x6000, direction, 2)
-    per_turn = sdo.unsigned(0x6501)
-    if per_turn != settings.counts_per_turn:
+    return _turns(sdo, settings, sdo.unsigned(0x6501))
+
+
+def _physical_range(sdo: Sdo, settings: EncoderSettings, scaling_bit: int) -> int:
+    """Write nothing: compare what the encoder counts with the settings; return where it wraps."""
+    if scaling_bit >= 0 and sdo.unsigned(0x6000) >> scaling_bit & 1:
+        _compare(sdo, settings, sdo.unsigned(0x6001), "6001, its scaling is on")
+        return sdo.unsigned(0x6002) or FULL_RANGE
+    return _turns(sdo, settings, sdo.unsigned(0x6501))
+
+
+def _linear_range(sdo: Sdo, step: float) -> int:
+    """Write nothing; 6501 is the length of a step [nm]. It does not wrap within its travel."""
+    found = sdo.unsigned(0x6501) * 1e-9
+    if abs(found - step) > _STEP_TOLERANCE * step:
         raise NotConfigured(
-            f"{sdo.label} cannot scale (object 6000 bit 2) and counts {per_turn} per turn; "
-            f"counts_per_turn is {settings.counts_per_turn}"
+            f"{sdo.label} has steps of {found * 1e6:g} um (object 6501); lead / counts_per_turn is "
+            f"{step * 1e6:g} um: set counts_per_turn to lead / step"
         )
+    return FULL_RANGE
+
+
+def _turns(sdo: Sdo, settings: EncoderSettings, per_turn: int) -> int:
+    """Return the physical range [counts] of an encoder that counts `per_turn`."""
+    _compare(sdo, settings, per_turn, "6501, it does not scale")
     try:
         turns = sdo.unsigned(0x6502)
     except Refused:
         return FULL_RANGE  # an incremental encoder has no number of turns
     return per_turn * turns or FULL_RANGE
+
+
+def _compare(sdo: Sdo, settings: EncoderSettings, per_turn: int, source: str) -> None:
+    if per_turn != settings.counts_per_turn:
+        raise NotConfigured(
+            f"{sdo.label} counts {per_turn} per turn (object {source}); counts_per_turn is "
+            f"{settings.counts_per_turn}: set it to {per_turn}"
+        )
 
 
 def _set_if_other(sdo: Sdo, index: int, value: int, size: int) -> None:

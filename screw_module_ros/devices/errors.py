@@ -36,6 +36,8 @@ class Refused(DeviceError):
 
     #: Abort codes for an object that does not exist.
     ABSENT = frozenset({0x06020000, 0x06090011})
+    #: Abort codes for an object that cannot be written.
+    READ_ONLY = frozenset({0x06010000, 0x06010002})
 
     def __init__(self, text: str, code: int):
         super().__init__(text)
@@ -45,6 +47,11 @@ class Refused(DeviceError):
     def absent(self) -> bool:
         """Whether the device has no such object or sub-index."""
         return self.code in self.ABSENT
+
+    @property
+    def read_only(self) -> bool:
+        """Whether the device does not let the object be written."""
+        return self.code in self.READ_ONLY
 
 
 class WrongDevice(DeviceError):

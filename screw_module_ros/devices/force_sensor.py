@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ATI six-axis transducer with NETCANOEM electronics, polled once a tick (thesis 3.1.9).
+"""ATI six-axis transducer, polled once a tick (thesis 3.1.9), with NETCANOEM electronics.
 
 wrench = matrix @ (gauges - bias) / counts per unit. The driver keeps the bias as a wrench. `ati`
 has the layout of the frames. They carry no number, so a sample is valid only when both halves came
-before the next request.
+before the next request. `ati_net` has the driver for the Net F/T box.
 """
 
 from __future__ import annotations
 
-import operator
 from collections import Counter
 from collections.abc import Sequence
 
@@ -37,6 +36,8 @@ _RESTART_S = 0.02  # after this silence the board may have lost its supply and c
 class ForceSensor:
     """Driver of one sensor; `request` and `reading` belong to the realtime loop.
 
+    A sensor with another protocol is a subclass with other opcodes, `find` and `values`.
+
     counters: those of `Polled`, out_of_order (second halves without their first), saturated
     (samples with a gauge at its end), frozen (samples withheld because the gauges were constant),
     status_faults (samples whose status forbids their use), reserved_bits (samples with such bits),
@@ -51,6 +52,11 @@ class ForceSensor:
     not restarted, as far as is known. A bias from before stays in use: without it the force would
     jump by the handle's weight.
     """
+
+    REQUEST = b""
+    FIRST, SECOND = ati.READ_GAUGES, ati.READ_GAUGES_SECOND
+    SIZES = ati.GAUGES_FIRST.size, ati.GAUGES_SECOND.size
+    SETTINGS = (ati.SET_CALIBRATION, ati.RESET)
 
     def __init__(self, port: Port, settings: ForceSensorSettings, label: str = "force sensor"):
         self.settings = validated(settings)
@@ -71,13 +77,13 @@ class ForceSensor:
         self._needs_reset = self._calibration_lost = self._frozen = False
         self._last_status: int | None = None
         self._half: bytes | None = None
-        self._newest: tuple[bytes, bytes] = (b"", b"")
+        self._newest: tuple[int, ...] = ()
         self._unchanged = self._unanswered = self._configured_ns = 0
         self._too_many_unchanged = unchanged_samples(settings)
         self._too_many_unanswered = max(10, round(_RESTART_S * settings.rate))
-        port.subscribe(self._request_id | ati.READ_GAUGES, self._on_first)
-        port.subscribe(self._request_id | ati.READ_GAUGES_SECOND, self._on_second)
-        for opcode in (ati.SET_CALIBRATION, ati.RESET):
+        port.subscribe(self._request_id | self.FIRST, self._on_first)
+        port.subscribe(self._request_id | self.SECOND, self._on_second)
+        for opcode in self.SETTINGS:
             port.subscribe(self._request_id | opcode, self._on_foreign_setting)
 
     # -- configuration: blocking -----------------------------------------------------------------
@@ -107,14 +113,23 @@ class ForceSensor:
 
         Raises Occupied, NotAnswering, WrongDevice, NotConfigured, BusError.
         """
-        settings, dialogue = self.settings, self._dialogue
+        settings = self.settings
         self._running = False
-        # A poll is an empty frame.
-        if self._port.listen({self._request_id: operator.not_}, settings.listen) is not None:
+        if self._port.listen({self._request_id: self._is_poll}, settings.listen) is not None:
             raise Occupied(
                 f"somebody already polls the {self._label} (base id 0x{settings.base_id:02X}) on "
                 f"{self._port.name}: is a second copy of this node running?"
             )
+        self.sensor, matrix = self.find()
+        turn = ati.rotation(settings.roll, settings.pitch, settings.yaw)
+        self._rows = ati.counts_to_wrench(matrix, self.sensor, turn, settings.sign)
+        self._needs_reset = self._calibration_lost = self._frozen = False
+        self._lose_tare()  # nobody watched it, or it has restarted
+        self._configured_ns = self._port.clock.now_ns()
+
+    def find(self) -> tuple[SensorIdentity, list[ati.Row]]:
+        """Return identity, units and calibration of the sensor; raises as `configure`."""
+        settings, dialogue = self.settings, self._dialogue
         serial = dialogue.serial()
         if settings.serial and serial != settings.serial:
             raise WrongDevice(
@@ -123,12 +138,7 @@ class ForceSensor:
             )
         if settings.calibration != ANY_CALIBRATION:
             dialogue.set_calibration(settings.calibration)
-        self.sensor = sensor = dialogue.identify()
-        turn = ati.rotation(settings.roll, settings.pitch, settings.yaw)
-        self._rows = ati.counts_to_wrench(dialogue.matrix(), sensor, turn, settings.sign)
-        self._needs_reset = self._calibration_lost = self._frozen = False
-        self._lose_tare()  # nobody watched it, or it has restarted
-        self._configured_ns = self._port.clock.now_ns()
+        return dialogue.identify(), dialogue.matrix()
 
     def start(self) -> None:
         """Deliver samples from the next request on.
@@ -182,7 +192,7 @@ class ForceSensor:
         self._unanswered += 1
         try:
             if self._poll.begin(sequence, monotonic_ns, stamp_ns):
-                self._port.send(self._request_id, b"")
+                self._port.send(self._request_id, self.REQUEST)
         except BusError:
             self.counters["bus_errors"] += 1
             raise
@@ -194,16 +204,23 @@ class ForceSensor:
     def _on_first(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
             return
-        if not data:
-            self.counters["foreign_requests"] += 1
-            self._latch(f"somebody else polls the {self._label} on {self._port.name}")
+        if self._is_poll(data):
+            self.on_foreign_poll()
             return
         if self._unanswered > self._too_many_unanswered:
             # Bit 0 of the status word shows a restart by the watchdog, not one of the supply.
             self._note_restart("was silent and may have restarted")
         self._unanswered = 0
-        if self._poll.note(len(data) == ati.GAUGES_FIRST.size, 0) == FRESH:
+        if self._poll.note(len(data) == self.SIZES[0], 0) == FRESH:
             self._half = data
+
+    def _is_poll(self, data: bytes) -> bool:
+        return bytes(data) == self.REQUEST
+
+    def on_foreign_poll(self) -> None:
+        """Latch that another master polls: its answers would pass for ours."""
+        self.counters["foreign_requests"] += 1
+        self._latch(f"somebody else polls the {self._label} on {self._port.name}")
 
     def _on_foreign_setting(self, _data: bytes, _arrival_ns: int) -> None:
         """Stop delivering samples; while it runs, we ask for neither, nor is this our reply."""
@@ -220,7 +237,7 @@ class ForceSensor:
     def _on_second(self, data: bytes, _arrival_ns: int) -> None:
         if not self._running:
             return
-        verdict = self._poll.note(len(data) == ati.GAUGES_SECOND.size, 1)
+        verdict = self._poll.note(len(data) == self.SIZES[1], 1)
         if verdict in (LATE, UNEXPECTED):
             return  # an older second half: the present first half still needs its own
         half, self._half = self._half, None
@@ -230,29 +247,36 @@ class ForceSensor:
             self._complete(half, data)
 
     def _complete(self, first: bytes, second: bytes) -> None:
-        status, g0, g2, g4 = ati.GAUGES_FIRST.unpack(first)
-        g1, g3, g5 = ati.GAUGES_SECOND.unpack(second)
+        status, values = self.values(first, second)
+        if values is None:
+            return
         if status or self._last_status != 0:
             self._note_status(status)
-        if self._is_frozen(first, second):
+        if self._is_frozen(values):
             self.counters["frozen"] += 1
             return
-        if max(g0, g1, g2, g3, g4, g5, -g0, -g1, -g2, -g3, -g4, -g5) >= ati.SATURATED:
+        if max(map(abs, values)) >= ati.SATURATED:
             self.counters["saturated"] += 1
             return
         if self._calibration_lost:
             return
+        g0, g1, g2, g3, g4, g5 = values
         wrench = [
             a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 - bias
             for (a, b, c, d, e, f), bias in zip(self._rows, self.bias, strict=True)
         ]
         self._poll.deliver(ForceReading(*self._poll.asked, *wrench, status))
 
-    def _is_frozen(self, first: bytes, second: bytes) -> bool:
-        """Return whether the gauges are frozen; it compares bytes, because it runs every tick."""
-        (before_first, before_second), self._newest = self._newest, (first, second)
-        # Samples nearly always differ, so this is mostly the end. The status word is no gauge.
-        if second != before_second or first[2:] != before_first[2:]:
+    def values(self, first: bytes, second: bytes) -> tuple[int, tuple[int, ...] | None]:
+        """Return status word and six counts of the two halves, None for counts not to be used."""
+        status, g0, g2, g4 = ati.GAUGES_FIRST.unpack(first)
+        g1, g3, g5 = ati.GAUGES_SECOND.unpack(second)
+        return status, (g0, g1, g2, g3, g4, g5)
+
+    def _is_frozen(self, values: tuple[int, ...]) -> bool:
+        """Return whether the gauges are frozen."""
+        before, self._newest = self._newest, values
+        if values != before:  # nearly always, so this is mostly the end
             self._unchanged = 0
             return self._frozen
         self._unchanged += 1

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from ..can_io.load import Traffic
+from ..profiles import NETCANOEM
 from ..settings import Setting
 from . import ati
 
@@ -22,7 +23,16 @@ class ForceSensorSettings(NamedTuple):
     base_id: Annotated[
         int, Setting("high seven bits of its identifiers", choices=tuple(sorted(ati.FREE_BASES)))
     ] = 0x12
+    profile: Annotated[
+        str, Setting("make of the sensor: a file of params/devices, or the path of one of yours")
+    ] = NETCANOEM
     rate: Annotated[float, Setting("polls per second", "Hz", 1.0, 4000.0)] = 1000.0
+    counts_per_force: Annotated[
+        float, Setting("of a sensor that does not tell: counts per newton", "1/N", 0.0, 1e6)
+    ] = 0.0
+    counts_per_torque: Annotated[
+        float, Setting("of a sensor that does not tell: counts per newton metre", "1/Nm", 0.0, 1e6)
+    ] = 0.0
     calibration: Annotated[
         int, Setting("calibration to activate, -1 = keep the active one", "", ANY_CALIBRATION, 15)
     ] = ANY_CALIBRATION

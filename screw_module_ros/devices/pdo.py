@@ -68,13 +68,26 @@ class Pdo(NamedTuple):
         return sum(entry.bits for entry in self.entries) // 8
 
 
-def disable_unused(sdo: Sdo, used: tuple[Pdo, ...]) -> None:
-    """Disable every PDO of the device that is not in `used`; raises as `Sdo.set`."""
+def disable_unused(sdo: Sdo, used: tuple[Pdo, ...]) -> tuple[int, ...]:
+    """Disable every PDO of the device that is not in `used`; raises as `Sdo.set`.
+
+    A PDO whose identifier is read-only loses its entries instead. Returns the identifiers at which
+    the device still takes commands all the same: RPDOs with a read-only mapping too.
+    """
     keep = {pdo.parameters for pdo in used}
+    left = []
     for base in (_RECEIVE_PARAMETERS, _TRANSMIT_PARAMETERS):
         for index in range(base, base + _PDOS_LOOKED_AT):
-            if index not in keep:
-                _disable(sdo, index, optional=True)
+            if index in keep:
+                continue
+            try:
+                before = sdo.unsigned(index, 1)
+            except Refused:
+                continue  # no such PDO
+            off = _disabled(sdo, index, before) or _emptied(sdo, index)
+            if not off and base == _RECEIVE_PARAMETERS:
+                left.append(before & _ID_MASK)
+    return tuple(left)
 
 
 def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
@@ -83,14 +96,16 @@ def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
     With `timer_optional`, returns why the device refused the timer; otherwise an empty string.
     Raises NotConfigured, Refused, NotAnswering.
     """
-    before = _disable(sdo, pdo.parameters)
+    before = sdo.unsigned(pdo.parameters, 1)
+    disabled = _disabled(sdo, pdo.parameters, before)
     _map(sdo, pdo)
     sdo.set(pdo.parameters, 2, pdo.kind, 1)
     if pdo.transmit:
         _clear_if_there(sdo, pdo.parameters, 3)
     refused = _set_timer(sdo, pdo, timer_optional)
-    keep = before & _NO_REMOTE if pdo.transmit else 0
-    sdo.write(pdo.parameters, 1, keep | pdo.cob_id, 4)
+    if disabled:
+        keep = before & _NO_REMOTE if pdo.transmit else 0
+        sdo.write(pdo.parameters, 1, keep | pdo.cob_id, 4)
     found = sdo.unsigned(pdo.parameters, 1)
     if found & _ID_MASK != pdo.cob_id or found & (_DISABLED | _EXTENDED):
         raise NotConfigured(
@@ -100,19 +115,31 @@ def configure(sdo: Sdo, pdo: Pdo, timer_optional: bool = False) -> str:
     return refused
 
 
-def _disable(sdo: Sdo, parameters: int, optional: bool = False) -> int:
-    """Disable the PDO and return its identifier object as it was before."""
+def _disabled(sdo: Sdo, parameters: int, before: int) -> bool:
+    """Disable the PDO; return whether it is off: a read-only identifier stays as it is.
+
+    before: its identifier object.
+    """
+    if before & _DISABLED:
+        return True
     try:
-        before = sdo.unsigned(parameters, 1)
-    except Refused:
-        if optional:
-            return 0  # no such PDO
-        raise
-    if not before & _DISABLED:
         sdo.write(parameters, 1, before | _DISABLED, 4)
-        if not sdo.unsigned(parameters, 1) & _DISABLED:
-            raise NotConfigured(f"{sdo.label}: PDO {parameters:04X} cannot be disabled")
-    return before
+    except Refused as error:
+        if not error.read_only:
+            raise
+        return False
+    if not sdo.unsigned(parameters, 1) & _DISABLED:
+        raise NotConfigured(f"{sdo.label}: PDO {parameters:04X} cannot be disabled")
+    return True
+
+
+def _emptied(sdo: Sdo, parameters: int) -> bool:
+    """Return whether the PDO has no entries any more."""
+    try:
+        sdo.set(parameters + _MAPPING, 0, 0, 1)
+    except (Refused, NotConfigured):
+        return False
+    return True
 
 
 def _map(sdo: Sdo, pdo: Pdo) -> None:

@@ -80,6 +80,14 @@ class Sdo:
         """Upload an unsigned integer of any size; raises as `read`."""
         return int.from_bytes(self.read(index, subindex), "little")
 
+    def has(self, index: int, subindex: int = 0) -> bool:
+        """Return whether the device has an object; raises NotAnswering, BusError."""
+        try:
+            self.read(index, subindex)
+        except Refused as error:
+            return not error.absent
+        return True
+
     def signed(self, index: int) -> int:
         """Upload a signed integer of any size; raises as `read`."""
         return int.from_bytes(self.read(index), "little", signed=True)

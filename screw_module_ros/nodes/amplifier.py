@@ -22,6 +22,7 @@ from screw_module_ros.devices.drive_settings import DriveSettings
 from screw_module_ros.geometry import Screw, torque_to_force
 from screw_module_ros.loop.drive import VerticalDrive
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
+from screw_module_ros.profiles import DRIVE, load
 from screw_module_ros.safety.permit import Permit, PermitSettings
 from screw_module_ros.settings import Setting
 
@@ -82,7 +83,10 @@ class AmplifierNode(DriveNode):
         largest = min(settings.max_torque, largest_command(self._chain))
         settings = settings._replace(max_torque=largest)
         port = self.open_port(f"drive node {settings.node_id}", f"master {settings.master_id}")
-        self.configure_drives(Drive(port, settings, "vertical drive", per_turn=self._screw.lead))
+        make = load(settings.profile, DRIVE)
+        self.configure_drives(
+            Drive(port, settings, "vertical drive", per_turn=self._screw.lead, make=make)
+        )
         self.check_bus_load(self.drives[0].traffic)
         self.get_logger().info(f"linearization: {self._state.calibration}")
         self._commands = self.new_inbox()

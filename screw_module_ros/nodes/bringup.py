@@ -23,7 +23,9 @@ import click
 from screw_module_ros.domain import domain_id, end_without_domain
 from screw_module_ros.graph import BESIDE, Entry, chosen, table
 from screw_module_ros.lockstep.page import sweep
+from screw_module_ros.profiles import DRIVE, ENCODER, FORCE_SENSOR, load
 from screw_module_ros.resources import resource_path
+from screw_module_ros.settings import SettingError
 
 from .support.arguments import arguments, unread_sections
 from .support.place import keep_to_this_machine, open_to_network
@@ -37,6 +39,10 @@ SEPARATE_LATENCY, COMPOSED_LATENCY = 0.6e-3, 0.3e-3
 PLANE_RATE_ON_TWO_CORES = 250.0
 SIMULATION_PARAMETERS = "params/sim.yaml"
 BENCH_PARAMETERS = "params/bench.yaml"
+_DRIVERS = {
+    DRIVE: ("amplifier", "manus"), ENCODER: ("encoder",), FORCE_SENSOR: ("force_sensor",)
+}  # fmt: skip
+_IN_RIG = {DRIVE: "drive_profile", ENCODER: "encoder_profile", FORCE_SENSOR: "sensor_profile"}
 _POLITE_S = 8.0
 _PR_SET_PDEATHSIG = 1
 
@@ -70,12 +76,14 @@ def plan(
     extra: Sequence[str] = (),
     composed: bool = False,
     wall_clock: bool = False,
+    devices: str = "",
 ) -> Plan:
     """Return the plan that starts the robot.
 
     simulation: with the simulated rig. params: a file that replaces the packaged one. only,
     without: names of the table. extra: arguments for every node. composed: `module` replaces its
-    four parts. wall_clock: the simulated rig runs in real time.
+    four parts. wall_clock: the simulated rig runs in real time. devices: profiles of the devices,
+    by comma (`profiles.NAMES`, or paths).
 
     Raises SettingError for a file that cannot be read, ValueError for a name that is not in the
     table.
@@ -84,7 +92,7 @@ def plan(
     path = params or str(resource_path(default))
     above = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
     known = [node for entry in table(composed) for node in entry.nodes]
-    words = ["--params-file", path]
+    words = ["--params-file", path, *device_arguments(devices, simulation)]
     if simulation:
         words += simulated_arguments(composed, wall_clock)
     return Plan(
@@ -93,6 +101,32 @@ def plan(
         above,
         unread_sections(path, [*known, *BESIDE], above),
     )
+
+
+def device_arguments(devices: str, simulation: bool) -> list[str]:
+    """Return the --ros-args that give drivers and simulated rig the profiles of these devices.
+
+    devices: names or paths, by comma, one for each kind at most. Raises SettingError for one that
+    does not exist, or for two of a kind.
+    """
+    words: list[str] = []
+    kinds: dict[str, str] = {}
+    for name in filter(None, (part.strip() for part in devices.split(","))):
+        profile = load(name)
+        if profile.kind in kinds:
+            raise SettingError(
+                f"devices: {kinds[profile.kind]} and {name} are both of a {profile.kind}"
+            )
+        kinds[profile.kind] = name
+        values = {f"{node}:profile": name for node in _DRIVERS[profile.kind]}
+        if simulation:
+            values[f"sim_rig:devices.{_IN_RIG[profile.kind]}"] = name
+            for node in _DRIVERS[profile.kind]:
+                for parameter, value in profile.simulated.parameters.items():
+                    values[f"{node}:{parameter}"] = value
+        for parameter, value in values.items():
+            words += ["-p", f"{parameter}:={value}"]
+    return words
 
 
 def checked_values(values: Sequence[str]) -> list[str]:
@@ -241,6 +275,10 @@ def stop(processes: list[Process]) -> dict[str, int]:
 )
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
+@click.option(
+    "--devices", default="", metavar="NAME,...",
+    help="Makes of the devices, like epos4,sick_ahm36,ati_net (params/devices).",
+)
 @click.option("--namespace", default="", help="For a second robot, like /second.")
 @click.option("--only", multiple=True, help="Start only this node (repeat for more).")
 @click.option("--without", multiple=True, help="Leave this node out (repeat for more).")

@@ -11,6 +11,7 @@ from screw_module_ros.devices.encoder_setup import EncoderSettings
 from screw_module_ros.devices.errors import DeviceError, NotNow
 from screw_module_ros.geometry import Screw
 from screw_module_ros.loop.vertical import Wires
+from screw_module_ros.profiles import ENCODER, load
 from screw_module_ros.samples import EncoderReading
 
 from .support.answering import Done
@@ -33,7 +34,8 @@ class EncoderNode(SensorNode):
         """Find and configure the encoder."""
         settings = self.parameters.read(EncoderSettings)
         port = self.open_port(f"encoder node {settings.node_id}")
-        encoder = Encoder(port, settings, screw=self.parameters.read(Screw))
+        make = load(settings.profile, ENCODER)
+        encoder = Encoder(port, settings, self.parameters.read(Screw), make)
         self.add_device(encoder, graph.ENCODER, graph.ENCODER_DECIMATED)
         self._torque_off = TorqueOff(self, self.new_inbox(), self.clock)
 

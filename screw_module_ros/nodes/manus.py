@@ -14,12 +14,13 @@ from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.drive_settings import DriveSettings, adapted
 from screw_module_ros.loop.plane import JointSettings, Plane, PlaneLimits, PlaneWires
 from screw_module_ros.loop.ticker import Tick
+from screw_module_ros.profiles import DRIVE, GENERIC_402, load
 from screw_module_ros.safety.checks import FreezeSettings
 from screw_module_ros.safety.permit import Permit, PermitSettings
-from screw_module_ros.settings import Setting
+from screw_module_ros.settings import Setting, fields
 
 from .support.answering import Done
 from .support.driver import RateSettings, device_values
@@ -36,8 +37,10 @@ class SharedSettings(NamedTuple):
     """Settings that both drives share."""
 
     master_id: Annotated[int, Setting("node id of our own heartbeat", "", 1, 127)] = 113
-    allow_unguarded: Annotated[
-        bool, Setting("DANGER: enable drives that do not stop when this program hangs")
+    profile: Annotated[str, fields(DriveSettings)["profile"].setting] = GENERIC_402
+    waived: Annotated[str, fields(DriveSettings)["waived"].setting] = ""
+    allow_no_heartbeat: Annotated[
+        bool, fields(DriveSettings)["allow_no_heartbeat"].setting
     ] = False
 
 
@@ -76,15 +79,16 @@ class ManusNode(DriveNode):
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
         law = self.parameters.read(PlanarSettings).validated()
+        make = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
-            self._drive_settings("shoulder", law.shoulder_torque),
-            self._drive_settings("elbow", law.elbow_torque),
+            adapted(self._drive_settings("shoulder", law.shoulder_torque), make.drive),
+            adapted(self._drive_settings("elbow", law.elbow_torque), make.drive),
         ]
         names = [f"drive node {each.node_id}" for each in settings]
         port = self.open_port(*names, f"master {settings[0].master_id}")
         beat = Heartbeat(port, settings[0].master_id, settings[0].heartbeat_period)
         self.configure_drives(*(
-            Drive(port, each, f"{joint} drive", beat)
+            Drive(port, each, f"{joint} drive", beat, make=make)
             for joint, each in zip(_JOINTS, settings, strict=True)
         ))
         self.check_bus_load([*self.drives[0].traffic, *self.drives[1].traffic[1:]])

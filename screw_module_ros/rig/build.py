@@ -6,10 +6,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
 
+from screw_module_ros.profiles import (
+    DRIVE,
+    ENCODER,
+    FORCE_SENSOR,
+    GENERIC_402,
+    GENERIC_406,
+    NET_PROTOCOL,
+    NETCANOEM,
+    Profile,
+    load,
+)
 from screw_module_ros.rig.drive import DriveRating, SimulatedDrive
 from screw_module_ros.rig.encoder import SimulatedEncoder
 from screw_module_ros.rig.force_sensor import SimulatedForceSensor
 from screw_module_ros.rig.link import Link
+from screw_module_ros.rig.net_sensor import SimulatedNetSensor
 from screw_module_ros.rig.physics import Axis, Physics, PlanarAxis, VerticalAxis
 from screw_module_ros.rig.port import RigPort
 from screw_module_ros.settings import Setting
@@ -43,6 +55,15 @@ class RigSettings(NamedTuple):
     planar_rated_current: Annotated[
         float, Setting("rated current of the planar motors, object 6075", "A", 0.1, 100.0)
     ] = 10.0
+    drive_profile: Annotated[str, Setting("make of the drives, a file of params/devices")] = (
+        GENERIC_402
+    )
+    encoder_profile: Annotated[str, Setting("make of the encoder, a file of params/devices")] = (
+        GENERIC_406
+    )
+    sensor_profile: Annotated[
+        str, Setting("make of the force sensor, a file of params/devices")
+    ] = NETCANOEM
     max_torque: Annotated[
         int, Setting("largest torque of the drives, object 6072", "per mille", 100, 32767)
     ] = 4000
@@ -55,21 +76,28 @@ class RigSettings(NamedTuple):
 def build_devices(
     settings: RigSettings, ports: dict[str, RigPort], physics: Physics
 ) -> Iterator[Device]:
-    """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in."""
+    """Yield the devices that sit on `ports` (keys as in BUSES), each plugged in.
+
+    Raises SettingError for a profile that does not exist.
+    """
+    make = load(settings.drive_profile, DRIVE)
     if "encoder" in ports:
         link = Link(ports["encoder"], "encoder")
-        yield SimulatedEncoder(link, settings.encoder_node, physics.world)
+        encoder = load(settings.encoder_profile, ENCODER)
+        yield SimulatedEncoder(link, settings.encoder_node, physics.world, encoder)
     if "drive" in ports:
         axis = VerticalAxis(physics, 1.0 / settings.torque_constant)
-        yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics)
+        yield _drive("drive", ports["drive"], vertical_rating(settings), axis, physics, make)
     if "force_sensor" in ports:
         link = Link(ports["force_sensor"], "force_sensor")
-        yield SimulatedForceSensor(link, settings.sensor_base, physics)
+        protocol = load(settings.sensor_profile, FORCE_SENSOR).force_sensor.protocol
+        sensor = SimulatedNetSensor if protocol == NET_PROTOCOL else SimulatedForceSensor
+        yield sensor(link, settings.sensor_base, physics)
     if "planar" in ports:
         nodes = (("shoulder", settings.shoulder_node), ("elbow", settings.elbow_node))
         for index, (name, node_id) in enumerate(nodes):
             axis, rating = PlanarAxis(physics, index), planar_rating(settings, node_id)
-            yield _drive(name, ports["planar"], rating, axis, physics)
+            yield _drive(name, ports["planar"], rating, axis, physics, make)
 
 
 def vertical_rating(settings: RigSettings) -> DriveRating:
@@ -95,6 +123,6 @@ def planar_rating(settings: RigSettings, node_id: int) -> DriveRating:
 
 
 def _drive(
-    name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics
+    name: str, port: RigPort, rating: DriveRating, axis: Axis, physics: Physics, make: Profile
 ) -> SimulatedDrive:
-    return SimulatedDrive(name, Link(port, name), rating, axis, physics)
+    return SimulatedDrive(name, Link(port, name), rating, axis, physics, make)

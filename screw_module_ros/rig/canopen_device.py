@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from screw_module_ros.profiles import Profile, key_of
 from screw_module_ros.rig.device import SimulatedDevice
 from screw_module_ros.rig.emcy import ErrorLog
 from screw_module_ros.rig.faults import CANOPEN
@@ -42,17 +43,21 @@ _BOOT_NS = 20 * _MS
 class CanopenDevice(SimulatedDevice):
     """One node on the bus.
 
-    name: in faults and reports; link: its cable; node_id: 1..127; eds: its EDS file.
+    name: in faults and reports; link: its cable; node_id: 1..127; eds: its EDS file; make: how it
+    differs from that.
     """
 
     FAULTS = CANOPEN
     unpowered = mute_heartbeat = mute_pdos = deaf_pdos = silent_sdo = False
     refuse_guards = wrong_profile = False
 
-    def __init__(self, name: str, link: Link, node_id: int, eds: str):
+    def __init__(self, name: str, link: Link, node_id: int, eds: str, make: Profile):
         super().__init__(name, link)
         self.node_id = node_id
-        self.node = node = ObjectDictionary(node_id, eds, self.send, self._configured)
+        self.traits = make.simulated
+        self.node = node = ObjectDictionary(
+            node_id, eds, make.objects, self.send, self._configured
+        )
         self.state = INITIALISING
         self.operational = False
         self.errors = ErrorLog(node, self._send_emcy)
@@ -133,7 +138,7 @@ class CanopenDevice(SimulatedDevice):
         del self._deadlines_ns[node_id]
         self._lost.add(node_id)
         self.connection_lost(HEARTBEAT_LOST)
-        fallback = _STATE_AFTER_LOSS.get(self.node.value(0x1029, 1))
+        fallback = _STATE_AFTER_LOSS.get(self.node.optional(0x1029, 1, 1))
         if self.operational and fallback is not None:
             self._enter(fallback)
 
@@ -150,7 +155,7 @@ class CanopenDevice(SimulatedDevice):
 
     def _watches(self) -> list[tuple[int, int]]:
         """Return the subindices and values of the entries of 1016 that are used."""
-        numbers = range(1, self.node.value(_CONSUMER, 0) + 1)
+        numbers = range(1, self.node.optional(_CONSUMER, 0, 0) + 1)
         entries = [(number, self.node.value(_CONSUMER, number)) for number in numbers]
         return [(number, entry) for number, entry in entries if _watches_a_node(entry)]
 
@@ -236,9 +241,19 @@ class CanopenDevice(SimulatedDevice):
         check_pdo_write(self.node, index, subindex, value)
         require(not self.refuse_guards or (index, subindex) not in _GUARDS, GENERAL_ERROR)
 
+    def own_deadline_ns(self) -> int:
+        """Return the maker's own deadline for commands [ns], 0 = none."""
+        cycle, count = self.traits.cycle_object, self.traits.deadline_object
+        if not cycle:
+            return 0
+        return self.node.value(*key_of(cycle)) * self.node.value(*key_of(count)) * 1000
+
     def _configured(self, index: int) -> None:
         """Apply a write to `index`."""
-        if index in _COMMUNICATION_AREA:
+        own = (self.traits.cycle_object, self.traits.deadline_object)
+        if index in [key_of(key)[0] for key in own if key]:
+            self._refresh()
+        elif index in _COMMUNICATION_AREA:
             self._refresh(index)
         else:
             self.written(self.now_ns)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from functools import partial
 from typing import NamedTuple
 
+from screw_module_ros.profiles import ANY_DRIVE, Profile, key_of
 from screw_module_ros.rig import cia402
 from screw_module_ros.rig.canopen_device import INITIALISING, OPERATIONAL, STOPPED, CanopenDevice
 from screw_module_ros.rig.faults import DRIVE
@@ -25,7 +26,8 @@ UNDERVOLTAGE = 0x3220
 
 _ABORT_FAULT, _ABORT_DISABLE, _ABORT_QUICK_STOP = 1, 2, 3
 _HALT = 0x0100
-_PER_MILLE_MNM = 1e-6
+_PER_MILLE = 1e-3
+_STEEPEST = 0x7FFFFFFF
 _LARGEST_I16 = 32767
 _STANDSTILL_COUNTS, _STANDSTILL_POLLS = 2, 10
 _S = _LONGEST_STOP_NS = 1_000_000_000
@@ -58,13 +60,22 @@ class SimulatedDrive(CanopenDevice):
     refuse_torque_limit = micro_rating = False
     stuck_torque: float | None = None
     frozen_position: int | None = None
-    modes = _MODES
+    modes: int | None = None
 
-    def __init__(self, name: str, link: Link, settings: DriveRating, axis: Axis, physics: Physics):
-        super().__init__(name, link, settings.node_id, "drive.eds")
+    def __init__(
+        self,
+        name: str,
+        link: Link,
+        settings: DriveRating,
+        axis: Axis,
+        physics: Physics,
+        make: Profile = ANY_DRIVE,
+    ):
+        super().__init__(name, link, settings.node_id, "drive.eds", make)
+        self._own_modes = make.objects["6502"].value if "6502" in make.objects else _MODES
         self.settings = settings
         self.axis = axis
-        self.machine = cia402.StateMachine(self.node.value)
+        self.machine = cia402.StateMachine(lambda index: self.node.optional(index, 0, 0))
         self.error_code = 0
         self._shift = 0
         self._physics = physics
@@ -131,7 +142,7 @@ class SimulatedDrive(CanopenDevice):
     def connection_lost(self, code: int) -> None:
         """Report the loss and react as 6007 requires."""
         super().connection_lost(code)
-        option = self.node.value(0x6007)
+        option = self.node.optional(0x6007, 0, 0)
         if option == _ABORT_FAULT:
             self.fail(code)
         elif option == _ABORT_DISABLE:
@@ -161,7 +172,7 @@ class SimulatedDrive(CanopenDevice):
         self._controlword = self._target = self._torque_offset = self._mode = 0
         self._demand = 0.0
         self.error_code = 0
-        self._rate(round(settings.rated_torque * 1000.0))
+        self._rate(round(settings.rated_torque / self.traits.torque_unit))
         self._read_limits()
         self.machine.boot()
         if self.causes:
@@ -231,28 +242,40 @@ class SimulatedDrive(CanopenDevice):
                 (0x6079, 0): lambda: 0 if self.voltage_lost else 48_000,
                 (0x60B2, 0): lambda: self._torque_offset,
                 (0x60FD, 0): lambda: self.digital_inputs,
-                (0x6502, 0): lambda: self.modes,
+                (0x6502, 0): lambda: self._own_modes if self.modes is None else self.modes,
             }
         )
-        commands = {0x6040: "_controlword", 0x6071: "_target", 0x60B2: "_torque_offset"}
+        commands = {0x6040: "_controlword", 0x60B2: "_torque_offset"}
         for index, attribute in commands.items():
             node.sinks[index, 0] = partial(setattr, self, attribute)
+        node.sinks[0x6071, 0] = self._aim
         node.sinks[0x6060, 0] = self._set_mode
         node.sinks[0x6076, 0] = self._rate
-        for index in (0x6072, 0x6087):
-            node.sinks[index, 0] = lambda _value: self._read_limits()
+        for key in ((0x6072, 0), (0x6087, 0), key_of(self.traits.limit_object or "6072")):
+            node.sinks[key] = lambda _value: self._read_limits()
+
+    def _aim(self, target: int) -> None:
+        """Take a target that the object's range allows; another one changes nothing."""
+        if abs(target) <= self.traits.largest_target:
+            self._target = target
 
     def _shown_rating(self) -> int:
         return round(self.settings.rated_torque * 1e6) if self.micro_rating else self._rated
 
     def _rate(self, rated: int) -> None:
         self._rated = rated
-        self._newton_metres = max(1, rated) * _PER_MILLE_MNM
+        self._newton_metres = max(1, rated) * self.traits.torque_unit * _PER_MILLE
         self._per_newton_metre = 1.0 / self._newton_metres
 
     def _read_limits(self) -> None:
-        self._limit = min(_LARGEST_I16, self.node.value(0x6072))
-        self._slope = self.node.value(0x6087)
+        node, traits = self.node, self.traits
+        if traits.limit_object:
+            present, base = (node.value(*key_of(key)) for key in
+                             (traits.limit_object, traits.limit_base))
+            self._limit = min(_LARGEST_I16, round(1000 * present / max(1, base)))
+        else:
+            self._limit = min(_LARGEST_I16, node.optional(0x6072, 0, _LARGEST_I16))
+        self._slope = node.optional(0x6087, 0, _STEEPEST)
 
     def _supported(self, mode: int) -> bool:
         return mode == 0 or (mode > 0 and bool(self.node.value(0x6502) >> mode - 1 & 1))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 
 from screw_module_ros.plant.world import World
+from screw_module_ros.profiles import ANY_ENCODER, Profile
 from screw_module_ros.rig.canopen_device import CanopenDevice
 from screw_module_ros.rig.faults import ENCODER
 from screw_module_ros.rig.link import Link
@@ -24,15 +25,15 @@ from screw_module_ros.rig.object_dictionary import (
 _ALARM_CODES = {0x0001: 0x7300, 0x1000: 0x7305}
 """Bit of object 6503 -> error code of its EMCY."""
 
-_REVERSED, _SCALED = 0x0001, 0x0004
-_KNOWN_PARAMETERS = _REVERSED | _SCALED
 _LARGEST_RANGE = 1 << 32
+_COUNTS_PER_TURN = 20_000
+"""Of the world's motor count."""
 
 
 class SimulatedEncoder(CanopenDevice):
     """The encoder on the screw's motor.
 
-    link: its cable; node_id: CANopen node id; world: gives `encoder_count`.
+    link: its cable; node_id: CANopen node id; world: gives `encoder_count`; make: of the encoder.
     """
 
     FAULTS = ENCODER
@@ -40,8 +41,8 @@ class SimulatedEncoder(CanopenDevice):
     noise = 0.0
     position_alarm = index_alarm = warnings = 0
 
-    def __init__(self, link: Link, node_id: int, world: World):
-        super().__init__("encoder", link, node_id, "encoder.eds")
+    def __init__(self, link: Link, node_id: int, world: World, make: Profile = ANY_ENCODER):
+        super().__init__("encoder", link, node_id, "encoder.eds", make)
         self._world = world
         self._parameters = 0
         self._offset = 0
@@ -49,7 +50,11 @@ class SimulatedEncoder(CanopenDevice):
         self._random = random.Random(node_id)
         node = self.node
         self._resolution = node.value(0x6501)
-        self._scale, self._range = (1, 1), self._physical_range()
+        self._reversed = 1 << max(0, self.traits.reversed_bit)
+        self._scaled_by = 1 << self.traits.scaling_bit if self.traits.scaling_bit >= 0 else 0
+        counts = self.traits.parameters.get("counts_per_turn", _COUNTS_PER_TURN)
+        self._physical_scale = (counts, _COUNTS_PER_TURN)
+        self._scale, self._range = self._physical_scale, self._physical_range()
         node.sources[0x6004, 0] = self.position
         node.sources[0x6500, 0] = lambda: self._parameters
         node.sources[0x6503, 0] = lambda: self.alarms
@@ -78,12 +83,12 @@ class SimulatedEncoder(CanopenDevice):
     def written(self, now_ns: int) -> None:
         """Apply operating parameters that the master has changed."""
         parameters = self.node.value(0x6000)
-        self._parameters = parameters & _KNOWN_PARAMETERS
-        if parameters & _SCALED:
+        self._parameters = parameters & (self._reversed | self._scaled_by)
+        if parameters & self._scaled_by:
             self._scale = (self.node.value(0x6001), self._resolution)
             self._range = self.node.value(0x6002)
         else:
-            self._scale, self._range = (1, 1), self._physical_range()
+            self._scale, self._range = self._physical_scale, self._physical_range()
 
     def restarted(self) -> None:
         """Come back with the defaults; the preset is kept, as in an EEPROM."""
@@ -93,13 +98,14 @@ class SimulatedEncoder(CanopenDevice):
 
     def _scaled(self) -> int:
         count = self._world.encoder_count
-        if self._parameters & _REVERSED:
+        if self._parameters & self._reversed:
             count = -count
         units, steps = self._scale
         return count * units // steps
 
     def _physical_range(self) -> int:
-        return self._resolution * self.node.value(0x6502)
+        turns = self.node.optional(0x6502, 0, 0)
+        return self._resolution * turns or _LARGEST_RANGE
 
     def _preset(self, value: int) -> None:
         self._offset = (value - self._scaled()) % self._range
@@ -110,7 +116,7 @@ class SimulatedEncoder(CanopenDevice):
 
     def _check_write(self, index: int, _subindex: int, value: int) -> None:
         if index == 0x6000:
-            require(not value & ~_KNOWN_PARAMETERS, INVALID_VALUE)
+            require(not value & ~(self._reversed | self._scaled_by), INVALID_VALUE)
         if index in (0x6001, 0x6002):
             require(value, VALUE_TOO_LOW)
             most = self._resolution if index == 0x6001 else self._physical_range()

@@ -82,9 +82,9 @@ class SimulatedForceSensor(SimulatedDevice):
         raw = self._calibration.gauges((fx, fy, fz, *torques))
         noise = math.hypot(self.converter_noise, self.noise)
         if noise:
-            flicker = _flicker(self._seeds, now_ns)
-            raw = [value + noise * number for value, number in zip(raw, flicker, strict=True)]
-        counts = [_limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
+            numbers = flicker(self._seeds, now_ns)
+            raw = [value + noise * number for value, number in zip(raw, numbers, strict=True)]
+        counts = [limited(value + zero) for value, zero in zip(raw, ZERO_OFFSETS, strict=True)]
         if self.saturated is not None:
             counts[self.saturated] = LARGEST_COUNT
         return counts
@@ -194,7 +194,7 @@ class SimulatedForceSensor(SimulatedDevice):
         self.status |= CAN_ERROR
 
 
-def _flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
+def flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
     """Return six standard normal numbers, the same at each call within a microsecond."""
     first, second = advanced(*seeds, _GAUGES * (now_ns // 1000))
     numbers: list[float] = []
@@ -204,5 +204,6 @@ def _flicker(seeds: tuple[int, int], now_ns: int) -> list[float]:
     return numbers
 
 
-def _limited(value: float) -> int:
+def limited(value: float) -> int:
+    """Return a number of counts as a 16-bit converter gives it."""
     return max(-LARGEST_COUNT, min(LARGEST_COUNT, round(value)))

@@ -8,12 +8,14 @@ is stored, `sinks` act on it afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import canopen
-from canopen.objectdictionary import NUMBER_TYPES, ODVariable
+from canopen.objectdictionary import NUMBER_TYPES, ODRecord, ODVariable, datatypes
 from canopen.sdo.exceptions import SdoAbortedError
+
+from screw_module_ros.profiles import ObjectTrait, key_of
 
 NO_OBJECT = 0x06020000
 WRITE_ONLY = 0x06010001
@@ -35,6 +37,8 @@ _EDS_FOLDER = Path(__file__).with_name("eds")
 _SDO_LENGTH = 8
 _COMMAND, _DOWNLOAD_OF_ANY_SIZE = 0xE3, 0x22
 
+_UNSIGNED = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
+
 Key = tuple[int, int]
 Send = Callable[[int, bytes], None]
 
@@ -48,15 +52,26 @@ def require(allowed: object, code: int) -> None:
 class ObjectDictionary(canopen.LocalNode):
     """The objects of one device.
 
-    node_id: CANopen node id; eds: file name below rig/eds; send: takes the SDO server's frames;
+    node_id: CANopen node id; eds: file name below rig/eds; traits: how those of its make differ
+    from the file; send: takes the SDO server's frames;
     changed: called with the index after a write.
     sources: (index, subindex) -> function returning the present value.
     sinks: (index, subindex) -> function called with a value after it was stored.
     checks: called with (index, subindex, value) before a write; raise SdoAbortedError to refuse.
     """
 
-    def __init__(self, node_id: int, eds: str, send: Send, changed: Callable[[int], None]):
-        super().__init__(node_id, canopen.import_od(str(_EDS_FOLDER / eds), node_id))
+    def __init__(
+        self,
+        node_id: int,
+        eds: str,
+        traits: Mapping[str, ObjectTrait],
+        send: Send,
+        changed: Callable[[int], None],
+    ):
+        dictionary = canopen.import_od(str(_EDS_FOLDER / eds), node_id)
+        for key, trait in traits.items():
+            _give(dictionary, *key_of(key), trait, node_id)
+        super().__init__(node_id, dictionary)
         self.sdo.send_response = lambda response: send(self.sdo.tx_cobid, bytes(response))
         self.sources: dict[Key, Callable[[], int]] = {}
         self.sinks: dict[Key, Callable[[int], None]] = {}
@@ -135,10 +150,55 @@ class ObjectDictionary(canopen.LocalNode):
         """Return an object's present number."""
         return self.variable(index, subindex).decode_raw(self.get_data(index, subindex))
 
+    def has(self, index: int, subindex: int = 0) -> bool:
+        """Return whether the device has an object."""
+        try:
+            self.variable(index, subindex)
+        except SdoAbortedError:
+            return False
+        return True
+
+    def optional(self, index: int, subindex: int, default: int) -> int:
+        """Return an object's present number, `default` if the device does not have it."""
+        return self.value(index, subindex) if self.has(index, subindex) else default
+
     def put(self, index: int, subindex: int, value: int) -> None:
-        """Set an object from inside the device: no access rights, no checks, no sinks."""
+        """Set an object from inside the device, if it has it: no access rights, checks, sinks."""
+        if not self.has(index, subindex):
+            return
         self._stored[index, subindex] = self.variable(index, subindex).encode_raw(value)
 
     def restore(self, first: int = 0, last: int = 0xFFFF) -> None:
         """Restore the defaults of the EDS file between two indices."""
         self._stored = {k: v for k, v in self._stored.items() if not first <= k[0] <= last}
+
+
+def _give(
+    dictionary: canopen.ObjectDictionary, index: int, subindex: int, trait: ObjectTrait, node: int
+) -> None:
+    """Make one object of a dictionary what it is at a maker's device. node: its node id."""
+    entry = dictionary.indices.get(index)
+    if trait.absent:
+        if subindex:
+            entry.subindices.pop(subindex)
+        else:
+            dictionary.indices.pop(index)
+        return
+    if trait.size:
+        entry = entry or dictionary
+        if subindex and entry is dictionary:
+            entry = ODRecord(f"{index:04X}", index)
+            dictionary.add_object(entry)
+        variable = ODVariable(f"{index:04X}:{subindex:02X}", index, subindex)
+        variable.data_type, variable.access_type = _UNSIGNED[trait.size], "rw"
+        if entry is dictionary:
+            dictionary.add_object(variable)
+        else:
+            entry.add_member(variable)
+    else:
+        variable = entry if isinstance(entry, ODVariable) else entry.subindices[subindex]
+    if trait.read_only:
+        variable.access_type = "ro"
+    variable.pdo_mappable = variable.pdo_mappable and trait.mappable
+    if trait.value is not None:
+        variable.default = trait.value + (node if trait.per_node else 0)

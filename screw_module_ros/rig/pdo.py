@@ -92,7 +92,7 @@ class _Pdo:
         cob_id = node.value(self.index, _COB_ID)
         self.can_id = cob_id & ID_MASK
         self._kind = node.value(self.index, _TRANSMISSION_TYPE)
-        self._event_ns = node.value(self.index, _EVENT_TIMER) * _MS
+        self._event_ns = node.optional(self.index, _EVENT_TIMER, 0) * _MS
         entries = [node.value(mapping, 1 + number) for number in range(node.value(mapping, 0))]
         self._keys = [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
         codes = [_CODES[node.variable(*key).data_type] for key in self._keys]
@@ -111,7 +111,7 @@ class Tpdo(_Pdo):
         """Read the configuration again."""
         super().refresh()
         node = self._device.node
-        self._inhibit_ns = node.value(self.index, _INHIBIT_TIME) * _INHIBIT_UNIT
+        self._inhibit_ns = node.optional(self.index, _INHIBIT_TIME, 0) * _INHIBIT_UNIT
         self._sources = [_source(node, key) for key in self._keys]
 
     def start(self, now_ns: int) -> None:
@@ -160,6 +160,7 @@ class Rpdo(_Pdo):
     def refresh(self) -> None:
         """Read the configuration again; a timer set to zero or a PDO switched off is disarmed."""
         super().refresh()
+        self._event_ns = self._event_ns or self._device.own_deadline_ns()
         self._sinks = [_sink(self._device.node, key) for key in self._keys]
         if not (self.valid and self._event_ns):
             self._deadline_ns = 0
@@ -251,7 +252,9 @@ def _check_communication(node: ObjectDictionary, index: int, subindex: int, valu
 
 
 def _check_mapping(node: ObjectDictionary, index: int, subindex: int, value: int) -> None:
-    require(node.value(index - _MAPPING_OFFSET, _COB_ID) & INVALID_BIT, UNSUPPORTED_ACCESS)
+    identifier = index - _MAPPING_OFFSET, _COB_ID
+    may_stay = not node.variable(*identifier).writable  # it cannot be disabled, but mapped
+    require(may_stay or node.value(*identifier) & INVALID_BIT, UNSUPPORTED_ACCESS)
     received = index in _RPDO_MAPPING
     if subindex:
         require(not node.value(index, 0), UNSUPPORTED_ACCESS)

@@ -129,7 +129,7 @@ def drive_other_settings(wire):
 
 def drive_that_refuses(wire):
     """Every guard refused; fixed RPDO mapping; target and controlword by PDO only."""
-    scene, drive = driven(wire, DRIVE._replace(allow_unguarded=True))
+    scene, drive = driven(wire)
     for key in ((0x1400, 5), (0x1017, 0), (0x1016, 1), (0x605A, 0), (0x6072, 0)):
         scene.end.refused[key] = READ_ONLY
     scene.end.refused[0x6071, 0] = scene.end.refused[0x6040, 0] = READ_ONLY

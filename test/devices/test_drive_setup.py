@@ -9,7 +9,7 @@ from scripted import Wire, unsigned
 
 from screw_module_ros.devices import drive_group
 from screw_module_ros.devices.drive import Drive
-from screw_module_ros.devices.drive_settings import DriveSettings
+from screw_module_ros.devices.drive_settings import WAIVABLE, DriveSettings
 from screw_module_ros.devices.drive_setup import rated_torque
 from screw_module_ros.devices.errors import (
     NotAnswering,
@@ -227,19 +227,19 @@ def test_guards_that_are_constants_of_the_drive_are_guards(wire, drive_end):
     assert configured(wire).unguarded == ()
 
 
-def test_allow_unguarded_enables_and_says_so(wire, drive_end):
+def test_no_heartbeat_watch_is_enabled_by_its_own_switch_alone_and_is_loud(wire, drive_end):
     drive_end.refused[0x1016, 1] = 0x06090030
-    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    drive = configured(wire, SETTINGS._replace(waived=", ".join(WAIVABLE)))
     drive.start()
     for _ in range(5):
         tick(wire, drive)
-    drive.request_enable()
-    assert drive.warnings[0].startswith("UNGUARDED")
+    with pytest.raises(NotNow, match="only `allow_no_heartbeat`"):
+        drive.request_enable()
 
 
 def test_drive_without_a_heartbeat_is_not_missed_when_that_is_allowed(wire, drive_end):
     del drive_end.objects[0x1017, 0]
-    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    drive = configured(wire, SETTINGS._replace(waived="drive_heartbeat"))
     drive.start()
     for _ in range(300):
         tick(wire, drive)
@@ -250,7 +250,7 @@ def test_a_refusal_that_quotes_1017_does_not_end_the_watch_of_the_drives_heartbe
     """A torque limit that stays at 0x1017 is another guard; the drive's heartbeat is still due."""
     drive_end.deaf.add((0x6072, 0))
     drive_end.objects[0x6072, 0] = unsigned(0x1017, 2)
-    drive = configured(wire, SETTINGS._replace(allow_unguarded=True))
+    drive = configured(wire, SETTINGS._replace(waived="torque_limit"))
     assert "1017" in drive.warnings[0]
     drive.start()
     for _ in range(300):

@@ -21,6 +21,7 @@ from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.planar_settings import PlanarSettings
 from screw_module_ros.control.torque_chain import TorqueChain
 from screw_module_ros.control.vertical_settings import VerticalSettings
+from screw_module_ros.devices.ati_net import NetForceSensor
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings
@@ -34,6 +35,16 @@ from screw_module_ros.loop.plane import JointSettings, Plane
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
 from screw_module_ros.plant.world import World, load_world
+from screw_module_ros.profiles import (
+    DRIVE,
+    ENCODER,
+    FORCE_SENSOR,
+    GENERIC_402,
+    GENERIC_406,
+    NET_PROTOCOL,
+    NETCANOEM,
+    load,
+)
 from screw_module_ros.rig.rig import Rig, RigSettings
 from screw_module_ros.safety.checks import AgreementSettings, WatchSettings
 from screw_module_ros.safety.permit import PermitSettings
@@ -127,28 +138,47 @@ class Row(NamedTuple):
 class Bench:
     """One robot. `tick` is one period; `rows` is what happened."""
 
-    def __init__(self, seed: int = 1, drive: DriveSettings | None = None):
+    def __init__(
+        self,
+        seed: int = 1,
+        drive: DriveSettings | None = None,
+        drive_profile: str = GENERIC_402,
+        encoder_profile: str = GENERIC_406,
+        sensor_profile: str = NETCANOEM,
+    ):
         name = uuid.uuid4().hex
         self._buses = []
         far = {bus: self._bus(f"{name}-{bus}") for bus in BUSES}
         self.world = World(load_world(), seed)
         self.clock = BenchClock()
-        settings = RigSettings(command_latency=_COMMAND_DELAY_NS * 1e-9)
+        settings = RigSettings(
+            command_latency=_COMMAND_DELAY_NS * 1e-9,
+            drive_profile=drive_profile,
+            encoder_profile=encoder_profile,
+            sensor_profile=sensor_profile,
+        )
+        make, encoder_make = load(drive_profile, DRIVE), load(encoder_profile, ENCODER)
         self.rig = Rig(far, self.world, self.clock, PERIOD_NS, settings)
         self.clock.serve = lambda: self.rig.process(self.now_ns)
         self.ports = {bus: Port(self._bus(f"{name}-{bus}"), clock=self.clock) for bus in BUSES}
         self.home = self.world.settings.start.position
-        self.encoder = Encoder(self.ports["encoder"], EncoderSettings(home_position=self.home))
-        self.force_sensor = ForceSensor(self.ports["force_sensor"], ForceSensorSettings())
-        self.drive = Drive(self.ports["drive"], drive or DriveSettings(), per_turn=SCREW.lead)
-        beat = Heartbeat(self.ports["planar"], 113, 0.025)
+        counting = EncoderSettings(home_position=self.home, **encoder_make.simulated.parameters)
+        self.encoder = Encoder(self.ports["encoder"], counting, make=encoder_make)
+        sensor = load(sensor_profile, FORCE_SENSOR)
+        kind = NetForceSensor if sensor.force_sensor.protocol == NET_PROTOCOL else ForceSensor
+        needed = ForceSensorSettings(**sensor.simulated.parameters)
+        self.force_sensor = kind(self.ports["force_sensor"], needed)
+        drive = drive or DriveSettings()
+        self.drive = Drive(self.ports["drive"], drive, per_turn=SCREW.lead, make=make)
+        beat = Heartbeat(self.ports["planar"], 113, self.drive.settings.heartbeat_period)
         self.planar_drives = tuple(
             Drive(
                 self.ports["planar"],
-                DriveSettings(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0,
-                              counts_per_turn=65536),  # fmt: skip
+                drive._replace(node_id=node, master_id=113, rated_torque=10.0, max_torque=25.0,
+                               counts_per_turn=65536),  # fmt: skip
                 f"{label} drive",
                 beat,
+                make=make,
             )
             for node, label in ((3, "shoulder"), (4, "elbow"))
         )

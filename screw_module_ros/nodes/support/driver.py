@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 from typing import Annotated, Any, NamedTuple
 
 from screw_module_msgs.msg import AmplifierState
@@ -13,7 +14,8 @@ from screw_module_ros.can_io.bus import BusSettings, open_port, where, within
 from screw_module_ros.can_io.load import check_load
 from screw_module_ros.can_io.port import Port
 from screw_module_ros.clock import Clock
-from screw_module_ros.devices.errors import NotNow
+from screw_module_ros.devices.canopen import CanopenDevice
+from screw_module_ros.devices.errors import DeviceError, NotConfigured, NotNow, Refused
 from screw_module_ros.loop.sensor import PolledSensor
 from screw_module_ros.loop.ticker import period_of
 from screw_module_ros.loop.vertical import Parts, VerticalLoop, Wires
@@ -61,6 +63,19 @@ class DriverNode(Node):
             self._device_locks.append(lock_device(self.bus_name, device))
         self.port = open_port(bus, self.clock)
         return self.port
+
+    def configure_device(self, device: Any) -> None:
+        """Configure a device; if it is another make than its profile says, tell which comes close.
+
+        Raises DeviceError.
+        """
+        try:
+            device.configure()
+        except (Refused, NotConfigured):
+            if isinstance(device, CanopenDevice):
+                with suppress(DeviceError):
+                    self.get_logger().error(device.likely_makes())
+            raise
 
     def check_bus_load(self, traffic: list) -> None:
         """Warn above 80 % of the bus, raise BusOverload above 100 % (`can_io/load.py`)."""
@@ -113,7 +128,7 @@ class SensorNode(DriverNode):
     def add_device(self, device: Any, topic: str, decimated: str) -> None:
         """Configure the device and offer the topics of its readings; raises DeviceError."""
         self.device = device
-        device.configure()
+        self.configure_device(device)
         self.hardware_id = device.identity
         self.check_bus_load(device.traffic)
         self._publish = self.outlet(*offered(topic), raw=True)

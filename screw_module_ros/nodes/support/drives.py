@@ -22,6 +22,7 @@ from .node import Node
 from .states import ERROR, OK, WARN, Health, broken_contract
 from .topics import Senders, requested
 
+_SLOW_POLL_S = 0.5
 _CLEARED = "cleared; call ~/enable to enable"
 VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
 """Fields of SafetyState."""
@@ -36,6 +37,7 @@ class DriveNode(DriverNode):
         self.drives: tuple[Drive, ...] = ()
         self._senders: Senders | None = None
         self._permission: Permission | None = None
+        self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
         self.serve(SetBool, "~/enable", self._enable)
         self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
 
@@ -60,7 +62,7 @@ class DriveNode(DriverNode):
         """Configure the drives, one after the other. Raises DeviceError."""
         self.drives = drives
         for drive in drives:
-            drive.configure()
+            self.configure_device(drive)
             self._log_warnings(drive)
         self.hardware_id = ", ".join(drive.identity for drive in drives)
 
@@ -68,6 +70,11 @@ class DriveNode(DriverNode):
         """Start the drives, disabled and with their guards. Raises DeviceError."""
         for drive in drive_group.start(self.drives):
             self._log_warnings(drive)
+
+    def _poll_slow(self) -> None:
+        """Read what the drives do not report by themselves."""
+        for drive in self.drives if self.active else ():
+            drive.poll_slow()
 
     def _log_warnings(self, drive: Drive) -> None:
         for warning in drive.warnings:
@@ -101,7 +108,11 @@ class DriveNode(DriverNode):
 
     def _enable(self, request: SetBool.Request) -> str:
         if request.data:
-            return self.enable() or Done("enabled")
+            refused = self.enable()
+            for drive in () if refused else self.drives:
+                if drive.danger:
+                    self.get_logger().error(drive.danger)
+            return refused or Done("enabled")
         return self.permit.disable(self.clock) or Done("disabled")
 
     def drive_health(self, values: dict, state: Any) -> Health:

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`check_hardware`: look at computer, buses and devices before the first start.
+
+It reads the same parameter file as the nodes, which must not run meanwhile. It finds and configures
+the devices; it never enables a drive.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..can_io.bus import BusSettings, open_port
+from ..can_io.port import BusError
+from ..clock import Clock, WallClock
+from ..devices.ati_net import NetForceSensor
+from ..devices.drive import Drive
+from ..devices.drive_settings import DriveSettings
+from ..devices.encoder import Encoder
+from ..devices.encoder_setup import EncoderSettings
+from ..devices.force_sensor import ForceSensor
+from ..devices.force_sensor_settings import ForceSensorSettings
+from ..geometry import Screw
+from ..profiles import DRIVE, ENCODER, FORCE_SENSOR, NET_PROTOCOL, load
+from ..resources import resource_path
+from ..settings import SettingError, fields, read
+from ..settings import load as load_yaml
+from . import devices, machine
+from .devices import Bus
+from .finding import TO_DO, Finding, table
+
+NODES = ("encoder", "force_sensor", "amplifier", "manus")
+JOINTS = ("shoulder", "elbow")
+_JOINT = {"rated_torque": 10.0, "max_torque": 25.0, "counts_per_turn": 65536, "master_id": 113}
+Values = dict[str, dict[str, Any]]
+
+
+def values_of(content: Any) -> Values:
+    """Return the parameters of each node from the content of a parameter file, names dotted."""
+    found: Values = {node: {} for node in NODES}
+    for section, body in (content or {}).items():
+        name = section.rsplit("/", 1)[-1]
+        given = _flat(body.get("ros__parameters", {}) if isinstance(body, dict) else {})
+        for node in NODES if name == "**" else [name]:
+            if node in found:
+                found[node].update(given)
+    return found
+
+
+def _flat(mapping: dict, prefix: str = "") -> dict[str, Any]:
+    flat = {}
+    for key, value in mapping.items():
+        name = f"{prefix}{key}"
+        flat.update(_flat(value, f"{name}.") if isinstance(value, dict) else {name: value})
+    return flat
+
+
+def settings(kind: type, values: dict[str, Any], prefix: str = "", **defaults: Any) -> Any:
+    """Return the record `kind` from a node's parameters. Raises SettingError."""
+    given = {name: values[prefix + name] for name in fields(kind) if prefix + name in values}
+    return read(kind, {**defaults, **given}, prefix.rstrip("."))
+
+
+class Found:
+    """The drivers of a parameter file, on their buses; a bus that cannot be opened is a finding."""
+
+    def __init__(self, values: Values, clock: Clock, stack: ExitStack):
+        self.findings: list[Finding] = []
+        self.buses: dict[BusSettings, Bus] = {}
+        self.devices: dict[str, Any] = {}
+        self._values, self._clock, self._stack = values, clock, stack
+        self._add("encoder", lambda port, v: Encoder(
+            port, settings(EncoderSettings, v), settings(Screw, v),
+            load(v.get("profile", "generic_406"), ENCODER)))
+        self._add("force_sensor", _force_sensor)
+        self._add("amplifier", lambda port, v: Drive(
+            port, settings(DriveSettings, v), "vertical drive",
+            per_turn=settings(Screw, v).lead, make=load(v.get("profile", "generic_402"), DRIVE)))
+        for number, joint in enumerate(JOINTS):
+            self._add("manus", lambda port, v, joint=joint, number=number: Drive(
+                port, settings(DriveSettings, v, f"{joint}.", node_id=3 + number,
+                               rate=v.get("rate", 500.0), **_JOINT),
+                f"{joint} drive", make=load(v.get("profile", "generic_402"), DRIVE)), joint)
+
+    def _add(self, node: str, make: Any, name: str = "") -> None:
+        values = self._values[node]
+        bus = settings(BusSettings, values, "can.", channel=node)._replace(sync_producer=True)
+        if bus not in self.buses and not self._open(bus):
+            return
+        device = make(self.buses[bus].port, values)
+        held = self.buses[bus]
+        self.buses[bus] = held._replace(devices=(*held.devices, device))
+        self.devices[name or node] = device
+
+    def _open(self, bus: BusSettings) -> bool:
+        if not any(each.what == bus.channel for each in self.findings):
+            self.findings += machine.interface(bus)
+        try:
+            port = open_port(bus, self._clock)
+        except BusError as error:
+            self.findings.append(Finding(f"bus {bus.channel}", str(error), "open", "as it says"))
+            return False
+        self._stack.callback(port.close)
+        self.buses[bus] = Bus(bus.channel, port, bus.bitrate, ())
+        return True
+
+    def bus_of(self, device: Any) -> Bus:
+        """Return the bus of a device."""
+        return next(bus for bus in self.buses.values() if device in bus.devices)
+
+
+def _force_sensor(port: Any, values: dict[str, Any]) -> ForceSensor:
+    found = settings(ForceSensorSettings, values)
+    protocol = load(found.profile, FORCE_SENSOR).force_sensor.protocol
+    return (NetForceSensor if protocol == NET_PROTOCOL else ForceSensor)(port, found)
+
+
+def check(values: Values, clock: Clock, move: float, seconds: float, tell: Any) -> list[Finding]:
+    """Return all findings. move: time to move the handle [s]; seconds: of sampling [s].
+
+    tell(text): says what the operator has to do now. Raises SettingError.
+    """
+    with ExitStack() as stack:
+        found = Found(values, clock, stack)
+        findings = [*machine.machine(), *found.findings]
+        for bus in found.buses.values():
+            findings += [*devices.traffic(bus), devices.node_ids(bus)]
+        there = {}
+        for name, device in found.devices.items():
+            told = devices.configured(device, name)
+            findings += told
+            if told[0].todo == "":
+                there[name] = device
+        if move and {"encoder", "amplifier"} <= there.keys():
+            tell(f"Move the handle UP by about 5 cm and back, for {move:g} s.")
+            findings += devices.directions(there["encoder"], there["amplifier"], clock, move)
+        parts = {name: (there[name], found.bus_of(there[name]).port)
+                 for name in ("encoder", "force_sensor") if name in there}  # fmt: skip
+        if seconds and parts:
+            tell(f"Let go of the handle: {seconds:g} s of samples.")
+            period_ns = round(1e9 / next(iter(parts.values()))[0].settings.rate)
+            findings += devices.sampled(parts, clock, period_ns, seconds)
+    return findings
+
+
+@click.command()
+@click.option("--params", type=click.Path(exists=True, dir_okay=False),
+              help="Parameter file, in place of the packaged params/bench.yaml.")
+@click.option("--simulation", is_flag=True,
+              help="Look at the simulated rig: `bringup --only sim_rig --wall-clock` runs beside.")
+@click.option("--move", default=10.0, help="Seconds in which somebody moves the handle, 0 = none.")
+@click.option("--seconds", default=60.0, help="Seconds of samples, 0 = none.")
+def command(params: str | None, simulation: bool, move: float, seconds: float) -> None:
+    """Look at computer, buses and devices before the first start. No drive is ever enabled."""
+    packaged = resource_path("params/sim.yaml" if simulation else "params/bench.yaml")
+    path = Path(params) if params else packaged
+    click.echo(f"check_hardware with {path.name}: it never enables a drive.\n")
+    try:
+        values = values_of(load_yaml(path))
+        findings = check(values, WallClock(), move, seconds, click.echo)
+    except SettingError as error:
+        raise click.ClickException(str(error)) from error
+    click.echo(table(findings))
+    todo = sum(each.verdict == TO_DO for each in findings)
+    click.echo(f"\n{todo} thing{'s' * (todo != 1)} to do. No drive was enabled.")
+    raise SystemExit(1 if todo else 0)
+
+
+def main() -> None:
+    """Console entry point."""
+    command()

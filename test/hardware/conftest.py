@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bench of the loop's tests: the whole rig in one thread, on virtual buses."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parent.parent / "loop"))
+from bench import Bench
+
+
+@pytest.fixture
+def bench():
+    """A robot whose devices are there and not configured."""
+    made = Bench()
+    made.clock.time_ns += 100_000_000  # the devices have booted
+    made.clock.serve()
+    yield made
+    made.close()

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ten faults of a first start, each of which `check_hardware` has to name; and a healthy rig."""
+
+from __future__ import annotations
+
+import pytest
+
+from screw_module_ros.can_io.bus import BusSettings
+from screw_module_ros.devices.encoder import Encoder
+from screw_module_ros.hardware import devices, machine
+from screw_module_ros.hardware.command import NODES, settings, values_of
+from screw_module_ros.hardware.devices import Bus
+from screw_module_ros.hardware.finding import OK, TO_DO, UNKNOWN, Finding, table
+from screw_module_ros.plant.world import ArmSettings
+from screw_module_ros.resources import resource_path
+from screw_module_ros.settings import load
+
+PERIOD_NS = 1_000_000
+
+
+def bus_of(bench, name, *devices_):
+    return Bus(name, bench.ports[name], 1_000_000, devices_)
+
+
+def open_points(findings):
+    return {each.what for each in findings if each.verdict == TO_DO}
+
+
+def everything(bench):
+    """What the command looks at, on the bench: traffic, ids, configuration."""
+    buses = [
+        bus_of(bench, "encoder", bench.encoder),
+        bus_of(bench, "drive", bench.drive),
+        bus_of(bench, "force_sensor", bench.force_sensor),
+        bus_of(bench, "planar", *bench.planar_drives),
+    ]
+    found = []
+    for bus in buses:
+        found += [*devices.traffic(bus), devices.node_ids(bus)]
+        for device in bus.devices:
+            found += devices.configured(device, f"{bus.name} device")
+    return found
+
+
+def sampled(bench, seconds=0.5):
+    parts = {"encoder": (bench.encoder, bench.ports["encoder"]),
+             "force_sensor": (bench.force_sensor, bench.ports["force_sensor"])}  # fmt: skip
+    return devices.sampled(parts, bench.clock, PERIOD_NS, seconds)
+
+
+def moved(bench, height=0.1):
+    """Compare the directions while the patient lifts the handle."""
+    for device in bench.devices:
+        device.configure()
+    bench.world.set_arm(ArmSettings(kind="active", target=(0, 0, bench.home + height),
+                                    duration=0.5))  # fmt: skip
+    return devices.directions(bench.encoder, bench.drive, bench.clock, 1.5)
+
+
+def test_a_healthy_rig_has_nothing_to_do(bench):
+    found = everything(bench)
+    assert open_points(found) == set()
+    assert open_points(sampled(bench)) == set()
+    assert not any(drive.running for drive in (bench.drive, *bench.planar_drives))
+
+
+def test_a_drive_is_never_enabled(bench):
+    everything(bench)
+    sampled(bench)
+    for name in ("drive", "shoulder", "elbow"):
+        assert not bench.rig.devices[name].machine.driving
+    assert bench.drive.counters["writes"] == 0
+
+
+def test_cable_out(bench):
+    bench.rig.inject("drive", "cable_out", 0.0, 0.0, bench.now_ns)
+    found = everything(bench)
+    line = next(each for each in found if each.what == "drive node ids")
+    assert line.found == "nobody answers"
+    assert "cable, 120 ohm at both ends, bit rate" in line.todo
+
+
+def test_wrong_node_id(bench):
+    bench.encoder = Encoder(bench.ports["encoder"], bench.encoder.settings._replace(node_id=9))
+    line = devices.node_ids(bus_of(bench, "encoder", bench.encoder))
+    assert line.found == "2: CiA 406"
+    assert "node id 9" in line.todo
+
+
+def test_wrong_rating(bench):
+    bench.drive.settings = bench.drive.settings._replace(rated_torque=0.5)
+    (line,) = devices.configured(bench.drive, "amplifier")
+    assert "says a rated torque (6076) of 420" in line.found
+    assert line.verdict == TO_DO
+
+
+def test_another_make_is_named(bench):
+    dictionary = bench.rig.devices["drive"].node.object_dictionary
+    for index, subindex in ((0x1801, 5), (0x1400, 5)):
+        dictionary[index].subindices.pop(subindex)
+    dictionary[0x1018][1].default = 0xFB
+    (line,) = devices.configured(bench.drive, "amplifier")
+    assert "1801:05" in line.found
+    assert "epos4" in line.todo
+
+
+def test_missing_guard(bench):
+    bench.rig.inject("drive", "refuse_guards", 0.0, 0.0, bench.now_ns)
+    found = devices.configured(bench.drive, "amplifier")
+    assert "amplifier guards" in open_points(found)
+    assert "1016" in next(each.found for each in found if each.what == "amplifier guards")
+
+
+def test_missing_sensor(bench):
+    bench.rig.inject("force_sensor", "mute", 0.0, 0.0, bench.now_ns)
+    (line,) = devices.configured(bench.force_sensor, "force_sensor")
+    assert "does not answer" in line.found
+    assert line.verdict == TO_DO
+
+
+def test_second_master(bench):
+    """Somebody sends our drive's commands, at 1 kHz."""
+    far = bench.rig.devices["drive"].link
+    serve = bench.clock.serve
+
+    def command_too():
+        far.send(0x201, b"\x06\x00\x00\x00")
+        serve()
+
+    bench.clock.serve = command_too
+    (line,) = devices.configured(bench.drive, "amplifier")
+    assert "somebody already commands" in line.found
+
+
+def test_busy_bus(bench):
+    bench.rig.inject("encoder", "flood", 4.0, 0.0, bench.now_ns)
+    found = devices.traffic(bus_of(bench, "encoder", bench.encoder))
+    assert open_points(found) == {"encoder traffic"}
+
+
+def test_stuck_count(bench):
+    bench.rig.inject("encoder", "freeze", 0.0, 0.0, bench.now_ns)
+    assert open_points(moved(bench)) == {"encoder direction", "encoder and drive"}
+
+
+def test_handle_at_rest_says_what_to_do(bench):
+    assert all("move the handle by hand" in each.todo for each in moved(bench, 0.0))
+
+
+def test_directions_that_agree(bench):
+    assert open_points(moved(bench)) == set()
+
+
+def test_direction_of_the_drive(bench):
+    bench.drive._position_of = -bench.drive._position_of
+    (_, together) = moved(bench)
+    assert "amplifier's direction" in together.todo
+
+
+def test_noisy_gauge(bench):
+    everything(bench)
+    bench.rig.inject("force_sensor", "noise", 2000.0, 0.0, bench.now_ns)
+    assert "force sensor noise" in open_points(sampled(bench))
+
+
+def test_lost_answers(bench):
+    everything(bench)
+    bench.rig.inject("encoder", "drop", 0.05, 0.0, bench.now_ns)
+    assert "encoder lost answers" in open_points(sampled(bench))
+
+
+def test_no_rights_and_kernel(tmp_path):
+    (tmp_path / "proc").mkdir()
+    (tmp_path / "proc/version").write_text("Linux 6.1 SMP PREEMPT_DYNAMIC")
+    found = machine.machine(tmp_path, limit=0)
+    assert open_points(found) == {"real-time priority", "kernel", "isolated cores"}
+    assert "--cap-add=sys_nice" in found[0].todo
+    (tmp_path / "proc/version").write_text("Linux 6.1 SMP PREEMPT_RT")
+    assert open_points(machine.machine(tmp_path, limit=99)) == {"isolated cores"}
+
+
+def interface(tmp_path, flags="0x1043", queue="1000", shown=()):
+    folder = tmp_path / "sys/class/net/can0"
+    folder.mkdir(parents=True)
+    (folder / "flags").write_text(flags)
+    (folder / "tx_queue_len").write_text(queue)
+    return machine.interface(BusSettings("socketcan", "can0"), tmp_path, list(shown))
+
+
+def state(rate, state="ERROR-ACTIVE"):
+    return [{"linkinfo": {"info_data": {"bittiming": {"bitrate": rate}, "state": state}}}]
+
+
+def test_an_interface_in_order(tmp_path):
+    assert open_points(interface(tmp_path, shown=state(1_000_000))) == set()
+
+
+def test_wrong_bit_rate(tmp_path):
+    (line,) = [f for f in interface(tmp_path, shown=state(500_000)) if f.verdict == TO_DO]
+    assert (line.what, line.found) == ("can0 bit rate", "500000")
+    assert "bitrate 1000000" in line.todo
+
+
+def test_interface_down_short_queue_and_errors(tmp_path):
+    found = interface(tmp_path, "0x1042", "10", state(1_000_000, "BUS-OFF"))
+    assert open_points(found) == {"can0", "can0 txqueuelen", "can0 controller"}
+
+
+def test_interface_without_iproute_or_not_there(tmp_path):
+    assert interface(tmp_path)[-1].verdict == UNKNOWN
+    (line,) = machine.interface(BusSettings("socketcan", "can7"), tmp_path)
+    assert "no such interface" in line.found
+    assert machine.interface(BusSettings("rig", "encoder"), tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["bench.yaml", "sim.yaml"])
+def test_the_packaged_parameters_are_read(name):
+    values = values_of(load(resource_path(f"params/{name}")))
+    assert set(values) == set(NODES)
+    bus = settings(BusSettings, values["amplifier"], "can.")
+    assert bus.channel == {"bench.yaml": "can0", "sim.yaml": "drive"}[name]
+    assert values["manus"]["shoulder.node_id"] == 3
+
+
+def test_table_reads_like_a_list_of_things_to_do():
+    text = table([Finding("can0", "up", "up"), Finding("can0 txqueuelen", "10", "100", "longer")])
+    assert text.splitlines() == [
+        f"{OK:6} can0: up",
+        "TO DO  can0 txqueuelen: 10 (wanted: 100)",
+        "       -> longer",
+    ]
