@@ -87,6 +87,11 @@ def inverse(x: float, y: float, arm: PlanarArm = MANUS) -> tuple[float, float]:
     return shoulder, shoulder + between
 
 
+def reaches(x: float, y: float, arm: PlanarArm = MANUS) -> bool:
+    """Return whether the handle can stand at x, y [m] from the workspace centre."""
+    return math.dist(forward(*inverse(x, y, arm), arm), (x, y)) < 1e-6
+
+
 def jacobian(
     shoulder: float, elbow: float, arm: PlanarArm = MANUS
 ) -> tuple[float, float, float, float]:

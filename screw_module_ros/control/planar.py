@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ..filters import Lowpass, clear, derivative, envelope, tune, tune_highpass
-from ..geometry import MANUS, forward, jacobian
+from ..geometry import forward, jacobian
 from .friction import hysteresis
 from .guard import CHATTER_HZ, Guard, forget_chatter, guard_step
 from .limits import LONGEST_STEP, clamp, is_real, limit_speed, slew, soft_stop
@@ -138,8 +138,8 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
     dt = min(dt, LONGEST_STEP)
     if dt != s.dt:
         _tune(s, dt)
-    x, y = forward(inp.shoulder, inp.elbow, MANUS)
-    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, MANUS)
+    x, y = forward(inp.shoulder, inp.elbow, p.arm)
+    x_s, x_e, y_s, y_e = jacobian(inp.shoulder, inp.elbow, p.arm)
     vx = x_s * inp.shoulder_velocity + x_e * inp.elbow_velocity
     vy = y_s * inp.shoulder_velocity + y_e * inp.elbow_velocity
     if not inp.active:
@@ -172,7 +172,7 @@ def planar_step(p: PlanarSettings, s: PlanarState, inp: PlanarInput, dt: float) 
     wanted_s += s.weight * joint_friction(p, s.shoulder, inp.shoulder)
     wanted_e += s.weight * joint_friction(p, s.elbow, inp.elbow)
     allowed_s, allowed_e = _limited_torques(p, s.weight, inp, wanted_s, wanted_e)
-    at_hand = _kept_at_hand(p.force_limit, (x_s, x_e, y_s, y_e), allowed_s, allowed_e)
+    at_hand = _kept_at_hand(p, (x_s, x_e, y_s, y_e), allowed_s, allowed_e)
     _slew(s.shoulder, s.elbow, allowed_s * at_hand, allowed_e * at_hand, p.torque_rate * dt)
     made_s, made_e = s.shoulder.torque, s.elbow.torque
     to_x, to_y = s.x.setpoint.position, s.y.setpoint.position
@@ -294,9 +294,9 @@ def _limited_torques(
 
 
 def _kept_at_hand(
-    largest: float, at: tuple[float, float, float, float], shoulder: float, elbow: float
+    p: PlanarSettings, at: tuple[float, float, float, float], shoulder: float, elbow: float
 ) -> float:
-    """Return the factor that keeps torques [Nm] to a force of `largest` [N] at the hand.
+    """Return the factor that keeps torques [Nm] to the force limit at the hand.
 
     The joints' limits act on torques. Near a stretched arm a small torque is a large force: 1 cm
     behind the far corners of the workspace, 8 and 16 Nm of a joint's stop are 160 N at the hand.
@@ -304,7 +304,8 @@ def _kept_at_hand(
     """
     x_s, x_e, y_s, y_e = at
     size = math.hypot(y_e * shoulder - y_s * elbow, x_s * elbow - x_e * shoulder)
-    allowed = largest * max(abs(x_s * y_e - x_e * y_s), SINGULAR * MANUS.upper_arm * MANUS.forearm)
+    singular = SINGULAR * p.arm.upper_arm * p.arm.forearm
+    allowed = p.force_limit * max(abs(x_s * y_e - x_e * y_s), singular)
     return allowed / size if size > allowed else 1.0
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+from ..geometry import MANUS, PlanarArm
 from ..settings import Setting, validated
 
 CARRIED_HZ = 6.0
@@ -18,7 +19,7 @@ class PlanarSettings(NamedTuple):
     """Numbers of the planar law.
 
     The joints' ranges cover the workspace of 0.381 x 0.457 m and a little more. The largest torques
-    are those of the force limit of 45 N (10 lbf, thesis 2.1.1) at each link.
+    are those of the force limit of 45 N (10 lbf, thesis 2.1.1) at each link. arm: its links.
     """
 
     stiffness: Annotated[
@@ -104,6 +105,8 @@ class PlanarSettings(NamedTuple):
     setpoint_acceleration: Annotated[
         float, Setting("fastest change of the set point's velocity", "m/s^2", 0.1, 100.0)
     ] = 10.0
+    arm: PlanarArm = MANUS
+
 
     def validated(self) -> PlanarSettings:
         """Return self when every field is in its range.

@@ -333,8 +333,8 @@ class Plane:
 
     def _guidance(self, now_ns: int, dt: float):
         shoulder, elbow = self.joints
-        x, y = forward(shoulder.angle, elbow.angle, MANUS)
-        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, MANUS)
+        x, y = forward(shoulder.angle, elbow.angle, self.settings.arm)
+        x_s, x_e, y_s, y_e = jacobian(shoulder.angle, elbow.angle, self.settings.arm)
         vx = x_s * shoulder.velocity + x_e * elbow.velocity
         vy = y_s * shoulder.velocity + y_e * elbow.velocity
         return self.guide.guidance(x, y, vx, vy, now_ns, dt)
@@ -347,7 +347,7 @@ class Plane:
             return
         angles = [joint.angle for joint in self.joints]
         judged = clear_of_stops(self.settings, *angles)
-        pushed = hand_torques(*angles, *self._hand) if judged else _UNKNOWN
+        pushed = hand_torques(*angles, *self._hand, self.settings.arm) if judged else _UNKNOWN
         for drive, joint, torque, push in zip(
             self._drives, self.joints, self.written, pushed, strict=True
         ):
@@ -395,12 +395,12 @@ class Plane:
                 )
         mark = settings.home_x, settings.home_y
         if self.homed or self._rehoming.contradicted:
-            place = forward(*(joint.angle for joint in self.joints), MANUS)
+            place = forward(*(joint.angle for joint in self.joints), self.settings.arm)
             if refused := self._rehoming.rejection(mark, place, now_ns):
                 for joint in self.joints:
                     joint.motion.homed = False
                 return refused
-        angles = inverse(*mark, MANUS)
+        angles = inverse(*mark, self.settings.arm)
         for joint, angle in zip(self.joints, angles, strict=True):
             joint.motion.home(angle)
         return ""

@@ -98,6 +98,7 @@ class KeptTopic(PolledTopic):
         last, self._last = self._last, tuple(getattr(self.newest, name) for name in self._rising)
         if self._last <= last:  # another session has begun
             self._before = self._number - 1
+            self._kept.clear()  # of the patient before: whoever was there has got it
         self._kept.append((self._number, as_json(self.newest)))
 
     def forget(self) -> None:

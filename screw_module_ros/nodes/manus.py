@@ -15,12 +15,13 @@ from screw_module_ros.control.slot import SlotLimits
 from screw_module_ros.devices.canopen import Heartbeat
 from screw_module_ros.devices.drive import Drive
 from screw_module_ros.devices.drive_settings import DriveSettings, adapted
+from screw_module_ros.geometry import PlanarArm, reaches
 from screw_module_ros.loop.plane import JointSettings, Plane, PlaneLimits, PlaneWires
 from screw_module_ros.loop.ticker import Tick
 from screw_module_ros.profiles import DRIVE, GENERIC_402, load
 from screw_module_ros.safety.checks import FreezeSettings
 from screw_module_ros.safety.permit import Permit, PermitSettings
-from screw_module_ros.settings import Setting, fields
+from screw_module_ros.settings import Setting, SettingError, fields
 
 from .support.answering import Done
 from .support.driver import RateSettings, device_values
@@ -66,6 +67,7 @@ class ManusNode(DriveNode):
         self.parameters.declare(JointSettings, "joints")
         self.parameters.declare(FreezeSettings, "freeze")
         self.parameters.declare(PlanarSettings)
+        self.parameters.declare(PlanarArm, "arm")
         self.parameters.declare(SlotLimits, "slot")
         self._state = PlanarState()
         self._latency_p99 = 0.0
@@ -78,7 +80,14 @@ class ManusNode(DriveNode):
 
     def connect(self) -> None:
         """Find both drives, configure them and their guards."""
-        law = self.parameters.read(PlanarSettings).validated()
+        law = self._law_settings().validated()
+        place = self.parameters.read(JointSettings, "joints")
+        if not reaches(place.home_x, place.home_y, law.arm):
+            raise SettingError(
+                f"joints.home_x, joints.home_y = {place.home_x:g}, {place.home_y:g} m: the arm "
+                "does not reach there; its own are arm.upper_arm, arm.forearm, arm.base_x, "
+                "arm.base_y"
+            )
         make = load(self.parameters.read(SharedSettings).profile, DRIVE)
         settings = [
             adapted(self._drive_settings("shoulder", law.shoulder_torque), make.drive),
@@ -107,6 +116,10 @@ class ManusNode(DriveNode):
             PlaneWires(self._read_inputs, self._publish_due_state),
         )
         self._make_topics()
+
+    def _law_settings(self) -> PlanarSettings:
+        arm = self.parameters.read(PlanarArm, "arm")
+        return self.parameters.read(PlanarSettings)._replace(arm=arm)
 
     def _drive_settings(self, joint: str, largest: float) -> DriveSettings:
         """Return the settings of a drive.
@@ -145,7 +158,7 @@ class ManusNode(DriveNode):
     def changed(self, kind: type) -> None:
         """Apply live parameters; the law fades them in."""
         if kind is PlanarSettings and self._plane is not None:
-            self._plane.settings = self.parameters.read(PlanarSettings)
+            self._plane.settings = self._law_settings()
 
     # Hot loop ------------------------------------------------------------------------------
 

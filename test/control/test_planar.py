@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from screw_module_ros.control.limits import LONGEST_STEP
 from screw_module_ros.control.planar import PlanarInput, initial_state, planar_step
 from screw_module_ros.control.planar_settings import PlanarSettings
-from screw_module_ros.geometry import forward, inverse, jacobian
+from screw_module_ros.geometry import PlanarArm, forward, inverse, jacobian, reaches
 from screw_module_ros.settings import fields
 
 SETTINGS = PlanarSettings().validated()
@@ -33,6 +33,7 @@ any_law = (
         *(
             st.floats(field.setting.low, field.setting.high)
             for field in fields(PlanarSettings).values()
+            if field.setting.text
         )
     )
     .map(lambda values: PlanarSettings(*values))
@@ -238,3 +239,26 @@ def test_workspace_lies_within_the_joint_limits():
 def test_settings_out_of_range_are_refused_by_name(change, named):
     with pytest.raises(ValueError, match=named):
         SETTINGS._replace(**change).validated()
+
+
+def test_the_links_are_those_of_the_settings():
+    """Another arm: the same force at the hand needs the torques of its own Jacobian."""
+    arm = PlanarArm(upper_arm=0.3, forearm=0.35, base_y=-0.45)
+    law = SETTINGS._replace(arm=arm, shoulder_low=-3.0, shoulder_high=3.0, elbow_low=-3.0,
+                            elbow_high=6.0, between_high=3.0)  # fmt: skip
+    shoulder, elbow = inverse(0.05, -0.02, arm)
+    state = initial_state(law)
+    inp = PlanarInput(shoulder, elbow, 0.0, 0.0, 0.1, -0.02, 0.0, 0.0, True)
+    for _ in range(2000):
+        output = planar_step(law, state, inp, DT)
+    assert (output.x, output.y) == pytest.approx((0.05, -0.02))
+    x_s, x_e, y_s, y_e = jacobian(shoulder, elbow, arm)
+    assert output.shoulder_torque == pytest.approx(x_s * output.force_x + y_s * output.force_y)
+    assert output.elbow_torque == pytest.approx(x_e * output.force_x + y_e * output.force_y)
+    assert output.force_x == pytest.approx(law.stiffness * 0.05, rel=1e-3)
+
+
+def test_what_an_arm_reaches():
+    assert reaches(0.0, 0.0)
+    assert not reaches(0.0, 0.3)
+    assert not reaches(0.0, 0.0, PlanarArm(upper_arm=0.2, forearm=0.2))

@@ -28,7 +28,9 @@ from .states import ERROR, OK, Health, RateMeter, latency_values
 from .topics import offered, requested
 
 _SLOW_POLL_S = 5.0
-_STATE_S = 0.2
+# Longer than the supervisor waits for it (`timeout`) and the drives for the supervisor
+# (`gate.safety_timeout`): the torque of an amplifier that is silent for so long is off.
+_STATE_S = 0.4
 _LOOKS = 15
 _AMPLIFIER = graph.TOPICS[graph.AMPLIFIER_STATE].publisher
 

@@ -23,6 +23,7 @@ from .states import ERROR, OK, WARN, Health, broken_contract
 from .topics import Senders, requested
 
 _SLOW_POLL_S = 0.5
+_ASKED_EARLY = "asked for while a fault was being cleared: call ~/enable again"
 _CLEARED = "cleared; call ~/enable to enable"
 VERTICAL, PLANAR = "vertical_permitted", "planar_permitted"
 """Fields of SafetyState."""
@@ -38,8 +39,11 @@ class DriveNode(DriverNode):
         self._senders: Senders | None = None
         self._permission: Permission | None = None
         self.periodic.every(self.clock, _SLOW_POLL_S, self._poll_slow)
-        self.serve(SetBool, "~/enable", self._enable)
-        self.serve(Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED)
+        self._enabling = self.serve(SetBool, "~/enable", self._enable)
+        self.serve(
+            Trigger, "~/clear_fault", lambda request: self.clear_fault(), _CLEARED,
+            then=self._refuse_waiting,
+        )  # fmt: skip
 
     @property
     def permit(self) -> Permit:
@@ -70,6 +74,13 @@ class DriveNode(DriverNode):
         """Start the drives, disabled and with their guards. Raises DeviceError."""
         for drive in drive_group.start(self.drives):
             self._log_warnings(drive)
+
+    def _refuse_waiting(self) -> None:
+        """Enable nothing for a client that asked while a fault was being cleared: it may be gone.
+
+        To clear a fault can take seconds, and torque would come when nobody expects it any more.
+        """
+        self.refuse_waiting(self._enabling, _ASKED_EARLY, lambda request: request.data)
 
     def _poll_slow(self) -> None:
         """Read what the drives do not report by themselves."""

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleNode, LifecycleState
 from rclpy.lifecycle import TransitionCallbackReturn as Outcome
 from rclpy.qos import QoSProfile
+from rclpy.service import Service
 
 from screw_module_ros import graph
 from screw_module_ros.clock import Clock, TimeStandsStill, WallClock
@@ -153,13 +154,14 @@ class Node(LifecycleNode):
 
     def serve(
         self, kind: type, name: str, action: Callable[[Any], str], done: str = "",
-        always: bool = False,
-    ) -> None:
+        always: bool = False, then: Callable[[], None] = lambda: None,
+    ) -> Service:
         """Offer a service whose response has `success` and `message`.
 
         action: takes the request and returns the reason of a failure, an empty string for success,
         or `Done` with a message. An exception becomes the answer, and the node continues. done: the
-        message for an empty string. always: serve also while the node is not active.
+        message for an empty string. always: serve also while the node is not active. then: called
+        when the answer is known.
         """
 
         def answer(request: Any, response: Any) -> Any:
@@ -167,9 +169,28 @@ class Node(LifecycleNode):
                 said = carried_out(self, action, request, name, always)
             response.success = not said or isinstance(said, Done)
             response.message = str(said) or done
+            then()
             return response
 
-        self.create_service(kind, name, answer)
+        return self.create_service(kind, name, answer)
+
+    def refuse_waiting(self, service: Service, why: str, refused: Callable[[Any], bool]) -> None:
+        """Answer the requests that wait at a service: refuse those that `refused` picks.
+
+        A request does not tell how long it has waited; who sent it may have given up long ago.
+        """
+        while True:
+            with service.handle:
+                request, header = service.handle.service_take_request(service.srv_type.Request)
+            if header is None:
+                return
+            response = service.srv_type.Response()
+            if refused(request):
+                with self.service.answering():
+                    response.success, response.message = False, why
+            else:
+                response = service.callback(request, response)
+            service.send_response(response, header)
 
     # Lifecycle -----------------------------------------------------------------------------
 
