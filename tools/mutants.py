@@ -4,8 +4,9 @@
     tools/run python tools/mutants.py control --count 60 --seed 1 --json scores.json
 
 Changes one comparison, sign, constant, condition or statement at a time, sampled with a fixed seed,
-in a copy of the checkout, and runs the tests of that room until the first fails. A change that no
-test notices survives; it is printed with its place. The checkout itself is never changed.
+in a copy of the checkout, and runs the tests that call the changed function, the quickest first,
+until one fails (`called.py` finds out once which test calls what). A change that no test notices
+survives; it is printed with its place. The checkout itself is never changed.
 """
 
 from __future__ import annotations
@@ -28,22 +29,22 @@ import isolation
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = "screw_module_ros"
-LONGEST_S = 600.0
-_QUICK_LOOP = ["test/loop", "-m", "not long"]
+LONGEST_S = 900.0
 TESTS = {
-    "control": [["test/control"], ["test/properties"]],
-    "safety": [
-        ["test/safety"], ["test/properties"], _QUICK_LOOP, ["test/loop", "-m", "long"],
-    ],
-    "loop": [_QUICK_LOOP, ["test/properties"], ["test/loop", "-m", "long"]],
-    "devices": [["test/devices"], _QUICK_LOOP],
-    "can_io": [["test/can_io", "test/devices"]],
-    "recording": [["test/recording"]],
-    "therapy": [["test/therapy"]],
-    "plant": [["test/plant"]],
-    "rig": [["test/rig"], _QUICK_LOOP],
+    "control": ["test/control", "test/properties", "test/loop"],
+    "safety": ["test/safety", "test/properties", "test/loop"],
+    "loop": ["test/loop", "test/properties"],
+    "devices": ["test/devices", "test/loop"],
+    "can_io": ["test/can_io", "test/devices"],
+    "recording": ["test/recording"],
+    "therapy": ["test/therapy"],
+    "bridge": ["test/bridge"],
+    "plant": ["test/plant"],
+    "rig": ["test/rig", "test/loop"],
 }
-"""Pytest calls that judge a room, in this order."""
+"""Tests that judge a room."""
+_SLOWEST_S = 60.0
+"""A test that takes longer alone judges no change."""
 
 _SWAPPED = {
     ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
@@ -134,20 +135,61 @@ def sampled(room: str, count: int, seed: int) -> list[Mutant]:
     return random.Random(seed).sample(found, min(count, len(found)))
 
 
-def noticed(tree: Path, room: str, environment: dict[str, str]) -> bool:
-    """Return whether a test of the room fails in this tree."""
-    for arguments in TESTS[room]:
+class Judges:
+    """The tests of one room in a copy of the checkout, and what each of them calls."""
+
+    def __init__(self, tree: Path, room: str, environment: dict[str, str]):
+        """Run all of them once; raises ValueError when one fails without any change."""
+        self._tree, self._environment = tree, environment
+        out = tree / "called.json"
+        watched = {"CALLED_IN": str(tree / PACKAGE / room), "CALLED_OUT": str(out)}
+        self._environment = {**environment, "PYTHONPATH": f"{tree}:{tree / 'tools'}"}
+        if self._fails(["-p", "called", *TESTS[room]], watched):
+            raise ValueError(f"the tests of {room} fail without any change")
+        found = json.loads(out.read_text(encoding="utf-8"))
+        self._seconds = {test: each["seconds"] for test, each in found.items()}
+        self._called = {
+            test: {(file, line) for file, line in each["called"]} for test, each in found.items()
+        }
+
+    def notice(self, tests: list[str]) -> bool:
+        """Return whether one of these tests fails in the copy as it is now."""
+        names = self._tree / "tests.txt"
+        names.write_text("\n".join(tests), encoding="utf-8")
+        return bool(tests) and self._fails([f"@{names}"], {})
+
+    def of(self, one: Mutant) -> list[str]:
+        """Return the tests for a change, the quickest first.
+
+        For a change outside of all functions these are all that call a function of the file.
+        """
+        file = str(self._tree / one.path)
+        line = _function_at(Path(file), one.line)
+        exact = [test for test, called in self._called.items() if (file, line) in called]
+        near = [test for test, called in self._called.items() if any(f == file for f, _ in called)]
+        chosen = exact if line else near or list(self._called)
+        quick = [test for test in chosen if self._seconds[test] <= _SLOWEST_S]
+        return sorted(quick, key=self._seconds.__getitem__)
+
+    def _fails(self, arguments: list[str], more: dict[str, str]) -> bool:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", *arguments]
         try:
             done = subprocess.run(
-                command, cwd=tree, env=environment, capture_output=True, timeout=LONGEST_S,
-                check=False,
+                command, cwd=self._tree, env={**self._environment, **more}, capture_output=True,
+                timeout=LONGEST_S, check=False,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return True
-        if done.returncode:
-            return True
-    return False
+        return done.returncode != 0
+
+
+def _function_at(file: Path, line: int) -> int:
+    """Return the first line of the innermost function round a line, 0 outside of all."""
+    found = 0
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        if isinstance(node, ast.FunctionDef) and node.lineno <= line <= node.end_lineno:
+            found = max(found, min([node.lineno, *(each.lineno for each in node.decorator_list)]))
+    return found
 
 
 def main() -> int:
@@ -166,16 +208,20 @@ def main() -> int:
         environment = {**os.environ, **isolation.variables(domain), "PYTHONPATH": str(tree)}
         environment["PYTHONDONTWRITEBYTECODE"] = environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
         for room in given.rooms:
-            if noticed(tree, room, environment):
-                parser.error(f"the tests of {room} fail without any change")
+            try:
+                judges = Judges(tree, room, environment)
+            except ValueError as error:
+                parser.error(str(error))
             chosen = sampled(room, given.count, given.seed)
             survived = 0
             for one in chosen:
                 file = tree / one.path
-                source = file.read_bytes()
+                source, tests = file.read_bytes(), judges.of(one)
                 file.write_bytes(source[: one.begin] + one.text.encode() + source[one.end :])
-                caught = noticed(tree, room, environment)
-                file.write_bytes(source)
+                try:
+                    caught = judges.notice(tests)
+                finally:
+                    file.write_bytes(source)
                 survived += not caught
                 fates.append({"room": room, "caught": caught, **one._asdict()})
                 if not caught:
