@@ -23,8 +23,8 @@ demo: build  ## the whole robot against the simulated rig: table, figures, a bag
 therapy: build  ## session, patient's and therapist's page in the browser; ARGS="--patient weak"
 	@tools/run therapy $(ARGS)
 
-faults: build  ## every fault of docs/faults.md, carried out in simulated time; ARGS="--row drive" is short
-	@tools/run faults $(ARGS)
+faults: build  ## every fault of docs/faults.md, carried out in simulated time; ARGS="-k drive" is short
+	@$(VENV_PYTHON) tools/run_tests.py --faults $(ARGS)
 
 fuzz: build  ## odd input everywhere, a minute for each fuzzer; ARGS="--what yaml --seconds 600 --seed 1"
 	@tools/run python test/fuzz/fuzz.py $(ARGS)

@@ -24,11 +24,9 @@ NODES = (
 )
 EXECUTABLES = [f"{node} = {NAME}.nodes.{node}:main" for node in NODES]
 EXECUTABLES.append(f"characterize = {NAME}.identification.live.characterize:main")
-EXECUTABLES.append(f"demo = {NAME}.trials.demo:main")
-EXECUTABLES.append(f"therapy = {NAME}.trials.therapy:main")
-EXECUTABLES.append(f"soak = {NAME}.trials.soak:main")
-EXECUTABLES.append(f"bench = {NAME}.trials.benchmark.command:main")
-EXECUTABLES.append(f"faults = {NAME}.trials.faults.command:main")
+EXECUTABLES += [
+    f"{name} = {NAME}.trials.{name}:{name}" for name in ("demo", "therapy", "soak", "bench")
+]
 EXECUTABLES.append(f"check_hardware = {NAME}.hardware.command:main")
 EXECUTABLES.append(f"session = {NAME}.session_command:main")
 EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")

@@ -35,6 +35,10 @@ GRAPH_ENDS_S = 900
 _buses: weakref.WeakSet[can.BusABC] = weakref.WeakSet()
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--write", action="store_true", help="rewrite generated files, like faults.md")
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give each test with a whole graph the same time; it is only there to end one that hangs."""
     for item in items:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 import yaml
+from catalogue import ROWS
 
 from screw_module_ros import session_command
 from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
@@ -19,7 +20,6 @@ from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
 from screw_module_ros.identification.catalogue import EXPERIMENTS
 from screw_module_ros.nodes import bringup
-from screw_module_ros.trials.faults.catalogue import chosen
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -143,11 +143,10 @@ def _arguments(target: str) -> list[list[str]]:
 
 
 def test_the_fault_rows_of_the_examples_exist():
-    examples = [words for words in _arguments("faults") if words[0] == "--row"]
+    examples = [words for words in _arguments("faults") if words[0] == "-k"]
     assert examples
-    for option, name in examples:
-        assert option == "--row"
-        assert chosen(names=[name])
+    for _, name in examples:
+        assert any(name in row.name for row in ROWS)
 
 
 def test_the_tests_of_the_examples_exist():

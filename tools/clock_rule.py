@@ -21,15 +21,12 @@ EXEMPT = {
     "lockstep/member.py": "tells that simulated time stands still",
     "recording/recorder.py": "flushes to the disk",
     "nodes/bringup.py": "starts and ends processes",
-    "trials/console.py": "the terminal",
-    "trials/graph_run.py": "starts and ends processes",
+    "trials/runner.py": "tells the user how long it took",
     "trials/demo.py": "tells the user how long it took",
-    "trials/soak.py": "tells the user how long it took",
+    "trials/bench.py": "measures how fast the in-process loop is",
     "identification/live/characterize.py": "ends its process",
-    "trials/faults/command.py": "tells the user how long it took",
     "identification/report/command.py": "tells the user how long it took",
     "identification/report/study.py": "tells the user how long it took",
-    "identification/speed.py": "measures how fast the in-process loop is",
 }
 
 

@@ -3,7 +3,7 @@
 
 What was left is removed, so that the next run starts clean. Arguments go to pytest. Without any it
 is the suite without the tests marked `long`, with `--all` the whole one, by two workers: simulated
-time waits for whoever is slow.
+time waits for whoever is slow. `--faults` carries out the fault rows, by a worker per core.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ import leftovers
 
 LEAVE_S = 3.0
 WHOLE_SUITE = ["-p", "xdist", "-n", "2", "--dist", "loadfile", "--durations", "20"]
-SUITE = [*WHOLE_SUITE, "-m", "not long"]
+SUITE = [*WHOLE_SUITE, "-m", "not long and not fault"]
+WORKERS = ["-n", str(len(os.sched_getaffinity(0))), "--dist", "worksteal"]
+FAULTS = ["test/faults", "-p", "xdist", *WORKERS, "-v"]
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -43,6 +45,8 @@ def chosen(arguments: list[str]) -> list[str]:
     if not arguments:
         print("make test: without the long tests; make test-all runs them too", flush=True)
         return SUITE
+    if arguments[0] == "--faults":
+        return [*FAULTS, "-m", "fault", *arguments[1:]]
     return WHOLE_SUITE if arguments == ["--all"] else arguments
 
 

@@ -11,13 +11,20 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from screw_module_msgs.msg import AmplifierState, ImpedanceState, PlanarState, SafetyState
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
 
 from screw_module_ros import graph
 from screw_module_ros.clock import TimeStandsStill, WallClock
@@ -45,6 +52,8 @@ _STATES = {
     ImpedanceState: graph.CONTROLLER_STATE,
     AmplifierState: graph.AMPLIFIER_STATE,
     PlanarState: graph.MANUS_STATE,
+    EncoderSample: graph.ENCODER_DECIMATED,
+    WrenchStamped: graph.WRENCH,
 }
 
 
@@ -240,6 +249,17 @@ class Client:
         status = self._statuses.get(node)
         return status.message if status else "nothing heard of it on /diagnostics"
 
+    def level(self, node: str) -> bytes | None:
+        """Return the level of the node's last entry on /diagnostics, None before the first."""
+        status = self._statuses.get(node)
+        return status.level if status else None
+
+    def reported(self, key: str, node: str) -> str | None:
+        """Return a named value of the node's last entry on /diagnostics, None if it has none."""
+        status = self._statuses.get(node)
+        values = status.values if status else ()
+        return next((value.value for value in values if value.key == key), None)
+
     def complaints(self) -> list[str]:
         """Return `node: message` of every node that reports an error."""
         bad = (DiagnosticStatus.ERROR, DiagnosticStatus.STALE)
@@ -252,10 +272,7 @@ class Client:
         return f"; /diagnostics: {'; '.join(found)}" if found else ""
 
     def state(self, kind: type) -> Any:
-        """Return the newest SafetyState, ImpedanceState, AmplifierState or PlanarState.
-
-        None when it is older than 0.3 s.
-        """
+        """Return the newest message of a kind in `_STATES`, None when it is older than 0.3 s."""
         return self._states[kind].fresh(self.clock.now_ns())
 
     def newest(self, kind: type, deadline_s: float = _STATE_S) -> Any:

@@ -9,27 +9,45 @@ makes a centre-out reach. The recorder writes all topics; the table uses only th
 from __future__ import annotations
 
 import math
-import os
-import sys
+import shutil
 import time
-from datetime import datetime
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import click
+import numpy as np
+import yaml
+from rich.table import Table
 from screw_module_msgs.msg import ForceCommand
 
-from screw_module_ros.domain import end_without_domain
-from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.recorded_session import Part
+from screw_module_ros import graph
+from screw_module_ros.identification import figures
+from screw_module_ros.identification.figures.force_position import Path3D, Trace
+from screw_module_ros.identification.force_position import (
+    MOTION_THRESHOLD,
+    Offsets,
+    Spring,
+    common_ticks,
+    offsets,
+)
 from screw_module_ros.recording.bag import BagError
+from screw_module_ros.recording.counts import Counts
+from screw_module_ros.recording.decoded import columns
+from screw_module_ros.recording.records import notes
 
-from ..nodes.support.place import AlreadyRunning
-from ..operator.robot import Robot, RobotError, arm
-from .console import Console
-from .demo_report import FORCE_FEEDBACK, FRICTION_COMPENSATION, IMPEDANCE, evaluated
-from .graph_run import GraphRun, Interrupted, recordings_in
-from .reach import Way, centre_out, on_way, targets
+from ..operator.bring_up import bring_up
+from ..operator.robot import Robot, arm
+from .patient import STILL, Hand, Way, centre_out, targets
+from .runner import (
+    Console,
+    GraphRun,
+    command,
+    new_folder,
+    output_option,
+    recordings_in,
+    running,
+)
 
 SPRING = Spring(stiffness=100.0, centre=0.18)
 FORCE_GAIN = 5.0
@@ -37,38 +55,115 @@ ARM_MASS, ARM_STIFFNESS, ARM_DAMPING = 3.0, 300.0, 5.0  # [kg], [N/m], [Ns/m]
 AMPLITUDE, OMEGA = 0.15, 0.8  # of the virtual hand [m], [rad/s]
 CYCLE_S = 2.0 * math.pi / OMEGA
 PLANE_STIFFNESS, PLANE_DAMPING = 100.0, 10.0  # [N/m], [Ns/m], typical for MANUS
-MODES = {
-    IMPEDANCE: ForceCommand.IMPEDANCE,
-    FRICTION_COMPENSATION: ForceCommand.FRICTION_COMPENSATION,
-    FORCE_FEEDBACK: ForceCommand.FORCE_FEEDBACK,
-}
+IN_TIME = 0.99
 _LEAVE = math.nan
 _SETPOINT_PERIOD_S = 0.02  # as a game at 50 frames per second publishes
 _CHECK_EVERY = 12  # set points
-_SETTLE_S = 0.8
-_RETURN_S = 1.5
+_SETTLE_S, _RETURN_S = 0.8, 1.5
+_ENCODER, _FORCE = f"/{graph.ENCODER}", f"/{graph.FORCE}"
+_DRIVE, _ENDPOINT = f"/{graph.AMPLIFIER_STATE}", f"/{graph.ENDPOINT_STATE}"
 
 
-class Options(NamedTuple):
-    """Command line options; see `demo --help`."""
+class Mode(NamedTuple):
+    """A control mode of the demo, and its acceptance.
 
-    folder: Path
-    quick: bool
-    keep_bag: bool
-    params: str | None
-    node_logs: bool
-    strict: bool
-    composed: bool
-    wall_clock: bool
+    number: constant of ForceCommand; thesis: its figure; low, high: bounds of the mean offset [N].
+    """
+
+    number: int
+    thesis: str
+    low: float = 0.0
+    high: float = math.inf
+
+    @property
+    def wanted(self) -> str:
+        """The bounds as text, empty without any."""
+        if self.high == math.inf:
+            return ""
+        return f"{self.low:g} to {self.high:g} N" if self.low else f"below {self.high:g} N"
 
 
-@click.command(context_settings={"show_default": True})
-@click.option(
-    "--folder",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("demo_output"),
-    help="Each run makes a folder of its own in here.",
-)
+IMPEDANCE = "impedance (PD)"
+FRICTION_COMPENSATION = "friction compensation"
+FORCE_FEEDBACK = "force feedback"
+MODES = {
+    IMPEDANCE: Mode(ForceCommand.IMPEDANCE, "about 10 N (fig 6-1)", 7.0, 13.0),
+    FRICTION_COMPENSATION: Mode(ForceCommand.FRICTION_COMPENSATION, "better in motion (fig 6-8)"),
+    FORCE_FEEDBACK: Mode(ForceCommand.FORCE_FEEDBACK, "about 2 N (fig 6-10)", high=3.0),
+}
+
+
+class Part(NamedTuple):
+    """A stretch of a session: its name, begin and end on the system clock [ns since the epoch]."""
+
+    name: str
+    begin_ns: int
+    end_ns: int
+
+
+class Timing(NamedTuple):
+    """Commands to the vertical drive over one stretch of time.
+
+    duration [s]; rate: commands written per second [1/s].
+    commands: written; late: of these, written more than one period after their SYNC; lost: ticks
+    without a command.
+    p50, p99: latency SYNC -> drive write [s]: median over time of the percentiles of each second;
+    worst_p99: largest p99 of a second [s].
+    """
+
+    duration: float
+    rate: float
+    commands: int
+    late: int
+    lost: int
+    p50: float
+    p99: float
+    worst_p99: float
+
+    @property
+    def in_time(self) -> float:
+        """Share of the ticks whose command was written within its deadline [0..1]."""
+        ticks = self.commands + self.lost
+        return (self.commands - self.late) / ticks if ticks else math.nan
+
+
+class Results(NamedTuple):
+    """Results of the demo; traces, offsets and paths are in the order of its parts.
+
+    bag: folder of the recording, None if it was deleted. factor: simulated seconds per second,
+    None for a run by wall clock.
+    """
+
+    parts: Sequence[Part]
+    traces: list[Trace]
+    offsets: list[Offsets]
+    paths: list[Path3D]
+    timing: Timing
+    counts: dict[str, Counts]
+    bag: Path | None
+    files: list[Path]
+    factor: float | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """Whether every figure is within its limits."""
+        met = [_met(part, found) for part, found in zip(self.parts, self.offsets, strict=True)]
+        complete = self.factor is None or all(count.complete for count in self.counts.values())
+        return all(met) and self.in_time and complete
+
+    @property
+    def in_time(self) -> bool:
+        """Whether enough commands were in time."""
+        return self.timing.in_time >= self.wanted_in_time
+
+    @property
+    def wanted_in_time(self) -> float:
+        """Least share of commands in time; all of them in simulated time, which waits for each."""
+        return IN_TIME if self.factor is None else 1.0
+
+
+@command("demo")
+@output_option("demo_output")
 @click.option("--quick", is_flag=True, help="One cycle and 4 targets per mode; else 2 and 8.")
 @click.option("--keep-bag/--drop-bag", default=True, help="Keep the recording afterwards.")
 @click.option("--params", type=click.Path(exists=True, dir_okay=False), help="Parameter file.")
@@ -76,85 +171,45 @@ class Options(NamedTuple):
 @click.option("--composed", is_flag=True, help="Encoder to amplifier in one process.")
 @click.option("--wall-clock", is_flag=True, help="The simulated rig runs in real time.")
 @click.option("--strict", is_flag=True, help="Exit with 3 if a figure is outside its limits.")
-def command(**values) -> None:
+def demo(
+    console: Console, folder: Path, quick: bool, keep_bag: bool, params: str | None,
+    node_logs: bool, composed: bool, wall_clock: bool, strict: bool,
+) -> bool:  # fmt: skip
     """Run the therapy robot against its simulated rig: table, figures and a bag."""
-    end_without_domain("demo")
-    options = Options(**values)
-    console, begun = Console(), time.monotonic()
-    run = options.folder / datetime.now().strftime("%Y_%m_%d-%H_%M_%S")
-    try:
-        run.mkdir(parents=True)
-        bag, parts, factor = record_session(run, options, console)
-        with console.step("reading the bag, drawing"):
-            results = evaluated(bag, parts, SPRING, targets(), run, options.keep_bag, factor)
-    except (Interrupted, KeyboardInterrupt):
-        console.fail("stopped; all nodes ended in order")
-        sys.exit(130)
-    except (RobotError, AlreadyRunning, BagError, OSError, ValueError) as error:
-        rest = f"\nThe output so far is in {run}" if run.is_dir() else ""
-        console.fail(f"the demo failed: {error}{rest}")
-        sys.exit(1)
-    console.show(*results.tables(), f"All in {time.monotonic() - begun:.0f} s.")
-    if options.strict and not results.accepted:
-        sys.exit(3)
-
-
-def record_session(
-    run: Path, options: Options, console: Console
-) -> tuple[Path, list[Part], float | None]:
-    """Start the robot, run the patient's work in each mode, stop all nodes.
-
-    Returns bag, parts, and simulated seconds per second (None with --wall-clock). Raises
-    RobotError if a step fails, Interrupted after Ctrl-C; all nodes are stopped in either case.
-    """
-    os.environ["ROS_LOG_DIR"] = str((run / "log").resolve())
+    begun = time.monotonic()
+    run = new_folder(folder, console)
     extra = [*recordings_in(run), "-p", "session_recorder:name:=session"]
-    if not options.node_logs:
-        extra.append("--disable-stdout-logs")
-    with GraphRun(
-        options.params, extra, composed=options.composed, wall_clock=options.wall_clock
-    ) as graph:
-        try:
-            with Robot("demo", watch=graph.watch, simulated=not options.wall_clock) as robot:
-                make_ready(robot, graph, console)
-                bag = robot.start_recording()
-                cycles = 1 if options.quick else 2
-                begun_s, begun_ns = time.monotonic(), robot.clock.now_ns()
-                parts = [work(robot, name, cycles, console) for name in MODES]
-                passed_s = (robot.clock.now_ns() - begun_ns) * 1e-9
-                factor = passed_s / (time.monotonic() - begun_s)
-                with console.step("torque off, recording closed"):
-                    robot.enable_plane(False)
-                    robot.enable(False)
-                    robot.stop_recording()
-        finally:
-            with console.step("stopping all nodes"):
-                graph.stop()
-        graph.check_codes()
-    return bag, parts, None if options.wall_clock else factor
+    extra += [] if node_logs else ["--disable-stdout-logs"]
+    nodes = GraphRun(params, extra=extra, composed=composed, wall_clock=wall_clock)
+    with running("demo", console, nodes) as (robot, _):
+        make_ready(robot, console)
+        bag = robot.start_recording()
+        begun_s, begun_ns = time.monotonic(), robot.clock.now_ns()
+        parts = [work(robot, name, 1 if quick else 2, console) for name in MODES]
+        factor = (robot.clock.now_ns() - begun_ns) * 1e-9 / (time.monotonic() - begun_s)
+        with console.step("torque off, recording closed"):
+            robot.enable_plane(False)
+            robot.enable(False)
+            robot.stop_recording()
+    with console.step("reading the bag, drawing"):
+        results = evaluated(bag, parts, run, keep_bag, None if wall_clock else factor)
+    console.show(*tables(results), f"All in {time.monotonic() - begun:.0f} s.")
+    return results.accepted
 
 
-def make_ready(robot: Robot, graph: GraphRun, console: Console) -> None:
-    """Prepare the started robot: homed, tared, hand on the handle, torque on."""
-    with console.step(f"bring-up of {len(graph.names)} nodes") as detail:
-        graph.wait_until_ready(robot, lambda waiting: detail(", ".join(waiting)))
-    with console.step("homing and taring, nobody holds the handle"):
-        robot.set_fixture("free")
-        robot.clear_faults()  # a drive stops after 20 ms without a frame, as during a slow start
-        robot.home()
-        robot.tare()
-    with console.step("patient takes hold, torque on"):
-        robot.set_fixture("human_arm")
-        robot.set_arm(
-            arm(kind="active", mass=ARM_MASS, stiffness=ARM_STIFFNESS, damping=ARM_DAMPING)
-        )
+# Phases -------------------------------------------------------------------------------------------
+
+
+def make_ready(robot: Robot, console: Console) -> Hand:
+    """Bring the started robot to operation: homed, tared, hand on the handle, torque on."""
+    takes = arm(kind="active", mass=ARM_MASS, stiffness=ARM_STIFFNESS, damping=ARM_DAMPING)
+    hand = Hand(robot, takes)
+    with console.step("homing, taring, patient takes hold, torque on"):
         robot.set_parameter("impedance_controller", "force_gain", FORCE_GAIN)
         robot.set_impedance(SPRING.stiffness, 0.0)
         robot.set_impedance(PLANE_STIFFNESS, PLANE_DAMPING, node="manus")
-        robot.set_mode(ForceCommand.IMPEDANCE)
-        robot.permit()
-        robot.enable()
-        robot.enable_plane()
+        bring_up(robot, ForceCommand.IMPEDANCE, hand)
+    return hand
 
 
 def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
@@ -162,10 +217,9 @@ def work(robot: Robot, name: str, cycles: int, console: Console) -> Part:
 
     The virtual hand starts at the spring's centre and ends at rest at its highest point.
     """
-    still = (0.0, 0.0, 0.0)
-    robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=still, omega=still))
+    robot.set_arm(arm((0.0, 0.0, SPRING.centre), _RETURN_S, amplitude=STILL, omega=STILL))
     robot.set_setpoint(0.0, 0.0, SPRING.centre)
-    robot.set_mode(MODES[name])
+    robot.set_mode(MODES[name].number)
     robot.pause(_RETURN_S + _SETTLE_S)
     duration = (cycles + 0.25) * CYCLE_S
     ways = centre_out(cycles * CYCLE_S, targets()[:: 2 // cycles])
@@ -192,7 +246,7 @@ def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
         if coming and now >= coming[0].begin:
             way = coming.pop(0)
             robot.send_arm(arm(target=(*way.end, _LEAVE), duration=way.duration))
-        (x, y), (vx, vy) = on_way(way, now)
+        (x, y), (vx, vy) = way.at(now)
         robot.set_setpoint(x, y, SPRING.centre, (vx, vy, 0.0))
         if count % _CHECK_EVERY == 0:
             robot.check_enabled()
@@ -201,6 +255,195 @@ def play(robot: Robot, ways: list[Way], duration: float, passed) -> None:
         robot.pause(_SETPOINT_PERIOD_S)
 
 
-def main() -> None:
-    """Console entry point."""
-    command()
+# From the bag to figures --------------------------------------------------------------------------
+
+
+def evaluated(
+    bag: Path, parts: Sequence[Part], folder: Path, keep_bag: bool = True,
+    factor: float | None = None,
+) -> Results:  # fmt: skip
+    """Evaluate the bag; write figures and numbers into `folder`.
+
+    factor: simulated seconds per second, None for a run by wall clock. Raises BagError naming the
+    part that lacks samples, OSError if a file cannot be written.
+    """
+    topics = {topic: columns(bag, topic) for topic in (_ENCODER, _FORCE, _DRIVE, _ENDPOINT)}
+    traces = [trace(topics, part) for part in parts]
+    found = [offsets(one.position, one.velocity, one.force, SPRING) for one in traces]
+    paths = [path(topics, part) for part in parts]
+    whole = Part("the session", parts[0].begin_ns, parts[-1].end_ns)
+    counts = {name: Counts(**yaml.safe_load(text)) for name, text in notes(bag)["audit"].items()}
+    title = "Simulated patient through a spring, vertical module"
+    drawn = {
+        "force_position.png": figures.force_position(traces, SPRING, title),
+        "path.png": figures.path_views(paths, np.array(targets()), "Path of the handle"),
+    }
+    files = [figures.save(figure, folder / name) for name, figure in drawn.items()]
+    results = Results(
+        parts, traces, found, paths, timing(topics, whole), counts, bag if keep_bag else None,
+        files, factor,
+    )  # fmt: skip
+    text = yaml.safe_dump(_content(results), sort_keys=False)
+    (folder / "results.yaml").write_text(text, encoding="utf-8")
+    if not keep_bag:
+        shutil.rmtree(bag)
+    return results
+
+
+Topics = Mapping[str, Mapping[str, np.ndarray]]
+"""The columns of each topic, as `recording.decoded.columns` gives them."""
+
+
+def trace(topics: Topics, part: Part) -> Trace:
+    """Join the valid encoder and force samples of one part by their tick numbers.
+
+    Raises BagError without a common tick.
+    """
+    encoder, force = _within(topics, _ENCODER, part), _within(topics, _FORCE, part)
+    encoder = {name: values[encoder["homed"].astype(bool)] for name, values in encoder.items()}
+    force = {name: values[force["status"] == 0] for name, values in force.items()}
+    at, there = common_ticks(encoder["sequence"], force["sequence"])
+    if not len(at):
+        raise BagError(f"{part.name}: no tick has both a height and a force in the bag")
+    return Trace(part.name, encoder["position"][at], encoder["velocity"][at], force["fz"][there])
+
+
+def path(topics: Topics, part: Part) -> Path3D:
+    """Return the handle's path in one part, from the samples with three valid axes."""
+    rows = _within(topics, _ENDPOINT, part)
+    valid = rows["valid"].all(axis=1)
+    return Path3D(part.name, np.column_stack([rows[f"position.{a}"][valid] for a in "xyz"]))
+
+
+def timing(topics: Topics, part: Part) -> Timing:
+    """Return the timing of the commands in one part, from the counters of the drive's node.
+
+    Raises BagError for fewer than two states, or if a counter decreases because the node was
+    restarted.
+    """
+    rows = _within(topics, _DRIVE, part)
+    times = rows["log_time"]
+    if len(times) < 2:
+        raise BagError(f"{part.name}: the bag has {len(times)} states of the drive's node")
+    grown = {}
+    for name in ("commands", "late", "lost"):
+        counts = np.asarray(rows[name], np.int64)  # unsigned ones would not fall
+        if (np.diff(counts) < 0).any():
+            raise BagError(f"{part.name}: the count of {name} decreases: the node was restarted")
+        grown[name] = int(counts[-1] - counts[0])
+    duration = int(times[-1] - times[0]) * 1e-9
+    p50, p99 = rows["latency_p50"], rows["latency_p99"]
+    return Timing(
+        duration, grown["commands"] / duration if duration > 0 else math.nan, **grown,
+        p50=float(np.median(p50)), p99=float(np.median(p99)), worst_p99=float(np.max(p99)),
+    )  # fmt: skip
+
+
+def _within(topics: Topics, topic: str, part: Part) -> dict[str, np.ndarray]:
+    """Return the rows received in the part."""
+    received = topics[topic]["log_time"]
+    chosen = (received >= part.begin_ns) & (received <= part.end_ns)
+    if not chosen.any():
+        raise BagError(f"{part.name}: {topic} has no message in this part")
+    return {name: values[chosen] for name, values in topics[topic].items()}
+
+
+def _content(results: Results) -> dict[str, Any]:
+    """Return the content of results.yaml."""
+    return {
+        "spring": SPRING._asdict(),
+        "motion_threshold": MOTION_THRESHOLD,
+        "modes": [
+            {**part._asdict(), "offset": found._asdict()}
+            for part, found in zip(results.parts, results.offsets, strict=True)
+        ],
+        "real_time_factor": results.factor,
+        "timing": {**results.timing._asdict(), "in_time": results.timing.in_time},
+        "recorded": {name: count._asdict() for name, count in results.counts.items()},
+    }
+
+
+# Tables -------------------------------------------------------------------------------------------
+
+
+def tables(results: Results) -> list[Table | str]:
+    """Return the tables and lines to print."""
+    bag = f"Bag: {_near(results.bag)}" if results.bag else "Bag: deleted (--drop-bag)"
+    files = ", ".join(str(_near(file)) for file in results.files)
+    return [
+        _offset_table(results), _timing_table(results), *_gaps(results.counts), bag,
+        f"Figures: {files}",
+    ]  # fmt: skip
+
+
+def _offset_table(results: Results) -> Table:
+    table = Table(
+        title=f"Offset from a spring of {SPRING.stiffness:g} N/m about {SPRING.centre:g} m",
+        caption="mean of |force of the patient - spring| while the handle moves faster than "
+        f"{MOTION_THRESHOLD * 1e3:g} mm/s",
+    )
+    for name in ("mode", "up", "down", "both ways", "thesis", "wanted", ""):
+        table.add_column(name, justify="right" if name in ("up", "down", "both ways") else None)
+    for part, found in zip(results.parts, results.offsets, strict=True):
+        mode = MODES[part.name]
+        verdict = _verdict(_met(part, found)) if mode.wanted else ""
+        newtons = (f"{value:.1f} N" for value in (found.up, found.down, found.mean))
+        table.add_row(part.name, *newtons, mode.thesis, mode.wanted, verdict)
+    return table
+
+
+def _timing_table(results: Results) -> Table:
+    t, ticks = results.timing, results.timing.commands + results.timing.lost
+    table = Table(title=f"Commands to the vertical drive, {t.duration:.0f} s", show_header=False)
+    if results.factor is not None:
+        table.add_row("simulated time", f"{results.factor:.2f} of real time")
+        table.add_row("answered", f"{t.commands} of {ticks} ticks")
+    else:  # latencies exist only by wall clock
+        table.add_row("rate", f"{t.rate:.1f} 1/s")
+        table.add_row(
+            "latency SYNC -> drive write",
+            f"p50 {t.p50 * 1e6:.0f} us, p99 {t.p99 * 1e6:.0f} us "
+            f"(of each second, the median; worst second's p99 {t.worst_p99 * 1e6:.0f} us)",
+        )
+    table.add_row("late", f"{t.late} of {t.commands} commands ({_percent(t.late, t.commands)})")
+    table.add_row("lost", f"{t.lost} of {ticks} ticks ({_percent(t.lost, ticks)})")
+    table.add_row(
+        "inside the deadline of one period",
+        f"{_percent(ticks - t.late - t.lost, ticks)}, wanted: at least "
+        f"{100 * results.wanted_in_time:g} %: {_verdict(results.in_time)}",
+    )
+    return table
+
+
+def _gaps(counts: Mapping[str, Counts]) -> list[Table | str]:
+    messages = sum(count.messages for count in counts.values())
+    line = f"Recorded: {messages} messages of {len(counts)} topics"
+    holes = {name: count for name, count in counts.items() if not count.complete}
+    if not holes:
+        return [f"{line}, nothing missing."]
+    table = Table(title="Topics with missing messages")
+    for name in ("topic", "messages", "ticks lost", "not received", "not written"):
+        table.add_column(name, justify=None if name == "topic" else "right")
+    for name, count in sorted(holes.items()):
+        numbers = (count.messages, count.lost, max(0, count.missed), count.dropped)
+        table.add_row(name, *map(str, numbers))
+    return [f"{line}.", table]
+
+
+def _met(part: Part, found: Offsets) -> bool:
+    return MODES[part.name].low <= found.mean <= MODES[part.name].high
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100 * part / max(1, whole):.3f} %"
+
+
+def _verdict(met: bool) -> str:
+    return "[green]reached[/]" if met else "[bold red]MISSED[/]"
+
+
+def _near(path: Path) -> Path:
+    """Return the path relative to the current folder where it is below it."""
+    here, path = Path.cwd(), path.resolve()
+    return path.relative_to(here) if path.is_relative_to(here) else path
+

@@ -25,7 +25,7 @@ from rclpy.signals import SignalHandlerOptions
 from runner import sentence
 
 from screw_module_ros.nodes.support.node import Node
-from screw_module_ros.trials.isolation import own_place
+from screw_module_ros.trials.runner import own_place
 
 WITHOUT_DEVICE = ("supervisor", "endpoint_state", "impedance_controller", "session_recorder",
                   "therapy_session", "sim_rig")  # fmt: skip

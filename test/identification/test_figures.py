@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from screw_module_ros.identification import figures
+from screw_module_ros.identification.figures.force_position import Path3D, Trace
 from screw_module_ros.identification.force_position import Spring
-from screw_module_ros.identification.recorded_session import Path3D, Trace
 
 SPRING = Spring(100.0, 0.18)
 

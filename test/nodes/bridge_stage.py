@@ -12,15 +12,16 @@ from typing import Any
 
 import aiohttp
 import yaml
-from screw_module_msgs.msg import EndpointSetpoint, SafetyState, TherapyState
+from screw_module_msgs.msg import EndpointSetpoint, ForceCommand, SafetyState, TherapyState
 
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.nodes import bringup
+from screw_module_ros.operator.bring_up import bring_up
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.resources import resource_path
-from screw_module_ros.trials.graph_run import GraphRun
-from screw_module_ros.trials.simulated_player import Person, SimulatedPlayer
-from screw_module_ros.trials.therapy import make_ready, switch_on
+from screw_module_ros.trials.patient import Hand, Person, SimulatedPlayer
+from screw_module_ros.trials.runner import GraphRun
+from screw_module_ros.trials.therapy import make_ready
 
 SESSION, BRIDGE = "therapy_session", "web_bridge"
 DEADLINE_S = 120.0
@@ -109,7 +110,7 @@ class Stage:
 
     def switch_on(self) -> None:
         """Reset what stopped the robot and switch the torque on again."""
-        self.ask(switch_on)
+        self.ask(lambda robot: bring_up(robot, ForceCommand.FORCE_FEEDBACK, self.hand))
 
     # The operator's thread -----------------------------------------------------------------
 
@@ -132,7 +133,8 @@ class Stage:
         robot.node.create_subscription(TherapyState, "therapy/state", self._hear, 50)
         robot.node.create_subscription(EndpointSetpoint, "setpoint", self.setpoints.append, 50)
         self.player = SimulatedPlayer(robot, QUICK)
-        make_ready(robot, self.player)
+        self.hand = Hand(robot, QUICK.takes_hold())
+        make_ready(robot, self.hand)
         robot.wait_until(lambda: self.states, 10.0, "the session is silent")
         said = robot.said(BRIDGE)
         robot.wait_until(lambda: "http://" in robot.said(BRIDGE), 10.0, f"the bridge says: {said}")

@@ -23,7 +23,7 @@ from screw_module_ros.control.vertical_settings import KNOWN_SHARE
 from screw_module_ros.nodes.support.answering import Done
 from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.decoded import calibrations, columns
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

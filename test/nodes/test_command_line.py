@@ -7,7 +7,7 @@ import pytest
 
 from screw_module_ros.nodes.support.arguments import Arguments, Rule, arguments, overrides
 from screw_module_ros.settings import SettingError
-from screw_module_ros.trials.graph_run import recordings_in
+from screw_module_ros.trials.runner import recordings_in
 
 LEFT = ("-r", "__ns:=/left")
 

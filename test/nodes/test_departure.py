@@ -13,7 +13,7 @@ from screw_module_ros.clock import ManualClock
 from screw_module_ros.nodes import sim_rig
 from screw_module_ros.nodes.sim_rig import Departure
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 STEP_NS = 50_000_000
 

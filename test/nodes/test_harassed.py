@@ -11,7 +11,7 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand, PlanarState
 
 import harass
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

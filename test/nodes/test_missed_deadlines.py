@@ -11,7 +11,7 @@ from screw_module_msgs.msg import AmplifierState, ForceCommand, SafetyState
 from screw_module_ros.loop.ticker import Ticker
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

@@ -26,7 +26,7 @@ from screw_module_ros.graph import COMPOSED
 from screw_module_ros.nodes.bringup import executable_path
 from screw_module_ros.nodes.support import topics
 from screw_module_ros.operator.robot import Robot, RobotError, arm
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = pytest.mark.graph
 

@@ -7,7 +7,7 @@ import pytest
 from screw_module_msgs.msg import ImpedanceState, SafetyState
 
 from screw_module_ros.operator.robot import Robot, RobotError
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

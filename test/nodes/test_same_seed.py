@@ -12,7 +12,7 @@ from screw_module_msgs.msg import ForceCommand
 from screw_module_ros.lockstep.page import START_NS
 from screw_module_ros.operator.robot import Robot, arm
 from screw_module_ros.recording.records import File
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

@@ -21,8 +21,8 @@ from screw_module_ros.operator.robot import Robot
 from screw_module_ros.recording.bag import METADATA_FILE
 from screw_module_ros.resources import resource_path
 from screw_module_ros.session_command import main
-from screw_module_ros.trials.graph_run import GraphRun
-from screw_module_ros.trials.simulated_player import HEALTHY, PEOPLE, SimulatedPlayer
+from screw_module_ros.trials.patient import HEALTHY, PEOPLE, Hand, SimulatedPlayer
+from screw_module_ros.trials.runner import GraphRun
 from screw_module_ros.trials.therapy import make_ready
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
@@ -71,7 +71,7 @@ def results(folder):
         try:
             robot.wait_until_ready([*graph.names, "therapy_session"])
             player = SimulatedPlayer(robot, PEOPLE[HEALTHY])
-            make_ready(robot, player)
+            make_ready(robot, Hand(robot, PEOPLE[HEALTHY].takes_hold()))
             states, told = [], []
             make = robot.node.create_subscription
             make(TherapyState, "therapy/state", states.append, 50)

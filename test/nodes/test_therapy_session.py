@@ -28,7 +28,7 @@ from screw_module_ros.session_command import main
 from screw_module_ros.therapy.recorded import read_sessions
 from screw_module_ros.therapy.replay import replayed
 from screw_module_ros.therapy.session import State
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

@@ -11,9 +11,8 @@ from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
 from ..curves import CURVES
 from ..force_position import Spring
-from ..recorded_session import Trace
 from ..results import Result
-from .force_position import force_position
+from .force_position import Trace, force_position
 
 _TITLES = {
     "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),

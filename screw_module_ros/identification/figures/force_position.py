@@ -8,6 +8,7 @@ line, arrows show the direction of travel, a circle the start.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
@@ -18,10 +19,25 @@ from matplotlib.ticker import AutoMinorLocator
 from screw_module_ros.figure_style import COLOURS, DESIRED, STYLE
 
 from ..force_position import Spring, spring_force
-from ..recorded_session import Path3D, Trace
 
 _MOST_POINTS = 6000
 _ARROWS = (0.15, 0.4, 0.65, 0.9)
+
+
+class Trace(NamedTuple):
+    """Height [m], velocity [m/s] and force of the patient on the robot [N] at the same ticks."""
+
+    name: str
+    position: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+
+
+class Path3D(NamedTuple):
+    """Path of the handle in the frame manus_base: x, y, z [m], shape (samples, 3)."""
+
+    name: str
+    points: np.ndarray
 
 
 def force_position(traces: Sequence[Trace], spring: Spring, title: str = "") -> Figure:

@@ -14,7 +14,7 @@ from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.nodes import bringup
 from screw_module_ros.operator.robot import Robot
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 SIMULATED = ["-p", "use_sim_time:=true"]
 AS_FAST_AS_IT_GOES = ["-p", "sim_rig:speed:=0.0"]

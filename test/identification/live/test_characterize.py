@@ -18,7 +18,7 @@ from screw_module_msgs.srv import SetFixture
 from screw_module_ros.identification.live.graph import ACTIVE, lifecycle_state, parameters
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.operator.robot import Robot, RobotError
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

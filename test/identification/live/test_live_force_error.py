@@ -18,7 +18,7 @@ from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.plant.settings import load_world
 from screw_module_ros.rig.build import RigSettings
-from screw_module_ros.trials.graph_run import GraphRun
+from screw_module_ros.trials.runner import GraphRun
 
 pytestmark = [pytest.mark.graph, pytest.mark.long]
 

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All rows, and the page docs/faults.md made from them."""
+
+from __future__ import annotations
+
+import rows_bus
+import rows_commands
+import rows_drives
+import rows_frames
+import rows_intruders
+import rows_machine
+import rows_nodes
+import rows_operator
+import rows_requests
+import rows_sensors
+import rows_therapy
+from record import LARGEST_STEP
+from row import EITHER, GOES_ON, OFF, OUTCOMES, VERTICAL_OFF, Row
+
+_FILES = (
+    rows_nodes,
+    rows_bus,
+    rows_sensors,
+    rows_drives,
+    rows_commands,
+    rows_operator,
+    rows_machine,
+    rows_intruders,
+    rows_frames,
+    rows_requests,
+    rows_therapy,
+)
+ROWS: list[Row] = [row for file in _FILES for row in file.ROWS]
+
+
+def page() -> str:
+    """Return docs/faults.md."""
+    states = "\n".join(f"- *{name}*: {text}" for name, text in OUTCOMES.items())
+    lines = [_HEAD.format(count=len(ROWS), step=LARGEST_STEP, states=states)]
+    for group in dict.fromkeys(row.group for row in ROWS):
+        members = [row for row in ROWS if row.group == group]
+        lines += ["", f"## {group.capitalize()} ({len(members)} rows)", "", _COLUMNS]
+        lines += map(_line, members)
+    return "\n".join(lines) + "\n"
+
+
+def _line(row: Row) -> str:
+    within = "" if row.outcome == GOES_ON else f"{row.within} / {row.plane_within or '–'}"
+    report = row.report.text if row.report else _NO_REPORT[row.outcome]
+    services = ", ".join(row.services) or "none"
+    cells = (f"`{row.name}`", row.fault, row.mode_name, row.noticed_by, within, row.outcome, report,
+             services)  # fmt: skip
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+_NO_REPORT = {
+    GOES_ON: "none",
+    EITHER: "none while it continues, else any reason in safety_state",
+    OFF: "none: requested by the operator",
+    VERTICAL_OFF: "none: requested by the operator",
+}
+_HEAD = """<!-- made by `make test ARGS="test/faults --write"`; do not edit -->
+# Fault catalogue
+
+`make faults` carries out these {count} rows on running graphs with the simulated rig, in simulated
+time at 1 kHz (the plane at 500 Hz) and with the limits of the safety contract, while the patient
+moves the handle. The nodes of the vertical axis run as one process (`module`), or separately in the
+rows about one of them or about a topic between them. Each row can fail for a reason of its own;
+unit tests cover what all nodes, modes, fields or parameters have in common. Each row is a test
+below `test/faults/`: `make faults ARGS="-k encoder-freeze"` carries out one of them.
+
+If the robot must stop, a row passes when
+
+- the rig's motors (`sim/truth`) give no torque after the row's time,
+- the alarm of the row appears on `/diagnostics` and in `safety_state`,
+- no torque returns by itself after the cause has gone and all nodes are active again,
+- the recovery leads to operation without a restart of the graph and needs no other service than
+  those of the row (`amplifier/clear_fault` often only where it missed commands before the
+  supervisor's stop), and
+- the patient's resting hand feels no step above {step:g} N during the recovery: no larger change
+  within 25 ms (a knock of 5 ms in the play between nut and handle does not count).
+
+If the robot must continue, both drives stay enabled and give torque, and no torque exceeds its
+limit, also after the cause has gone. If both outcomes are allowed, the row is judged by the actual
+outcome; a stop is timed from the first drive that went off, and a reason must be reported.
+
+Times are in samples of the vertical chain (1 ms) of simulated time: first the vertical axis, then
+the plane. They do not depend on the machine's load, because time waits for every node. Time waits
+for a stopped process (SIGSTOP) for 1 s of wall clock, and not for a killed one. Without the rig,
+time stands still.
+
+Safe states:
+{states}"""
+_COLUMNS = (
+    "| row | fault | mode | noticed by | within [samples] | safe state | alarm | recovery |\n"
+    "|---|---|---|---|---|---|---|---|"
+)

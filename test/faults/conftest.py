@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot of each worker, kept running from row to row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from fault_robot import FaultRobot
+from row import Row
+
+
+class Robots:
+    """The robot of this worker; replaced where a row asks for another kind, or it is stuck."""
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+        self._robot: FaultRobot | None = None
+
+    @contextmanager
+    def for_row(self, row: Row) -> Iterator[FaultRobot]:
+        """Yield the running robot, in operation; where the row fails, recover or end it."""
+        if self._robot is not None and self._robot.apart != row.apart:
+            self.end()
+        self._robot = robot = self._robot or FaultRobot(row.apart, self._folder)
+        try:
+            robot.begin(row)
+            yield robot
+        except Exception:
+            if not robot.recovers(row):
+                self.end()
+            raise
+
+    def end(self) -> None:
+        """Stop the robot, if one runs."""
+        robot, self._robot = self._robot, None
+        if robot is not None:
+            robot.end()
+
+
+@pytest.fixture(scope="session")
+def robots(ros_domain_id, tmp_path_factory) -> Iterator[Robots]:
+    made = Robots(tmp_path_factory.mktemp("faults"))
+    yield made
+    made.end()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let rows for the same kind of graph follow each other: workers get contiguous blocks."""
+    items.sort(key=lambda item: _row_is_apart(getattr(item, "callspec", None)))
+
+
+def _row_is_apart(callspec) -> bool:
+    row = callspec.params.get("row") if callspec else None
+    return isinstance(row, Row) and row.apart

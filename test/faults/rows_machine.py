@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows about the computer: disk, bag, clock, start order."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+
+from acts import both, called, published
+from fault_robot import SPRING
+from row import CLEAR, HOME, MODE, PLANE_BACK, TARE, Act, Report, Row, goes_on
+from screw_module_msgs.msg import EndpointSetpoint
+
+from screw_module_ros import graph
+
+GROUP = "machine"
+_DRIVERS = ("encoder", "force_sensor", "impedance_controller", "amplifier", "manus")
+_ENDING = 100  # samples until SIGTERM has reached all nodes
+_BAG_LIMIT = 200_000  # [B]
+_RECORDER = "session_recorder"
+
+
+def _limit_files(robot, size: int) -> None:
+    limits = (size, resource.RLIM_INFINITY)
+    resource.prlimit(robot.graph.pid(_RECORDER), resource.RLIMIT_FSIZE, limits)
+
+
+def _disk_full(robot) -> None:
+    robot.start_recording()
+    robot.pause(0.3)
+    _limit_files(robot, _BAG_LIMIT)
+
+
+def _disk_again(robot) -> None:
+    """Make room again, stop the recording, and check that a new one works."""
+    _limit_files(robot, resource.RLIM_INFINITY)
+    called(f"{_RECORDER}/stop")(robot)
+    folder = robot.start_recording()
+    robot.pause(0.3)
+    robot.stop_recording()
+    shutil.rmtree(folder)
+
+
+def _stamped(second: int) -> Act:
+    """Publish set points that are valid except for their stamp."""
+    x, y, z, *_ = SPRING
+    return published(
+        EndpointSetpoint, graph.SETPOINT, 20, 0.005, header__stamp__sec=second,
+        position__x=x, position__y=y, position__z=z,
+    )  # fmt: skip
+
+
+def _stop_all(robot) -> float:
+    begin = robot.time
+    for node in ("supervisor", *_DRIVERS):
+        robot.terminate(node)
+    return begin
+
+
+def _start_in_reverse(robot) -> None:
+    for node in (*reversed(_DRIVERS), "supervisor"):
+        robot.restart(node)
+
+
+ROWS = [
+    goes_on("disk-full-while-recording", GROUP, "the disk is full while recording", _disk_full,
+            _RECORDER, _disk_again, watch=0.5)._replace(
+        report=Report(_RECORDER, "File too large|No space")),
+    goes_on("bag-deleted-while-recording", GROUP, "the bag's folder is deleted while recording",
+            lambda robot: shutil.rmtree(robot.start_recording()), _RECORDER, _disk_again,
+            watch=0.5)._replace(report=Report(_RECORDER, "No such file")),
+    goes_on("clock-jump", GROUP, "set points with stamps of another year",
+            both(_stamped(4_000_000_000), _stamped(1)), "no node: only the arrival time counts",
+            watch=0.3),
+    Row("bring-up-in-reverse", GROUP, "supervisor, drivers and controllers stopped in motion, "
+        "started in the wrong order", _stop_all, None, (HOME, TARE, MODE, CLEAR, *PLANE_BACK),
+        "all of them", _ENDING, _ENDING, mend=_start_in_reverse, apart=True),
+]  # fmt: skip

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows about requests that a user or program repeats, or makes at the wrong time."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from acts import both, called, refused, repeated
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from row import (
+    CLEAR,
+    COMMAND,
+    DYING,
+    HOME,
+    LOST,
+    MISSED,
+    MODE,
+    PLANE_CLEAR,
+    SILENT,
+    STOPPED,
+    VIA_SUPERVISOR,
+    Act,
+    Report,
+    Row,
+    goes_on,
+)
+from screw_module_msgs.srv import SetControlMode
+
+GROUP = "intruders"
+_MISSED = LOST + 2 * 20 + 20 + DYING
+"""Samples until the supervisor counts a deactivated node as lost."""
+_SPECTATOR = "endpoint_state"
+_FOUND_S, _ASKED_S, _DONE_S = 5.0, 1.0, 6.0  # wall clock, wall clock, simulated
+_STUTTERS, _STUTTER_S = 5, 0.017
+_goes_on = partial(goes_on, group=GROUP, watch=0.3)
+
+
+def _parameter_storm(robot) -> None:
+    """Set the stiffness to and fro without waiting for the answers."""
+    client = robot.client(SetParameters, "impedance_controller/set_parameters")
+    for number in range(200):
+        value = 0.0 if number % 2 else 1000.0
+        parameter = Parameter("stiffness", value=value).to_parameter_msg()
+        client.call_async(SetParameters.Request(parameters=[parameter]))
+        robot.pause(0.002)
+    robot.configure()
+
+
+def _transition(node: str, number: int) -> Act:
+    def act(robot) -> float:
+        client = robot.client(ChangeState, f"{node}/change_state")
+        ready = robot.creep_until(lambda: robot.is_offered(client), _FOUND_S)
+        begin = robot.time
+        future = client.call_async(ChangeState.Request(transition=Transition(id=number)))
+        # The request travels by wall clock; the transition takes simulated time.
+        robot.creep_until(future.done, _ASKED_S)
+        assert ready and robot.met(future.done, _DONE_S) and future.result().success
+        return begin
+
+    return act
+
+
+def _deactivated(node: str, who: str, report: str, services, within: int, plane: int) -> Row:
+    return Row(
+        f"{node}-deactivated", GROUP, f"lifecycle deactivate of the {node} in motion",
+        _transition(node, Transition.TRANSITION_DEACTIVATE), Report(report, node, node),
+        services, who, within, plane,
+        mend=_transition(node, Transition.TRANSITION_ACTIVATE), watch=0.3,
+    )  # fmt: skip
+
+
+def _stutter(robot) -> None:
+    for act in (robot.freeze, robot.thaw) * _STUTTERS:
+        act(_SPECTATOR)
+        robot.pause(_STUTTER_S)
+
+
+def _storm(*acts: Act) -> Act:
+    """Do the acts three times; what follows is observed from their end on."""
+
+    def act(robot) -> None:
+        repeated(both(*acts), 3)(robot)
+
+    return act
+
+
+_MODES = [called(MODE, SetControlMode, mode=mode) for mode in (0, 1, 2, 3, 4, 1)]
+ROWS = [
+    _goes_on("clear-fault-storm", fault="clear_fault while enabled, again and again",
+             act=_storm(called(CLEAR), called(PLANE_CLEAR)),
+             who="amplifier, manus: nothing changes"),
+    _goes_on("mode-storm", fault="set_mode through all modes, again and again",
+             act=_storm(*_MODES), who="impedance_controller fades"),
+    _goes_on("parameter-storm", fault="stiffness changed 500 times a second between its limits",
+             act=_parameter_storm, who="impedance_controller fades"),
+    _deactivated("encoder", "impedance_controller", "impedance_controller", (HOME, *MISSED),
+                 SILENT + 8, SILENT + 8 + VIA_SUPERVISOR),
+    _deactivated("amplifier", "amplifier", "supervisor", (CLEAR, *STOPPED), COMMAND + 20 + DYING,
+                 _MISSED),
+    _goes_on("tare-in-motion", fault="force_sensor/tare and untare in motion",
+             act=both(refused("force_sensor/tare", said="enabled"),
+                      refused("force_sensor/untare", said="enabled")),
+             who="force_sensor refuses while a drive is enabled"),
+    _goes_on("spectator-stutters", fault="a program that subscribes to every sample is stopped and "
+             "continued repeatedly", act=_stutter,
+             who="no node: a subscriber cannot delay a publisher",
+             mend=lambda robot: robot.thaw(_SPECTATOR), watch=1.0),
+]  # fmt: skip

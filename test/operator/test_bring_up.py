@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an operator does next, by what he sees; without ROS's graph."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from screw_module_msgs.msg import (
+    AmplifierState,
+    EncoderSample,
+    ForceCommand,
+    ImpedanceState,
+    PlanarState,
+    SafetyState,
+)
+
+from screw_module_ros.operator.bring_up import DRIVES, WORKS, Seen, next_step
+
+MODE = ForceCommand.COMBINED
+ENABLED = AmplifierState.OPERATION_ENABLED
+RESTS = SimpleNamespace(
+    at_rest=True, to_mark="to mark", plane_to_mark="plane to mark", let_go="let go",
+    take_hold="take hold",
+)  # fmt: skip
+MOVES = SimpleNamespace(**{**vars(RESTS), "at_rest": False})
+WORKING = Seen(
+    encoder=EncoderSample(homed=True, position=0.25),
+    wrench=WrenchStamped(),
+    force_level=DiagnosticStatus.OK,
+    amplifier=AmplifierState(enabled=True, state=ENABLED),
+    manus=PlanarState(enabled=True, homed=True, drive_state=[ENABLED, ENABLED]),
+    safety=SafetyState(level=SafetyState.OK),
+    controller=ImpedanceState(mode=MODE),
+)
+ILL = {"force_level": DiagnosticStatus.ERROR}
+OFF = AmplifierState(state=AmplifierState.SWITCHED_ON)
+IS_OFF = {"amplifier": OFF}
+PLANE_OFF = PlanarState(homed=True, drive_state=[3, 3])
+
+
+def amplifier(**fields):
+    return {"amplifier": AmplifierState(**fields)}
+
+
+def manus(**fields):
+    return {"manus": PlanarState(**{"drive_state": [3, 3], **fields})}
+
+
+def safety(level, *reasons):
+    return {"safety": SafetyState(level=level, reasons=list(reasons))}
+
+
+@pytest.mark.parametrize(
+    ("change", "services", "before"),
+    [
+        ({"encoder": None}, ["encoder/home"], "to mark"),
+        ({"encoder": EncoderSample(homed=False, position=0.2)}, ["encoder/home"], "to mark"),
+        ({"encoder": EncoderSample(homed=True, position=0.39)}, ["encoder/home"], "to mark"),
+        ({"encoder": EncoderSample(homed=True, position=-0.03)}, ["encoder/home"], "to mark"),
+        ({**IS_OFF, "wrench": None}, ["force_sensor/tare"], "let go"),
+        ({**IS_OFF, "wrench": None, "tared_s": 0.1}, ["force_sensor/tare"], "let go"),
+        ({**IS_OFF, **ILL}, ["force_sensor/tare"], "let go"),
+        ({**IS_OFF, "force_level": DiagnosticStatus.WARN}, ["force_sensor/tare"], "let go"),
+        ({**IS_OFF, **ILL, "tared_s": 2.0}, ["force_sensor/tare"], "let go"),
+        ({**ILL, "amplifier": None}, ["force_sensor/tare"], "let go"),
+        (amplifier(faulted=True, reason="smoke"), ["amplifier/clear_fault"], None),
+        (manus(faulted=True, reason="smoke"), ["manus/clear_fault"], None),
+        (manus(homed=False), ["manus/home"], "plane to mark"),
+        (safety(SafetyState.STOPPED, "estop"), ["supervisor/reset"], None),
+        ({"controller": ImpedanceState(mode=1)}, ["impedance_controller/set_mode"], None),
+        ({"amplifier": OFF}, ["amplifier/enable"], "take hold"),
+        ({"manus": PLANE_OFF}, ["manus/enable"], "take hold"),
+        ({"amplifier": OFF, "manus": PLANE_OFF}, ["amplifier/enable", "manus/enable"], "take hold"),
+        (safety(SafetyState.STOPPED) | amplifier(faulted=True), ["amplifier/clear_fault"], None),
+        ({**ILL, "encoder": None}, ["encoder/home"], "to mark"),
+    ],
+)
+def test_what_is_missing_is_mended_first_things_first(change, services, before):
+    step = next_step(WORKING._replace(**change), MODE, RESTS)
+    assert list(step.services) == services
+    assert before is None or step.before == before
+    assert (step.after == "take hold") == (services == ["force_sensor/tare"])
+    assert step.why
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({**IS_OFF, "force_level": None}, "force sensor has not reported"),
+        ({**IS_OFF, **ILL, "force_rate": 0.3}, "have just begun"),
+        ({"amplifier": None}, "amplifier is silent"),
+        ({"manus": None}, "manus is silent"),
+        (amplifier(state=AmplifierState.UNKNOWN), "amplifier: its drive is silent"),
+        (manus(drive_state=[3, AmplifierState.UNKNOWN]), "manus: its drive is silent"),
+        ({"safety": None}, "supervisor is silent"),
+        (safety(SafetyState.WAITING, "manus: not seen"), "manus: not seen"),
+        (safety(SafetyState.WAITING), "the supervisor waits"),
+        ({"controller": None}, "impedance_controller is silent"),
+    ],
+)
+def test_what_comes_by_itself_is_waited_for(change, why):
+    step = next_step(WORKING._replace(**change), MODE, RESTS)
+    assert step is not WORKS and step.services == () and why in step.why
+
+
+def test_a_tare_takes_a_moment_to_show():
+    step = next_step(WORKING._replace(**IS_OFF, **ILL, tared_s=0.5), MODE, RESTS)
+    assert step.services == ("amplifier/enable",)
+
+
+def test_a_tare_that_the_sensor_would_refuse_is_not_asked_for():
+    assert next_step(WORKING._replace(**ILL), MODE, RESTS) is WORKS
+
+
+def test_a_moving_hand_gets_no_torque_and_a_robot_that_works_is_left_alone():
+    assert next_step(WORKING, MODE, MOVES) is WORKS
+    step = next_step(WORKING._replace(amplifier=OFF), MODE, MOVES)
+    assert step.services == () and step.why == "the hand moves"
+
+
+def test_a_drive_that_is_not_wanted_stays_as_it_is():
+    seen = WORKING._replace(manus=None)
+    assert next_step(seen, MODE, RESTS, DRIVES[:1]) is WORKS
+    assert next_step(seen, MODE, RESTS) is not WORKS
