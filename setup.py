@@ -30,7 +30,7 @@ EXECUTABLES.append(f"soak = {NAME}.trials.soak:main")
 EXECUTABLES.append(f"bench = {NAME}.trials.benchmark.command:main")
 EXECUTABLES.append(f"faults = {NAME}.trials.faults.command:main")
 EXECUTABLES.append(f"session = {NAME}.session_command:main")
-EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")
+EXECUTABLES.append(f"reproduce = {NAME}.identification.reproduce:main")
 
 setup(
     name=NAME,

@@ -27,8 +27,7 @@ EXEMPT = {
     "trials/soak.py": "tells the user how long it took",
     "identification/live/characterize.py": "ends its process",
     "trials/faults/command.py": "tells the user how long it took",
-    "identification/report/command.py": "tells the user how long it took",
-    "identification/report/study.py": "tells the user how long it took",
+    "identification/reproduce.py": "tells the user how long it took",
     "identification/speed.py": "measures how fast the in-process loop is",
 }
 

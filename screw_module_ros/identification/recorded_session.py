@@ -16,7 +16,7 @@ from screw_module_ros import graph
 
 from ..recording.bag import BagError
 from ..recording.decoded import columns
-from .force_position import Offsets, Spring, common_ticks, offsets
+from .force_metric import Offsets, Spring, common_ticks, offsets
 from .timing import Timing, timing
 
 ENCODER, FORCE = f"/{graph.ENCODER}", f"/{graph.FORCE}"

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from screw_module_ros.identification import recorded_session as session
-from screw_module_ros.identification.force_position import Spring
+from screw_module_ros.identification.force_metric import Spring
 from screw_module_ros.identification.recorded_session import Part, evaluate
 from screw_module_ros.recording.bag import BagError
 
