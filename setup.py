@@ -29,7 +29,7 @@ EXECUTABLES += [
 ]
 EXECUTABLES.append(f"check_hardware = {NAME}.hardware.command:main")
 EXECUTABLES.append(f"session = {NAME}.session_command:main")
-EXECUTABLES.append(f"reproduce = {NAME}.identification.report.command:main")
+EXECUTABLES.append(f"reproduce = {NAME}.identification.reproduce:main")
 
 setup(
     name=NAME,

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Style of all figures, and their output; needs no display."""
+"""Style of all figures, set once on import, and their output; needs no display."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib import rc_context
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 STYLE = {
@@ -22,6 +22,7 @@ STYLE = {
     "lines.linewidth": 1.1,
     "savefig.dpi": 150,
 }
+rcParams.update(STYLE)
 # Okabe and Ito's colours: distinguishable in grey and for the colour-blind.
 COLOURS = ("#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7", "#56b4e9")
 DESIRED = "#222222"
@@ -33,6 +34,5 @@ def save(figure: Figure, file: Path | str) -> Path:
     Raises OSError when the file cannot be written.
     """
     file = Path(file)
-    with rc_context(STYLE):
-        figure.savefig(file)
+    figure.savefig(file)
     return file

@@ -14,7 +14,7 @@ import numpy
 import pytest
 
 from screw_module_ros import compiled as module
-from screw_module_ros.compiled import CompileError, compiled, packed
+from screw_module_ros.compiled import compiled, packed
 
 pytestmark = pytest.mark.long
 
@@ -43,10 +43,6 @@ def law(p: Outer, x: float, on: bool) -> tuple[float, float]:
 
 def packed_law(p, x: float, on: bool) -> tuple[float, float]:
     return law(p[0], x, on)
-
-
-def endless(x: float) -> float:
-    return endless(x - 1.0)
 
 
 P = Outer(Inner((2.0, 1.0), 3), 0.5)
@@ -93,24 +89,6 @@ def test_a_dataclass_is_memory_that_a_twin_changes_in_place():
         assert quick(twin, x) == counted(plain, x)
     assert twin[0]["total"] == plain.total
     assert list(twin[0]["past"]) == plain.past != [0.0, 0.0]
-
-
-def test_closures_and_recursion_are_refused():
-    def closure(x):
-        return x * len(str(P.gain)) + here
-
-    here = 1.0
-    with pytest.raises(CompileError, match="closure"):
-        compiled(closure)
-    with pytest.raises(CompileError, match="calls itself"):
-        compiled(endless)
-
-
-def test_missing_numba_is_said(monkeypatch):
-    monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.setattr(module, "_twins", {})
-    with pytest.raises(CompileError, match=r"requirements/runtime\.txt"):
-        compiled(law)
 
 
 PROGRAM = """
@@ -169,11 +147,14 @@ def test_home_that_cannot_be_written_is_no_obstacle(start, tmp_path):
     assert set(tmp_path.iterdir()) == before
 
 
-def test_old_generations_are_removed(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(module, "KEPT_FOLDERS", 2)
-    for number, name in enumerate(("a", "b", "c")):
-        folder = module._folder(name)
-        os.utime(folder, (number, number))
-    module._folder("d")
-    assert {folder.name for folder in folder.parent.iterdir()} == {"d", "c"}
+def test_old_generations_are_removed(start, tmp_path):
+    """A change of a source makes a new generation; the oldest of too many goes."""
+    base = tmp_path / "cache" / module.PACKAGE / "compiled"
+    for number in range(module.KEPT_FOLDERS):
+        (base / f"{number}").mkdir(parents=True)
+        os.utime(base / f"{number}", (number, number))
+    assert answer(start())[0] == "5.0"
+    kept = {folder.name for folder in base.iterdir()}
+    assert len(kept) == module.KEPT_FOLDERS
+    assert "0" not in kept
+    assert "1" in kept

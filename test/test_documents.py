@@ -18,7 +18,7 @@ from screw_module_ros import session_command
 from screw_module_ros.bridge.rights import SERVICES as BRIDGE_SERVICES
 from screw_module_ros.control.modes import OBSERVER
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification.catalogue import EXPERIMENTS
+from screw_module_ros.identification.experiments import EXPERIMENTS
 from screw_module_ros.nodes import bringup
 
 ROOT = Path(__file__).parents[1]

@@ -25,8 +25,7 @@ EXEMPT = {
     "trials/demo.py": "tells the user how long it took",
     "trials/bench.py": "measures how fast the in-process loop is",
     "identification/live/characterize.py": "ends its process",
-    "identification/report/command.py": "tells the user how long it took",
-    "identification/report/study.py": "tells the user how long it took",
+    "identification/reproduce.py": "tells the user how long it took",
 }
 
 

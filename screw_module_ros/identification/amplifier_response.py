@@ -7,16 +7,23 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..settings import Setting
-from .lab import Job, Lab, Part
-from .results import Quantity, Result
-from .sampled_models import first_order, fit_response, sampled_response
-from .sine_fit import response
+from .figures import bode
+from .lab import Lab, Part
+from .results import ANALYZER, Experiment, Published, Quantity, Result, beside
+from .sampled import first_order, fit_response, response, sampled_response, whole_cycles
 from .trials import AnalyzerTrial, Samples
 
 NAME = "amplifier_response"
+THESIS = {
+    "pole": Published(1000.0, "4.1.2, fig 4-6", 50.0, given_to_plant=True),
+    "delay": Published(60e-6, "4.1.2, fig 4-6", 5e-6, given_to_plant=True),
+}
 _SETTLE_S = 0.01
+_START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
+_START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
 _START, _LOW, _HIGH = (1.0, 500.0, 3e-5), (0.1, 20.0, 0.0), (10.0, 2e4, 1e-3)
 
 
@@ -37,13 +44,13 @@ def run(lab: Lab, settings: Settings) -> Result:
         raise ValueError(f"high = {settings.high:g} Hz is not above low = {settings.low:g} Hz")
     count = round(settings.per_decade * math.log10(settings.high / settings.low)) + 1
     frequencies = np.geomspace(settings.low, settings.high, count)
-    jobs = [
-        Job(f"{number:03d}", _trial(float(frequency), settings), reduced)
+    trials = {
+        f"{number:03d}": _trial(float(frequency), settings)
         for number, frequency in enumerate(frequencies)
-    ]
-    parts = list(lab.run(NAME, jobs).values())
+    }
+    parts = list(lab.record(NAME, trials, reduced).values())
     measured = np.array([part["value"] for part in parts])
-    rate = jobs[0].trial.rate
+    rate = trials["000"].rate
 
     def model(numbers: np.ndarray) -> np.ndarray:
         gain, pole, delay = numbers
@@ -53,8 +60,8 @@ def run(lab: Lab, settings: Settings) -> Result:
     gain, pole, delay = map(float, fit.values)
     gain_error, pole_error, delay_error = map(float, fit.errors)
     quantities = (
-        Quantity("pole", pole, pole_error, "Hz", "first-order pole (thesis 1000 Hz)"),
-        Quantity("delay", delay, delay_error, "s", "pure delay (thesis 60 us)"),
+        Quantity("pole", pole, pole_error, "Hz", "first-order pole"),
+        Quantity("delay", delay, delay_error, "s", "pure delay"),
         Quantity("gain", gain, gain_error, "", f"at {settings.amplitude:g} A of command"),
         Quantity("misfit", fit.misfit, math.nan, "", "rms of model over measured, less 1"),
     )
@@ -64,7 +71,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         "error": np.array([part["error"] for part in parts]),
         "model": model(fit.values),
     }
-    return Result(NAME, quantities, settings._asdict(), _notes(rate), data)
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(rate), data)
 
 
 def reduced(trial: AnalyzerTrial, samples: Samples) -> Part:
@@ -76,8 +83,8 @@ def reduced(trial: AnalyzerTrial, samples: Samples) -> Part:
 
 
 def _trial(frequency: float, settings: Settings) -> AnalyzerTrial:
-    cycles = max(settings.cycles, math.ceil(settings.shortest * frequency - 1e-9))
-    return AnalyzerTrial(frequency, settings.amplitude, _SETTLE_S + cycles / frequency)
+    duration = whole_cycles(frequency, settings.cycles, settings.shortest)
+    return AnalyzerTrial(frequency, settings.amplitude, _SETTLE_S + duration)
 
 
 def _notes(rate: float) -> tuple[str, ...]:
@@ -88,3 +95,26 @@ def _notes(rate: float) -> tuple[str, ...]:
         "The standard error of a point treats the dead zone's harmonics as noise. The simulated "
         "analyser has no noise; its agreement says nothing about a real instrument.",
     )
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figs 4-5 and 4-6."""
+    d = result.data
+    pole, delay = (THESIS[name].value for name in ("pole", "delay"))
+    rate = AnalyzerTrial(1.0, 1.0, 1.0).rate
+    models = {
+        f"model: {result.value('pole'):.4g} Hz, {1e6 * result.value('delay'):.3g} us": d["model"],
+        f"as the thesis prints it: {pole:g} Hz, {1e6 * delay:g} us": result.value("gain")
+        * sampled_response(first_order(pole), d["frequency"], rate, delay),
+    }
+    measured = (d["frequency"], d["measured"])
+    return {
+        "4-5": bode("Fig. 4-5: amplifier, current / commanded current", *measured),
+        "4-6": bode("Fig. 4-6: amplifier, with fitted model", *measured, models),
+    }
+
+
+EXPERIMENT = Experiment(
+    NAME, "pole and delay of the servo amplifier, with a signal analyser (thesis 4.1.2)", Settings,
+    run, draw, ANALYZER,
+)  # fmt: skip

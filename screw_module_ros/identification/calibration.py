@@ -8,10 +8,10 @@ from typing import Annotated, NamedTuple
 
 from ..calibration.module import ModuleCalibration, SensorBias, write_calibration
 from ..settings import Setting
-from . import friction_fit, gravity, inertia, static_torque
+from . import friction_model, gravity, inertia, static_torque
 from .certificate import software
 from .lab import Lab
-from .results import Quantity, Result
+from .results import NOTHING, Experiment, Quantity, Result, no_figures
 
 NAME = "calibration"
 FILE = "module_calibration.yaml"
@@ -28,7 +28,7 @@ def run(lab: Lab, settings: Settings) -> Result:
 
     Raises MissingResult without one of the results, SettingError for implausible values.
     """
-    friction = lab.result(friction_fit.NAME)
+    friction = lab.result(friction_model.NAME)
     torque = lab.result(static_torque.NAME)
     weight = lab.result(gravity.NAME).quantity("gravity")
     mass = lab.result(inertia.NAME).quantity("mass")
@@ -47,7 +47,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             serial=settings.serial,
             date=datetime.now(timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
             software=software(),
-            friction=friction_fit.friction_model_of(friction),
+            friction=friction_model.friction_model_of(friction),
             linearization=static_torque.linearization_of(torque),
             gravity_N=weight.value,
             mass_kg=mass.value,
@@ -60,3 +60,9 @@ def run(lab: Lab, settings: Settings) -> Result:
         Quantity("mass", mass.value, mass.uncertainty, "kg", "mass that moves with the handle"),
     )
     return Result(NAME, quantities, settings._asdict(), (f"written: {path.name}",))
+
+
+EXPERIMENT = Experiment(
+    NAME, "writes the module's calibration file, which controller and amplifier load, from results",
+    Settings, run, no_figures, NOTHING, ("static_torque", "gravity", "friction_model", "inertia"),
+)  # fmt: skip

@@ -14,7 +14,17 @@ import numpy as np
 
 from ..settings import Setting, validated
 from .lab import Lab
-from .results import Quantity, Result
+from .results import (
+    DERIVED,
+    GIVEN,
+    NOTHING,
+    Experiment,
+    Published,
+    Quantity,
+    Result,
+    beside,
+    no_figures,
+)
 from .screw_geometry import (
     GROOVED,
     INERTIA_ACROSS,
@@ -29,7 +39,14 @@ from .screw_geometry import (
 )
 
 NAME = "component_masses"
-
+_GEOMETRY = "Table 5.1's screw and appendix A's inertia do not fit one bar of the measured diameter"
+THESIS = {
+    "motor_rotor": Published(2.13, "Table 5.1", 0.02),
+    "screw": Published(3.25, "Table 5.1", 0.7, _GEOMETRY),
+    "sum_computed": Published(6.42, "Table 5.1", 0.7, _GEOMETRY),
+    "measured_below_printed": Published(0.15, "5.3.3", 0.01),
+    "moving_mass": Published(1.0, "5.2.4", 0.2),
+}
 PRINTED = {
     "bearing_carriage": 0.30,
     "nut": 0.29,
@@ -98,7 +115,7 @@ def _quantities(settings, ours, reflected, sums) -> tuple[Quantity, ...]:
     moving = sum(ours[name] for name in TRANSLATING)
     weighed = settings.weight / _GRAVITY
     weighed_sd = settings.weight_sd / _GRAVITY
-    return parts + (
+    computed = (
         Quantity("sum_printed", printed, rounding, "kg",
                  "sum of Table 5.1's contributions as printed (thesis: 6.42 kg)"),
         Quantity("sum_computed", sums[settings.screw], spread, "kg",
@@ -118,6 +135,9 @@ def _quantities(settings, ours, reflected, sums) -> tuple[Quantity, ...]:
         Quantity("weighed_less_moving", weighed - moving, weighed_sd, "kg",
                  "mass weighed that the table's moving parts do not account for"),
     )  # fmt: skip
+    found = beside(THESIS, parts + computed, DERIVED)
+    given = set(PRINTED) - {"motor_rotor", "screw"}
+    return tuple(q._replace(kind=GIVEN) if q.name in given else q for q in found)
 
 
 def _remark(name: str) -> str:
@@ -148,3 +168,9 @@ def _notes(settings: Settings, screws: dict[str, Bar], sums) -> tuple[str, ...]:
         "Uncertainties: rounding for printed masses, spread over the candidates for the screw. The "
         "standard deviation of the measured mass is that of single samples.",
     )
+
+
+EXPERIMENT = Experiment(
+    NAME, "the mass felt at the handle, summed over the components (thesis 5.3.1): no trials",
+    Settings, run, no_figures, NOTHING,
+)  # fmt: skip

@@ -11,20 +11,22 @@ felt, the trials at rest, and the largest stable gains with their margins.
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
+from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting, validated
 from . import certificate, force_error
+from .figures import error_map
 from .force_error import with_damping
-from .lab import Job, Lab, Part
-from .results import Quantity, Result
+from .lab import Lab, Part
+from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .stability import law_of
-from .trials import Arm, MotionTrial, Samples
+from .trials import TRUTH, Arm, MotionTrial, Samples
 
 NAME = "delivered_impedance"
 RESTS = {"hold": "holding", "release": "released", "wall": "wall_1e5_badly"}
@@ -58,34 +60,31 @@ def run(lab: Lab, settings: Settings) -> Result:
     Cancelled, NotPossible.
     """
     validated(settings)
-    kinds = [mode for mode in modes.MODE_NAMES if mode != modes.OFF]
     usual = law_of(lab)._replace(stiffness=settings.stiffness)
-    jobs = {
-        (mode, frequency): _job(settings, usual, mode, frequency)
-        for mode in kinds
+    names = {mode: name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF}
+    trials = {
+        f"{name}_{frequency:g}": _trial(settings, usual, mode, frequency)
+        for mode, name in names.items()
         for frequency in settings.frequencies
     }
-    rests = _rests(usual, kinds) if hasattr(lab.bench, "world") else {}
-    parts = lab.run(NAME, [*jobs.values(), *rests.values()])
+    parts = lab.record(NAME, trials, reduced)
     data: dict[str, np.ndarray] = {"frequencies": np.array(settings.frequencies)}
     quantities: list[Quantity] = []
     notes = list(_NOTES)
-    for mode in kinds:
-        name = modes.MODE_NAMES[mode].lower()
+    for mode, name in names.items():
         found = np.array(
-            [complex(parts[jobs[mode, f].name]["impedance"]) for f in settings.frequencies]
+            [complex(parts[f"{name}_{f:g}"]["impedance"]) for f in settings.frequencies]
         )
         data[f"resistance_{name}"], data[f"reactance_{name}"] = found.real, found.imag
         frequencies, found, note = _followed(name, data["frequencies"], found)
         notes += note
         quantities += _fitted(name, frequencies, found, settings.stiffness)
         quantities.append(_friction(settings, usual, mode, frequencies, found))
-    quantities += _at_rest(rests, parts)
+    if TRUTH in lab.bench.offers:
+        quantities += _at_rest(lab, usual, names)
     result = Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
     certificate.write(lab, result, settings.serial)
     return result
-
-
 _NOTES = (
     "Impedance: first harmonic of force over velocity at the handle. Friction appears as a "
     "resistance, which is larger for a slower hand. Friction felt: Coulomb friction with the first "
@@ -113,15 +112,15 @@ def _followed(
     return frequencies[there], z[there], said
 
 
-def _job(settings: Settings, usual: VerticalSettings, mode: int, frequency: float) -> Job:
+def _trial(
+    settings: Settings, usual: VerticalSettings, mode: int, frequency: float
+) -> MotionTrial:
     omega = 2.0 * math.pi * frequency
-    trial = MotionTrial(
+    return MotionTrial(
         mode, with_damping(usual, mode)._replace(chatter_limit=_NO_GUARD), arm=_FIRM,
         amplitude=_amplitude(settings, frequency), omega=omega,
         duration=(2 + _CYCLES) / frequency + 0.5,
     )  # fmt: skip
-    name = f"{modes.MODE_NAMES[mode].lower()}_{frequency:g}"
-    return Job(name, trial, partial(reduced, frequency=frequency))
 
 
 def _amplitude(settings: Settings, frequency: float) -> float:
@@ -130,26 +129,26 @@ def _amplitude(settings: Settings, frequency: float) -> float:
     return min(0.04, settings.speed / omega, settings.acceleration / omega**2)
 
 
-def _rests(usual: VerticalSettings, kinds: list[int]) -> dict[tuple[str, str], Job]:
-    """Return the trials at rest by names of the mode and the trial."""
-    return {
-        (modes.MODE_NAMES[mode].lower(), rest): force_error.job(
+def _at_rest(lab: Lab, usual: VerticalSettings, names: dict[int, str]) -> list[Quantity]:
+    """Return force error and travel of the trials at rest in each mode."""
+    trials = {
+        force_error.name_of(mode, case): force_error.trial_of(
             force_error.case_of(case), mode, with_damping(usual, mode)
         )
-        for mode in kinds
-        for rest, case in RESTS.items()
+        for mode in names
+        for case in RESTS.values()
     }
-
-
-def _at_rest(rests: dict[tuple[str, str], Job], parts: dict[str, Part]) -> list[Quantity]:
+    parts = lab.record(NAME, trials, force_error.reduced)
     found = []
-    for (name, rest), job in rests.items():
-        rms, travel = (float(parts[job.name][key]) for key in ("rms", "travel"))
-        text = f"{force_error.case_of(RESTS[rest]).text}, {name}"
-        found += [
-            Quantity(f"{rest}_{name}", rms, math.nan, "N", f"rms force error, {text}"),
-            Quantity(f"{rest}_travel_{name}", travel, math.nan, "m", f"moves in a second, {text}"),
-        ]
+    for name in names.values():
+        for rest, case in RESTS.items():
+            rms, travel = (float(parts[f"{name}_{case}"][key]) for key in ("rms", "travel"))
+            text = f"{force_error.case_of(case).text}, {name}"
+            found += [
+                Quantity(f"{rest}_{name}", rms, math.nan, "N", f"rms force error, {text}"),
+                Quantity(f"{rest}_travel_{name}", travel, math.nan, "m",
+                         f"moves in a second, {text}"),
+            ]  # fmt: skip
     return found
 
 
@@ -174,22 +173,22 @@ def _friction(
                     f"friction felt at {frequency:g} Hz, {name}")  # fmt: skip
 
 
-def reduced(trial: MotionTrial, samples: Samples, frequency: float) -> Part:
-    """Return force over velocity of the handle [Ns/m] at a frequency [Hz], over whole cycles.
+def reduced(trial: MotionTrial, samples: Samples) -> Part:
+    """Return force over velocity of the handle [Ns/m] at the sine's frequency, over whole cycles.
 
     On a real module: the transducer's force over the nut's velocity. NaN if the handle did not
     follow the sine: force over a motion of other frequencies is no impedance.
     """
     period = samples.time[1] - samples.time[0]
-    count = round(_CYCLES / frequency / period)
-    turning = np.exp(-2j * math.pi * frequency * samples.time[-count:])
+    count = round(2.0 * math.pi * _CYCLES / trial.omega / period)
+    turning = np.exp(-1j * trial.omega * samples.time[-count:])
     force = samples.force if samples.true_force is None else samples.true_force
     position = samples.position if samples.handle is None else samples.handle
     swing = position[-count:] - position[-count:].mean()
     moved = (turning * swing).sum()
     if not 2.0 * abs(moved) ** 2 >= _LEAST_SINE * len(swing) * (swing**2).sum() > 0.0:
         return {"impedance": np.array(complex(math.nan, math.nan))}
-    velocity = 2j * math.pi * frequency * moved
+    velocity = 1j * trial.omega * moved
     return {"impedance": np.array((turning * force[-count:]).sum() / velocity)}
 
 
@@ -206,3 +205,43 @@ def _fitted(name: str, frequencies: np.ndarray, z: np.ndarray, stiffness: float)
         Quantity(f"stiffness_{name}", float(-z.imag[slow] * omega[slow]), math.nan, "N/m",
                  f"stiffness at {frequencies[slow]:g} Hz, inertia included, {name}"),
     ]  # fmt: skip
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw the impedance at the handle over the frequency, and the errors at rest."""
+    names = [name.lower() for mode, name in modes.MODE_NAMES.items() if mode != modes.OFF]
+    frequencies = result.data["frequencies"]
+    omega = 2.0 * np.pi * frequencies
+    stiffness = result.settings["stiffness"]
+    figure = Figure(figsize=(9.0, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for name, colour in zip(names, COLOURS, strict=False):
+        line = {"marker": "o", "markersize": 3.0, "color": colour}
+        mass = (result.data[f"reactance_{name}"] + stiffness / omega) / omega
+        left.semilogx(frequencies, result.data[f"resistance_{name}"], **line,
+                      label=name.replace("_", " "))  # fmt: skip
+        fast = frequencies >= _FAST
+        right.semilogx(frequencies[fast], mass[fast], **line)
+    left.axhspan(min(left.get_ylim()[0], -5.0), 0.0, color="#f3d9d0", zorder=0,
+                 label="negative: not passive there")  # fmt: skip
+    left.axhline(0.0, color=DESIRED, linewidth=0.8)
+    right.axhline(0.0, color=DESIRED, linewidth=0.8)
+    left.set_title("Resistance Re Z, friction included [Ns/m]", loc="left")
+    right.set_title("Apparent mass from Im Z [kg]", loc="left")
+    for axes in (left, right):
+        axes.set_xlabel("frequency [Hz]")
+    figure.legend(loc="outside lower center", ncols=3)
+    figures = {"impedance": figure}
+    known = {quantity.name for quantity in result.quantities}
+    rests = [rest for rest in RESTS if f"{rest}_{names[0]}" in known]
+    if rests:
+        rms = [[result.value(f"{rest}_{name}") for rest in rests] for name in names]
+        labels = [name.replace("_", " ") for name in names]
+        figures["at rest"] = error_map(np.array(rms), labels, rests, "At rest")
+    return figures
+
+
+EXPERIMENT = Experiment(
+    NAME, "delivered impedance at the handle in each mode, and the module's certificate (7.1)",
+    Settings, run, draw, HUMAN_ARM, ("stability",),
+)  # fmt: skip

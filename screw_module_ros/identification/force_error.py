@@ -17,19 +17,22 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
+from .figures import error_map
 from .force_metric import ErrorOf, judged
-from .lab import Job, Lab, Part, by_name
-from .results import Quantity, Result
+from .lab import Lab, Part, by_name
+from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .trials import Arm, MotionTrial, PlanarTrial, Samples
 
 NAME = "force_error"
 SIDE_FORCE = 8.0  # amplitude of the hand's sideways force during motion [N]
 _HAND = Arm()
 _HEAVY = Arm(30.0, 300.0, 30.0)
+_RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
 _RATIO_GOOD, _RATIO_BAD = 0.7, 0.02  # damping ratios of a wall, for the module's mass
 _WALL_MASS = 0.0  # a wall does not move
 
@@ -103,19 +106,15 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Measure every case in every mode. Raises ValueError for an unknown case, Cancelled."""
     validated(settings)
     chosen = [pressed(case_of(name), settings.side_force) for name in settings.cases]
-    jobs = {
-        (mode, case.name): job(case, mode, law_of(settings, mode))
-        for mode in settings.modes
-        for case in chosen
-    }
-    parts = lab.run(NAME, list(jobs.values()))
-    quantities, data = [], {}
-    for (mode, name), one in jobs.items():
-        rms, data[one.name] = figures(one, parts[one.name], where_of(mode, name))
-        quantities.append(rms)
-    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
-
-
+    trials, where = {}, {}
+    for mode in settings.modes:
+        for case in chosen:
+            name = name_of(mode, case.name)
+            trials[name] = trial_of(case, mode, law_of(settings, mode))
+            where[name] = where_of(mode, case.name)
+    parts = lab.record(NAME, trials, reduced)
+    quantities, data = figures_of(parts, where)
+    return Result(NAME, quantities, settings._asdict(), _NOTES, data)
 _NOTES = (
     "Error: the patient's true force minus K (z - z0) + B z' at the true handle, over all samples; "
     "in OBSERVER B is at least the minimum of the mode. Data of each trial: mean, rms, 99th "
@@ -126,11 +125,25 @@ _NOTES = (
 )
 
 
-def figures(one: Job, part: Part, where: str) -> tuple[Quantity, np.ndarray]:
-    """Return the rms of a trial as a quantity, and `ErrorOf` as an array; where: description."""
-    found = ErrorOf(**{key: float(value) for key, value in part.items()})
-    rms = Quantity(f"rms_{one.name}", found.rms, math.nan, "N", f"rms error, {where}")
-    return rms, np.array(found)
+def figures_of(parts: dict[str, Part], where: dict[str, str]) -> tuple:
+    """Return the rms of each trial as a quantity, and `ErrorOf` as arrays, by the trials' names.
+
+    where: description of each trial.
+    """
+    data = {
+        name: np.array(ErrorOf(**{key: float(value) for key, value in part.items()}))
+        for name, part in parts.items()
+    }
+    rms = ErrorOf._fields.index("rms")
+    return tuple(
+        Quantity(f"rms_{name}", float(data[name][rms]), math.nan, "N", f"rms error, {where[name]}")
+        for name in parts
+    ), data
+
+
+def name_of(mode: int, case: str) -> str:
+    """Return the name of a trial of a case in a mode."""
+    return f"{modes.MODE_NAMES[mode].lower()}_{case}"
 
 
 def where_of(mode: int, case: str) -> str:
@@ -163,10 +176,9 @@ def pressed(case: Case, side_force: float) -> Case:
     return case._replace(trial=case.trial._replace(side_force=side_force))
 
 
-def job(case: Case, mode: int, law: VerticalSettings, **changes) -> Job:
+def trial_of(case: Case, mode: int, law: VerticalSettings, **changes) -> MotionTrial:
     """Return one case in a mode; changes: friction, linearization of the module."""
-    trial = case.trial._replace(mode=mode, settings=law, **changes)
-    return Job(f"{modes.MODE_NAMES[mode].lower()}_{case.name}", trial, reduced)
+    return case.trial._replace(mode=mode, settings=law, **changes)
 
 
 def reduced(trial: MotionTrial, samples: Samples) -> Part:
@@ -199,3 +211,19 @@ def counted_from(trial: MotionTrial | PlanarTrial) -> float:
     if math.isfinite(trial.released_after):
         return trial.released_after + 3.0
     return 3.0 if trial.way else 0.0
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every mode in every trial as a map."""
+    names = [modes.MODE_NAMES[mode].lower() for mode in result.settings["modes"]]
+    cases = list(result.settings["cases"])
+    rms = [[result.value(f"rms_{name}_{case}") for case in cases] for name in names]
+    labels = [name.replace("_", " ") for name in names]
+    title = "Force beyond the impedance asked for, all samples"
+    return {"force error": error_map(np.array(rms), labels, cases, title)}
+
+
+EXPERIMENT = Experiment(
+    NAME, "force error at the hand in every mode, over all samples, at rest and in motion",
+    Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip

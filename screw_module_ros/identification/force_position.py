@@ -1,104 +1,250 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Offset of the patient's force from the commanded spring (thesis 6.1, 6.4; figs 6-1 to 6-13).
+"""Force against position for every controller mode and gain (thesis chapter 6).
 
-With a perfect impedance controller the patient feels a spring: the force at height z is
-K (z - z0), in both directions of motion. The offset is the measured force minus that of the spring:
-friction, the inertia of the screw, and the residual of their compensation. All forces are those of
-the patient on the robot, up positive.
+The hand moves the handle slowly through the commanded spring. The offset is its force minus the
+spring's. Figures 6-1, 6-2 (PD), 6-5 (negative damping), 6-8, 6-9 (friction model), 6-10 (force
+feedback), 6-12, 6-13 (the thesis's simulation).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
-MOTION_THRESHOLD = 0.020
-"""Below this speed the handle counts as at rest [m/s] (the thesis's limit in 5.3)."""
+from ..control import modes
+from ..control.vertical_settings import VerticalSettings
+from ..figure_style import COLOURS, DESIRED
+from ..settings import Setting
+from .figures import Trace
+from .figures import force_position as loops
+from .force_metric import Spring, offsets
+from .lab import Lab, Part, by_name
+from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
+from .trials import Arm, MotionTrial, Samples
+
+NAME = "force_position"
+# Without compensation the offset is the friction of 5.2, which the plant has been given.
+THESIS = {
+    "offset_pd_100": Published(10.0, "6.1, fig 6-1", 3.0, given_to_plant=True),
+    "offset_pd_1000": Published(10.0, "6.1, fig 6-2", 3.0, given_to_plant=True),
+    "offset_feedback_5": Published(2.0, "6.4.3, fig 6-10", 1.0),
+    "offset_simulated_pd": Published(10.0, "6.4.3, fig 6-12", 3.0, given_to_plant=True),
+    "offset_simulated_feedback_5": Published(2.0, "6.4.3, fig 6-13", 1.0),
+}
+_EVERY = 8  # samples to one point of a curve
 
 
-class Spring(NamedTuple):
-    """The commanded spring: stiffness [N/m], height of its centre [m]."""
+class Curve(NamedTuple):
+    """One curve: its name, the thesis's figure, the law's mode and gains, the hand.
 
-    stiffness: float
-    centre: float
-
-
-class Offsets(NamedTuple):
-    """Offset from the desired spring while the handle moves.
-
-    mean: mean of its absolute value, both directions [N]; up, down: the same per direction [N].
-    bias_up, bias_down: mean with sign [N], positive if the patient must push up more.
-    samples_up, samples_down: number of samples. A direction without motion has NaN.
+    stiffness [N/m], damping [Ns/m], gain: Kf.
     """
 
-    mean: float
-    up: float
-    down: float
-    bias_up: float
-    bias_down: float
-    samples_up: int
-    samples_down: int
+    name: str
+    figure: str
+    mode: int
+    stiffness: float = 100.0
+    damping: float = 0.0
+    gain: float = 0.0
+    firm: bool = False
+    simulated: bool = False
 
 
-def spring_force(position: np.ndarray, spring: Spring) -> np.ndarray:
-    """Return the patient's force on the desired spring [N] at heights `position` [m]."""
-    return spring.stiffness * (np.asarray(position) - spring.centre)
+CURVES = (
+    Curve("pd_100", "6-1", modes.IMPEDANCE),
+    Curve("pd_1000", "6-2", modes.IMPEDANCE, stiffness=1000.0, firm=True),
+    Curve("damping_-25", "6-5", modes.IMPEDANCE, damping=-25.0),
+    Curve("damping_-50", "6-5", modes.IMPEDANCE, damping=-50.0),
+    Curve("friction_model", "6-8", modes.FRICTION_COMPENSATION),
+    Curve("feedback_1", "", modes.FORCE_FEEDBACK, gain=1.0),
+    Curve("feedback_2", "", modes.FORCE_FEEDBACK, gain=2.0),
+    Curve("feedback_5", "6-10", modes.FORCE_FEEDBACK, gain=5.0),
+    Curve("feedback_8", "", modes.FORCE_FEEDBACK, gain=8.0),
+    Curve("combined_5", "6.4.4", modes.COMBINED, gain=5.0),
+    Curve("simulated_pd", "6-12", modes.IMPEDANCE, simulated=True),
+    Curve("simulated_feedback_5", "6-13", modes.FORCE_FEEDBACK, gain=5.0, simulated=True),
+)
+_TITLES = {
+    "6-1": (("pd_100",), "Fig. 6-1: PD, 100 N/m"),
+    "6-2": (("pd_1000",), "Fig. 6-2: PD, 1000 N/m, saturating below"),
+    "6-5": (("pd_100", "damping_-25", "damping_-50"), "Fig. 6-5: negative damping"),
+    "6-8": (("pd_100", "friction_model"), "Fig. 6-8: PD, and the plant's own friction model"),
+    "6-10": (("pd_100", "feedback_5"), "Fig. 6-10: PD, and with force feedback, gain 5"),
+    "6-12": (("simulated_pd",), "Fig. 6-12: the thesis's simulation, PD"),
+    "6-13": (("simulated_feedback_5",), "Fig. 6-13: the thesis's simulation, force feedback 5"),
+    "gains": (
+        ("feedback_1", "feedback_2", "feedback_5", "feedback_8", "combined_5"),
+        "Force feedback gains, and the friction model with gain 5 (6.4.4)",
+    ),
+}
+_LABELS = {
+    "pd_100": "PD",
+    "pd_1000": "PD",
+    "damping_-25": "damping -25 Ns/m",
+    "damping_-50": "damping -50 Ns/m",
+    "friction_model": "the plant's own friction polynomial fed forward",
+    "feedback_1": "gain 1",
+    "feedback_2": "gain 2",
+    "feedback_5": "gain 5",
+    "feedback_8": "gain 8",
+    "combined_5": "the same and gain 5",
+    "simulated_pd": "PD",
+    "simulated_feedback_5": "force feedback, gain 5",
+}
+_COLUMNS = ("position", "velocity", "force")
 
 
-def offset(position: np.ndarray, force: np.ndarray, spring: Spring) -> np.ndarray:
-    """Return measured minus desired force [N]; position [m] and force [N], one per sample."""
-    return np.asarray(force) - spring_force(position, spring)
+class Settings(NamedTuple):
+    """Motion of the hand, and selection of the curves."""
+
+    centre: Annotated[float, Setting("centre of the spring", "m", 0.1, 0.25)] = 0.18
+    amplitude: Annotated[float, Setting("of the virtual hand", "m", 0.02, 0.15)] = 0.14
+    omega: Annotated[float, Setting("of the hand: slowly", "rad/s", 0.05, 3.0)] = 0.5
+    cycles: Annotated[float, Setting("of the hand per curve", "", 1.0, 20.0)] = 2.0
+    firm_stiffness: Annotated[
+        float, Setting("of the hand against the spring of 1000 N/m", "N/m", 300.0, 5000.0)
+    ] = 2000.0
+    curves: Annotated[
+        tuple[str, ...], Setting("names of the curves to measure", choices=())
+    ] = tuple(curve.name for curve in CURVES)
 
 
-def offsets(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    force: np.ndarray,
-    spring: Spring,
-    threshold: float = MOTION_THRESHOLD,
-) -> Offsets:
-    """Evaluate the offset where the speed exceeds `threshold` [m/s].
+def run(lab: Lab, settings: Settings) -> Result:
+    """Measure the curves. Raises ValueError for an unknown curve, Cancelled, NotPossible."""
+    chosen = [by_name("curves", CURVES, name) for name in settings.curves]
+    trials = {curve.name: trial_of(curve, settings) for curve in chosen}
+    parts = lab.record(NAME, trials, reduced)
+    quantities = []
+    for curve in chosen:
+        quantities += _quantities(curve, parts[curve.name])
+    data = {
+        f"{curve.name}/{name}": parts[curve.name][name]
+        for curve in chosen
+        for name in ("position", "velocity", "force")
+    }
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(chosen), data)
 
-    position [m], velocity [m/s] and force [N] are samples of the same instants, evenly spaced in
-    time. Raises ValueError when their lengths differ, when a value is not finite, or when the
-    threshold is not positive.
-    """
-    position, velocity, force = (np.asarray(a, float) for a in (position, velocity, force))
-    if not position.shape == velocity.shape == force.shape or position.ndim != 1:
-        raise ValueError(
-            f"position {position.shape}, velocity {velocity.shape} and force {force.shape} must be "
-            "arrays of one length"
-        )
-    if not threshold > 0.0:
-        raise ValueError(f"threshold = {threshold} m/s: a positive speed is wanted")
-    for name, values in (("position", position), ("velocity", velocity), ("force", force)):
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} holds values that are not finite")
-    beyond = offset(position, force, spring)
-    up, down = beyond[velocity > threshold], beyond[velocity < -threshold]
-    return Offsets(
-        mean=_mean(np.abs(np.concatenate((up, down)))),
-        up=_mean(np.abs(up)),
-        down=_mean(np.abs(down)),
-        bias_up=_mean(up),
-        bias_down=_mean(down),
-        samples_up=len(up),
-        samples_down=len(down),
+
+def trial_of(curve: Curve, settings: Settings) -> MotionTrial:
+    """Return the trial of one curve; the simulated ones move as the thesis's simulation (6.4.3)."""
+    law = VerticalSettings(
+        stiffness=curve.stiffness, damping=curve.damping, force_gain=curve.gain
+    )
+    omega = 0.8 if curve.simulated else settings.omega
+    return MotionTrial(
+        curve.mode,
+        law,
+        arm=Arm(stiffness=settings.firm_stiffness) if curve.firm else Arm(),
+        centre=settings.centre,
+        amplitude=0.15 if curve.simulated else settings.amplitude * (0.8 if curve.firm else 1.0),
+        omega=omega,
+        duration=settings.cycles * 2.0 * math.pi / omega,
     )
 
 
-def common_ticks(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of the ticks that are in both arrays of tick numbers, in order of time.
+def reduced(trial: MotionTrial, samples: Samples) -> Part:
+    """Return every eighth sample of the curve, and the offsets from the spring over all samples.
 
-    Samples with one tick number are simultaneous, also from different devices. The numbers may wrap
-    at 2^32 once; a repeated tick counts once.
+    Samples at which the law's force limits act (the bulge of fig 6-2) have no offset.
     """
-    origin = int(first[0]) if len(first) else 0
-    counted = [(np.asarray(a, np.int64) - origin + 2**31) % 2**32 for a in (first, second)]
-    _, in_first, in_second = np.intersect1d(*counted, return_indices=True)
-    return in_first, in_second
+    spring = Spring(trial.settings.stiffness, trial.centre)
+    free = _free(trial, samples, spring)
+    found = offsets(samples.position[free], samples.velocity[free], samples.force[free], spring)
+    return {
+        "position": samples.position[::_EVERY],
+        "velocity": samples.velocity[::_EVERY],
+        "force": samples.force[::_EVERY],
+        "offset": np.array(found.mean),
+        "up": np.array(found.bias_up),
+        "down": np.array(found.bias_down),
+        "spread": np.array(_spread(samples.position[free], samples.force[free], spring)),
+        "largest": np.array(np.abs(samples.velocity).max()),
+    }
 
 
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+def _free(trial: MotionTrial, samples: Samples, spring: Spring) -> np.ndarray:
+    """Return the mask of the samples at which spring and gravity are within the force limits."""
+    law = trial.settings
+    pull = -spring.stiffness * (samples.position - spring.centre) + law.gravity
+    return (pull > -law.force_down) & (pull < law.force_up)
+
+
+def _spread(position: np.ndarray, force: np.ndarray, spring: Spring) -> float:
+    """Return the standard error of the mean offset [N], from its scatter over eight parts."""
+    beyond = np.abs(force - spring.stiffness * (position - spring.centre))
+    parts = [part.mean() for part in np.array_split(beyond, 8)]
+    return float(np.std(parts) / math.sqrt(len(parts)))
+
+
+def _quantities(curve: Curve, part: Part) -> list[Quantity]:
+    label = f"{curve.name}, fig {curve.figure}" if curve.figure else curve.name
+    return [
+        Quantity(
+            f"offset_{curve.name}",
+            float(part["offset"]),
+            float(part["spread"]),
+            "N",
+            f"mean offset from the spring in motion ({label})",
+        )
+    ]
+
+
+def _notes(chosen: list[Curve]) -> tuple[str, ...]:
+    if not any(curve.simulated for curve in chosen):
+        return ()
+    return (
+        "Figures 6-12 and 6-13 use the thesis's arm and virtual trajectory, but this plant, which "
+        "has backlash; the thesis's simulation had none.",
+    )
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return the figures of the measured curves by number."""
+    found = {}
+    for number, (names, title) in _TITLES.items():
+        measured = [name for name in names if f"{name}/position" in result.data]
+        if measured:
+            spring = Spring(_stiffness(measured[0]), result.settings["centre"])
+            traces = [_trace(result, name) for name in measured]
+            found[number] = loops(traces, spring, title)
+    if {"pd_100/position", "friction_model/position"} <= result.data.keys():
+        found["6-9"] = _reversal(result)
+    return found
+
+
+def _reversal(result: Result) -> Figure:
+    """Draw a close-up of the upper reversal, where feed-forward has no benefit (fig 6-9)."""
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    for number, name in enumerate(("pd_100", "friction_model")):
+        trace = _trace(result, name)
+        axes.plot(trace.position, trace.force, color=COLOURS[number], label=trace.name)
+    top = max(_trace(result, name).position.max() for name in ("pd_100", "friction_model"))
+    ends = np.array([top - 0.03, top + 0.002])
+    axes.plot(
+        ends, 100.0 * (ends - result.settings["centre"]), color=DESIRED, linestyle=":",
+        linewidth=3.0, label="desired",
+    )  # fmt: skip
+    axes.set_xlim(*ends)
+    axes.set_xlabel("handle height z [m]")
+    axes.set_ylabel("force of the patient on the robot [N]")
+    axes.set_title("Fig. 6-9: closeup of the upper reversal", loc="left")
+    axes.legend(loc="lower left")
+    return figure
+
+
+def _trace(result: Result, name: str) -> Trace:
+    return Trace(_LABELS[name], *(result.data[f"{name}/{column}"] for column in _COLUMNS))
+
+
+def _stiffness(name: str) -> float:
+    return next(curve.stiffness for curve in CURVES if curve.name == name)
+
+
+EXPERIMENT = Experiment(
+    NAME, "force against position for every controller mode and gain (thesis chapter 6)", Settings,
+    run, draw, HUMAN_ARM,
+)  # fmt: skip

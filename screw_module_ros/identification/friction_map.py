@@ -2,7 +2,7 @@
 """Maps of the force at constant speed over height and speed (thesis 5.2.4, figs 5-10 to 5-23).
 
 The positioning stage drives the handle up and down the screw at 14 speeds, upright and upside down,
-with no torque commanded; `friction_bins` averages each run over bins of 2.5 mm. Heights and the
+with no torque commanded; `stage_runs` averages each run over bins of 2.5 mm. Heights and the
 direction "up" refer to the screw, also upside down, as in the thesis. The force is that of the
 stage on the robot, up the screw positive.
 """
@@ -12,14 +12,26 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator
 
+from ..calibration.module import thesis_friction
+from ..control.friction import friction_force
+from ..figure_style import COLOURS
 from ..settings import Setting, validated
-from .friction_bins import BINS, CENTRES_MM, RANGE_MM, binned
-from .lab import Job, Lab
-from .results import Quantity, Result
-from .trials import StageTrial
+from .figures import THESIS_RATE, axes_for, filter_figure, printed
+from .lab import Lab
+from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .stage_runs import BINS, CENTRES_MM, LOWER_HALF, at_least, binned, ends_of, lowpass_taps
+from .trials import DIRECTIONS, StageTrial
 
 NAME = "friction_map"
+THESIS = {
+    "stribeck_up": Published(0.020, "5.2.4, fig 5-10", 0.007, given_to_plant=True),
+    "viscous_upper_up": Published(26.0, "6.4.1", 6.0, given_to_plant=True),
+}
 # The thesis names 0.5, 5, 10, 20, 25, 40, 50 and 150 mm/s; the other six are ours. Its model has
 # its knee at 2.5 mm/s.
 SPEEDS = (
@@ -28,7 +40,15 @@ SPEEDS = (
 )  # fmt: skip
 MAPS = ("up", "down", "up_inverted", "down_inverted")
 _VISCOUS_FROM = 0.025  # above the Stribeck velocity [m/s], thesis 5.2.4
-_LOWER = CENTRES_MM < 0.5 * RANGE_MM
+HEIGHT = "height of the nut on the screw z [mm]"
+FORCE = "force of the stage on the robot [N]"
+MAGNITUDE = "force downward [N]"
+SPEED = "speed [mm/s]"
+_DOUBLE_WEIGHT = 20.0  # [N], the shift of the thesis's figures
+_PLACES = ((25.0, 50.0), (250.0, 275.0))
+_TICKS = (0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 50.0, 150.0)
+_SLOW = 0.05  # fastest of fig 5-13 [m/s]
+_COMPARED = 0.005  # speed of the upside-down figures [m/s]
 
 
 class Settings(NamedTuple):
@@ -50,18 +70,17 @@ def run(lab: Lab, settings: Settings) -> Result:
     Data: `speeds` [m/s], shape (n,), ascending; `centres` of the bins [mm], (142,); for each of
     `MAPS` the force [N] `NAME`, its standard error [N] `NAME_error` and samples `NAME_count`, all
     (n, 142), NaN for bins not measured. Raises ValueError for inconsistent settings, and the errors
-    of `Lab.run`.
+    of `Lab.record`.
     """
     speeds = _checked(settings)
-    jobs = _jobs(settings)
-    parts = lab.run(NAME, jobs)
+    parts = lab.record(NAME, _trials(settings), binned)
     data = {"speeds": np.array(speeds), "centres": CENTRES_MM}
     for name in MAPS:
-        rows = [parts.get(_job_name(name, speed)) for speed in speeds]
+        rows = [parts.get(_trial_name(name, speed)) for speed in speeds]
         for key, suffix in (("force", ""), ("error", "_error"), ("count", "_count")):
             nothing = np.full(BINS, 0 if key == "count" else np.nan)
             data[name + suffix] = np.array([row[key] if row else nothing for row in rows])
-    return Result(NAME, _quantities(data), settings._asdict(), _notes(data), data)
+    return Result(NAME, beside(THESIS, _quantities(data)), settings._asdict(), _notes(data), data)
 
 
 def measured(data: dict[str, np.ndarray], name: str) -> np.ndarray:
@@ -119,24 +138,22 @@ def _checked(settings: Settings) -> tuple[float, ...]:
     unknown = [speed for speed in settings.inverted_speeds if speed not in speeds]
     if unknown:
         raise ValueError(f"inverted_speeds: {unknown[0]:g} m/s is not among the speeds")
-    if settings.high - settings.low < 0.03:
-        raise ValueError("high must lie above low by 0.03 m or more")
+    at_least(settings.low, settings.high, 0.03)
     return speeds
 
 
-def _jobs(settings: Settings) -> list[Job]:
-    jobs = []
+def _trials(settings: Settings) -> dict[str, StageTrial]:
+    trials = {}
     for inverted in (False, True):
         for speed in settings.inverted_speeds if inverted else settings.speeds:
-            for name, sign in (("up", 1.0), ("down", -1.0)):
-                ends = (float(settings.low), float(settings.high))[:: int(sign)]
+            for name, sign in DIRECTIONS:
+                ends = ends_of(settings.low, settings.high, sign)
                 trial = StageTrial(sign * float(speed), *ends, upside_down=inverted)
-                name += "_inverted" if inverted else ""
-                jobs.append(Job(_job_name(name, speed), trial, binned))
-    return jobs
+                trials[_trial_name(name + ("_inverted" if inverted else ""), speed)] = trial
+    return trials
 
 
-def _job_name(name: str, speed: float) -> str:
+def _trial_name(name: str, speed: float) -> str:
     return f"{name}_{speed * 1e3:g}mm_s"
 
 
@@ -154,7 +171,7 @@ def _quantities(data: dict[str, np.ndarray]) -> tuple[Quantity, ...]:
             Quantity(f"mean_{name}", float(np.nanmean(force)), spread, "N", f"mean force, {text}"),
             Quantity(f"filled_{name}", float(filled.mean()), np.nan, "", f"bins measured, {text}"),
         ]
-    for name, sign in (("up", 1.0), ("down", -1.0)):
+    for name, sign in DIRECTIONS:
         quantities += _of_speed(data, name, sign)
     return tuple(quantities)
 
@@ -163,14 +180,14 @@ def _of_speed(data: dict[str, np.ndarray], name: str, sign: float) -> list[Quant
     """Return the fit of friction against speed in one direction."""
     there = measured(data, name)
     speeds = data["speeds"][there]
-    lower = sign * mean_over(data, name, _LOWER)[there]
+    lower = sign * mean_over(data, name, LOWER_HALF)[there]
     stribeck = stribeck_velocity(speeds, lower)
     quantities = [
         Quantity(
             f"stribeck_{name}", *stribeck, "m/s", f"speed of least friction, lower half, {name}"
         )
     ]
-    for half, bins in (("lower", _LOWER), ("upper", ~_LOWER)):
+    for half, bins in (("lower", LOWER_HALF), ("upper", ~LOWER_HALF)):
         fast = speeds >= _VISCOUS_FROM
         force = sign * mean_over(data, name, bins)[there]
         if np.isfinite(force[fast]).sum() < 4:
@@ -197,3 +214,166 @@ def _notes(data: dict[str, np.ndarray]) -> tuple[str, ...]:
             "brakes; they stay empty and are not interpolated."
         )
     return tuple(notes)
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return the figures by number; those upside down only if measured."""
+    data = result.data
+    found = {"5-9": filter_figure(
+        lowpass_taps(0.025, THESIS_RATE), "Fig. 5-9: optimal low-pass for 25 mm/s"
+    )}
+    numbered = (("up", 1.0, ("5-10", "5-11")), ("down", -1.0, ("5-16", "5-17")))
+    for direction, sign, numbers in numbered:
+        for number, place in zip(numbers, _PLACES, strict=True):
+            found[number] = _against_speed(data, direction, sign, place, number)
+    found["5-12"] = _along_screw(data, (("up", 1.0, 0.0, "up"),), 0.05, "Fig. 5-12: upward", FORCE)
+    found["5-13"] = _all_speeds(data)
+    found["5-14"] = _surface(data)
+    found["5-18"] = _along_screw(
+        data, (("down", 1.0, 0.0, "down"),), 0.05, "Fig. 5-18: downward", FORCE
+    )
+    found["5-19"] = _along_screw(
+        data,
+        (("up", 1.0, 0.0, "up"), ("down", -1.0, _DOUBLE_WEIGHT, "down, mirrored, 20 N added")),
+        0.05, "Fig. 5-19: both ways", FORCE,
+    )  # fmt: skip
+    if len(measured(data, "up_inverted")):
+        found.update(_upside_down(data))
+    return found
+
+
+def _against_speed(
+    data: dict[str, np.ndarray],
+    direction: str,
+    sign: float,
+    place: tuple[float, float],
+    number: str,
+) -> Figure:
+    """Draw force over speed for the bins of a stretch of the screw."""
+    there = measured(data, direction)
+    bins = np.flatnonzero((data["centres"] > place[0]) & (data["centres"] < place[1]))
+    speeds = data["speeds"][there] * 1e3
+    curves = sign * data[direction][there][:, bins]
+    title = f"Fig. {number}: {place[0]:g} to {place[1]:g} mm from the bottom, {direction}ward"
+    figure, axes = axes_for(SPEED, FORCE if sign > 0.0 else MAGNITUDE, title)
+    axes.plot(speeds, curves, color=COLOURS[5], linewidth=0.9)
+    axes.plot([], [], color=COLOURS[5], label=f"{len(bins)} bins of 2.5 mm")
+    axes.plot(
+        speeds, np.nanmean(curves, axis=1), color=COLOURS[0], linewidth=2.2, marker=".",
+        label="their mean",
+    )  # fmt: skip
+    model = thesis_friction()
+    fast = speeds[speeds >= model.ramp_speed_mm_s]
+    level = [friction_force(model, 0.5e-3 * sum(place), sign * 1e-3 * speed) for speed in fast]
+    printed(axes, fast, sign * (np.array(level) + model.gravity_N), "polynomials of 5.2.5", True)
+    axes.legend(loc="best")
+    return figure
+
+
+def _along_screw(
+    data: dict[str, np.ndarray],
+    curves: tuple[tuple[str, float, float, str], ...],
+    speed: float,
+    title: str,
+    label: str,
+    upto: float = 355.0,
+) -> Figure:
+    """Draw maps over height at one speed; curves: map, factor, shift [N], label."""
+    shown = data["centres"] <= upto
+    figure, axes = axes_for(HEIGHT, label)
+    for number, (name, factor, shift, text) in enumerate(curves):
+        row = nearest(data, name, speed)
+        axes.plot(
+            data["centres"][shown], factor * data[name][row][shown] + shift,
+            color=COLOURS[2 * number], linestyle=("-", "--")[number % 2], label=text,
+        )  # fmt: skip
+    axes.set_xlim(0.0, upto)
+    axes.set_title(f"{title}, {data['speeds'][row] * 1e3:g} mm/s", loc="left")
+    if len(curves) > 1:
+        axes.legend(loc="best")
+    return figure
+
+
+def _all_speeds(data: dict[str, np.ndarray]) -> Figure:
+    """Draw force over height upward, one line per speed up to 50 mm/s (fig 5-13)."""
+    rows = [row for row in measured(data, "up") if data["speeds"][row] <= _SLOW + 1e-9]
+    figure, axes = axes_for(HEIGHT, FORCE, "Fig. 5-13: upward, up to 50 mm/s")
+    _by_speed(axes, data, rows)
+    axes.set_xlim(0.0, 355.0)
+    axes.legend(loc="upper left", ncols=2, title=SPEED)
+    return figure
+
+
+def _by_speed(axes: Axes, data: dict[str, np.ndarray], rows: list[int]) -> None:
+    for share, row in zip(np.linspace(0.0, 0.92, len(rows)), rows, strict=True):
+        axes.plot(
+            data["centres"], data["up"][row], color=colormaps["viridis"](share), linewidth=0.8,
+            label=f"{data['speeds'][row] * 1e3:g}",
+        )  # fmt: skip
+
+
+def _surface(data: dict[str, np.ndarray]) -> Figure:
+    """Draw the map upward as a surface over height and speed (fig 5-14)."""
+    there = measured(data, "up")
+    speeds = np.log10(data["speeds"][there] * 1e3)
+    ticks = [tick for tick in _TICKS if speeds[0] - 1e-9 <= np.log10(tick) <= speeds[-1] + 1e-9]
+    z, v = np.meshgrid(data["centres"], speeds)
+    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    axes.plot_surface(
+        z, v, data["up"][there], cmap="viridis", linewidth=0.0, rcount=20, ccount=142
+    )
+    axes.set_xlabel("height z [mm]")
+    axes.set_ylabel("speed [mm/s], logarithmic", labelpad=8)
+    axes.set_zlabel("force [N]")
+    axes.yaxis.set_major_locator(FixedLocator(np.log10(ticks)))
+    axes.yaxis.set_major_formatter(FixedFormatter([f"{tick:g}" for tick in ticks]))
+    axes.view_init(elev=28, azim=-125)
+    axes.set_box_aspect(None, zoom=0.86)
+    axes.set_title("Fig. 5-14: force over height and speed, upward", loc="left")
+    return figure
+
+
+def _upside_down(data: dict[str, np.ndarray]) -> dict[str, Figure]:
+    """Draw upright beside upside down (figs 5-20 to 5-23)."""
+    shift = _DOUBLE_WEIGHT
+    return {
+        "5-20": _along_screw(
+            data,
+            (
+                ("up", 1.0, 0.0, "upright, against gravity"),
+                ("up_inverted", 1.0, shift, "upside down, with gravity, 20 N added"),
+            ),
+            _COMPARED, "Fig. 5-20: plus direction", FORCE,
+        ),
+        "5-21": _along_screw(
+            data,
+            (
+                ("down", -1.0, shift, "upright, with gravity, 20 N added"),
+                ("down_inverted", -1.0, 0.0, "upside down, against gravity"),
+            ),
+            _COMPARED, "Fig. 5-21: minus direction", MAGNITUDE,
+        ),
+        "5-22": _along_screw(
+            data,
+            (
+                ("down", -1.0, 0.0, "upright, minus direction"),
+                ("up_inverted", 1.0, 0.0, "upside down, plus direction"),
+            ),
+            _COMPARED, "Fig. 5-22: with gravity", "force along the motion [N]",
+        ),
+        "5-23": _along_screw(
+            data,
+            (
+                ("down", -1.0, 0.0, "upright, with gravity"),
+                ("down_inverted", -1.0, -shift, "upside down, against gravity, 20 N less"),
+            ),
+            _COMPARED, "Fig. 5-23: minus direction, lower half", MAGNITUDE, 177.5,
+        ),
+    }  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    NAME, "maps of the force at constant speed over height and speed (thesis 5.2.4)", Settings,
+    run, draw, STAGE,
+)  # fmt: skip

@@ -6,20 +6,29 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.signal import detrend, find_peaks, periodogram
 
+from ..figure_style import COLOURS
 from ..settings import Setting, validated
-from .friction_bins import period_of, steady_part, turn_rate_hz
-from .lab import Job, Lab, Part
-from .results import Quantity, Result
+from .figures import axes_for, printed
+from .lab import Lab, Part
+from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .stage_runs import at_least, ends_of, period_of, steady_part, turn_rate_hz
 from .trials import DIRECTIONS, Samples, StageTrial
 
 NAME = "friction_spectrum"
+THESIS = {
+    "screw_up": Published(1.05, "5.2.4, fig 5-8", 0.05, given_to_plant=True),
+    "rollers_up": Published(4.2, "5.2.4, fig 5-8", 0.1, given_to_plant=True),
+}
 ROLLERS = 4.0  # turns of a roller per turn of the screw: 14.2875 mm / 3.5 mm (5.2.4)
 _MODES = (("screw", 1.0, "turn of the screw"), ("rollers", ROLLERS, "rollers"))
 _LOWEST = 0.6  # of the screw's rate; below it is the trend along the screw
 _HIGHEST = 6.0  # of the screw's rate; upper end of the search for modes
 _ABOVE_FLOOR = 6.0  # least prominence of a mode over the noise floor
+_NEAR = 10.0  # where fig 5-8 ends [Hz]
+_FAR = 500.0  # where fig 5-7 ends [Hz]
 
 
 class Settings(NamedTuple):
@@ -42,16 +51,15 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Find the modes, moving up and down.
 
     Data, per direction: `frequency_up` [Hz], `amplitude_up` [N]; `peaks_up` rows of `Peak`. Raises
-    ValueError for inconsistent settings, and the errors of `Lab.run`.
+    ValueError for inconsistent settings, and the errors of `Lab.record`.
     """
     validated(settings)
-    if settings.high - settings.low < 0.08:
-        raise ValueError("high must lie above low by 0.08 m or more: four turns of the screw")
-    jobs = []
+    at_least(settings.low, settings.high, 0.08, ": four turns of the screw")
+    trials = {}
     for direction, sign in DIRECTIONS:
-        ends = (float(settings.low), float(settings.high))[:: int(sign)]
-        jobs.append(Job(direction, StageTrial(sign * float(settings.speed), *ends), spectrum))
-    parts = lab.run(NAME, jobs)
+        ends = ends_of(settings.low, settings.high, sign)
+        trials[direction] = StageTrial(sign * float(settings.speed), *ends)
+    parts = lab.record(NAME, trials, spectrum)
     data, quantities, notes = {}, [], []
     turn = turn_rate_hz(settings.speed)
     for direction, _ in DIRECTIONS:
@@ -69,11 +77,11 @@ def run(lab: Lab, settings: Settings) -> Result:
         "Amplitudes are means along the screw. A ripple whose amplitude or phase changes along the "
         "screw gives wider lines with less than its largest amplitude."
     )
-    return Result(NAME, tuple(quantities), settings._asdict(), tuple(notes), data)
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), tuple(notes), data)
 
 
 def spectrum(trial: StageTrial, samples: Samples) -> Part:
-    """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, trend removed; for `Job`."""
+    """Reduce a run to `frequency` [Hz] and `amplitude` [N] of a sine, without trend."""
     steady = steady_part(trial, samples)
     force = detrend(samples.force[steady.begin : steady.end])
     frequency, power = periodogram(
@@ -115,3 +123,48 @@ def _of_peak(name: str, what: str, direction: str, peak: Peak, floor: float) -> 
             f"amplitude, {what}, {direction}",
         ),
     ]
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figures 5-7 and 5-8, upward."""
+    speed = result.settings["speed"] * 1e3
+    return {
+        "5-7": _spectrum(result, _FAR, f"Fig. 5-7: spectrum of the force, {speed:g} mm/s upward"),
+        "5-8": _spectrum(result, _NEAR, f"Fig. 5-8: its lower end, {speed:g} mm/s upward"),
+    }
+
+
+def _spectrum(result: Result, upto: float, title: str) -> Figure:
+    frequency, amplitude = result.data["frequency_up"], result.data["amplitude_up"]
+    shown = frequency <= upto
+    figure, axes = axes_for("frequency [Hz]", "amplitude of the force [N]", title)
+    axes.plot(frequency[shown], amplitude[shown], color=COLOURS[0])
+    axes.set_xlim(0.0, upto)
+    if upto <= _NEAR:
+        axes.set_ylim(bottom=0.0)
+        _name_lines(axes, result)
+        lines = [THESIS[name].value for name in ("screw_up", "rollers_up")]
+        printed(axes, lines, [0.0, 0.0], "frequencies, fig 5-8")
+        axes.legend()
+    else:  # the noise is not visible on a linear scale
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=1e-5)
+    return figure
+
+
+def _name_lines(axes, result: Result) -> None:
+    peaks = [Peak(*row) for row in result.data["peaks_up"]]
+    for name, text in (("screw", "turn of the screw"), ("rollers", "rollers")):
+        peak = nearest(peaks, result.value(f"{name}_up"))
+        if peak:
+            axes.annotate(
+                f"{text}, {peak.frequency:.2f} Hz, {peak.amplitude:.2f} N",
+                (peak.frequency, peak.amplitude), xytext=(12, -4), textcoords="offset points",
+                va="center",
+            )  # fmt: skip
+
+
+EXPERIMENT = Experiment(
+    NAME, "spectrum of the force at constant speed: screw and rollers (thesis 5.2.4)", Settings,
+    run, draw, STAGE,
+)  # fmt: skip

@@ -3,8 +3,13 @@
 
 The thesis takes half of the mean difference between runs upright and upside down in the lower half
 of the screw. That is exact only if friction against gravity equals friction with gravity. The
-thesis found that they differ; half of the difference is an error of its weight. Our method measures
-the weight at the beginning of a creeping run, while the handle crosses the play (`play_crossing`).
+thesis found that they differ; half of the difference is an error of its weight.
+
+Our method measures the weight across the play. At rest the handle touches the nut on one side of
+the play. While the stage creeps to the other side, handle and nut have no contact: the transducer
+measures the weight of the moving parts and the drag of the grease film, which is proportional to
+the speed, but no friction of the screw. The encoder measures the nut, which stands still during the
+crossing, so stage travel minus nut travel shows its beginning, its end and its width.
 """
 
 from __future__ import annotations
@@ -12,18 +17,26 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from ..figure_style import COLOURS, DESIRED
 from ..geometry import counts_to_height
 from ..settings import Setting, validated
 from . import friction_map
-from .friction_bins import CENTRES_MM, RANGE_MM
-from .lab import Job, Lab
-from .play_crossing import Crossing, Weight, crossing, play_width, traced, weighed
-from .results import Quantity, Result
-from .trials import NotPossible, StageTrial
+from .figures import axes_for
+from .lab import Lab, Part
+from .results import STAGE, Experiment, Published, Quantity, Result, beside
+from .stage_runs import LOWER_HALF
+from .trials import DIRECTIONS, NotPossible, Samples, StageTrial
 
 NAME = "gravity"
-_LOWER = CENTRES_MM < 0.5 * RANGE_MM
+THESIS = {
+    "gravity": Published(10.04, "5.2.4", 0.53, given_to_plant=True),
+    "double_weight": Published(20.075, "5.2.4, fig 5-23", 2.1, given_to_plant=True),
+}
+_INNER = (0.2, 0.8)  # of the play: clear of the contacts at both sides
+_FEWEST = 8  # samples that make a plateau
+_UNEVEN = 0.5  # change of the force across a plateau that indicates contact [N]
 
 
 class Settings(NamedTuple):
@@ -46,30 +59,69 @@ class ByMaps(NamedTuple):
     deviation: float
 
 
+class Crossing(NamedTuple):
+    """Result of one run.
+
+    sign: +1 upright, -1 upside down; direction: +1 up, -1 down the screw; speed: of the stage
+    [m/s]; width: handle relative to nut, from rest to steady motion [m]; rate: the handle's speed
+    relative to the nut during the crossing [m/s]; force: its mean during the crossing [N]; error:
+    standard error of that mean [N]; both NaN without a crossing.
+    """
+
+    sign: float
+    direction: float
+    speed: float
+    width: float
+    rate: float
+    force: float
+    error: float
+
+    @property
+    def seen(self) -> bool:
+        """Whether the handle crossed the play."""
+        return bool(np.isfinite(self.force))
+
+
+class Weight(NamedTuple):
+    """weight [N]; film: drag [N s/m]; error, film_error: their standard errors; zero: of the
+    transducer [N]. film and zero are NaN if the runs do not determine them. spread: of the forces
+    about the fit, relative to their standard errors.
+    """
+
+    weight: float
+    error: float
+    film: float
+    film_error: float
+    zero: float
+    spread: float
+
+
 def run(lab: Lab, settings: Settings) -> Result:
     """Weigh the moving parts; needs the result of friction_map.
 
     Quantity `gravity` comes from the play if there is one, else from the maps. Raises
-    MissingResult, NotPossible if neither method has its data, and the errors of `Lab.run`.
+    MissingResult, NotPossible if neither method has its data, and the errors of `Lab.record`.
     """
     validated(settings)
     maps = lab.result(friction_map.NAME).data
-    jobs = _jobs(settings)
-    parts = lab.run(NAME, jobs)
-    crossings = [crossing(job.trial, parts[job.name], settings.least_play) for job in jobs]
+    trials = _trials(settings)
+    parts = lab.record(NAME, trials, traced)
+    crossings = [
+        crossing(trial, parts[name], settings.least_play) for name, trial in trials.items()
+    ]
     weight, by_maps = weighed(crossings), difference_of_maps(maps)
     if weight is None and by_maps is None:
         raise NotPossible(
             "the handle crosses no play, and friction_map has no run upside down: weight and "
             "friction cannot be separated; measure friction_map with inverted_speeds"
         )
-    data = {"crossings": np.array(crossings), "jobs": np.array([job.name for job in jobs])}
-    for job in jobs:
+    data = {"crossings": np.array(crossings), "jobs": np.array(list(trials))}
+    for trial in trials:
         for name in ("gap", "force"):
-            data[f"{name}_{job.name}"] = parts[job.name][name]
+            data[f"{name}_{trial}"] = parts[trial][name]
     return Result(
         NAME,
-        _quantities(weight, by_maps, crossings),
+        beside(THESIS, _quantities(weight, by_maps, crossings)),
         settings._asdict(),
         _notes(weight, by_maps),
         data,
@@ -82,24 +134,106 @@ def difference_of_maps(maps: dict[str, np.ndarray]) -> ByMaps | None:
     None without runs upside down.
     """
     beyond = [
-        (maps[way] - maps[f"{way}_inverted"])[:, _LOWER].ravel() for way in ("up", "down")
+        (maps[way] - maps[f"{way}_inverted"])[:, LOWER_HALF].ravel() for way in ("up", "down")
     ]
     values = np.concatenate(beyond)
     values = values[np.isfinite(values)]
     return ByMaps(float(values.mean()), float(values.std())) if len(values) else None
 
 
-def _jobs(settings: Settings) -> list[Job]:
-    jobs = []
-    for inverted in (False, True):
-        for number, height in enumerate(settings.heights):
-            for speed in settings.speeds:
-                for name, way in (("up", 1.0), ("down", -1.0)):
-                    end = float(height) + way * settings.travel
-                    trial = StageTrial(way * float(speed), float(height), end, inverted)
-                    name = f"{name}{'_inverted' if inverted else ''}_{number}_{speed * 1e6:.0f}um_s"
-                    jobs.append(Job(name, trial, traced))
-    return jobs
+def _trials(settings: Settings) -> dict[str, StageTrial]:
+    return {
+        f"{name}{'_inverted' if inverted else ''}_{number}_{speed * 1e6:.0f}um_s": StageTrial(
+            way * float(speed), float(height), float(height) + way * settings.travel, inverted
+        )
+        for inverted in (False, True)
+        for number, height in enumerate(settings.heights)
+        for speed in settings.speeds
+        for name, way in DIRECTIONS
+    }
+
+
+def traced(trial: StageTrial, samples: Samples) -> Part:
+    """Reduce a creeping run to `gap` (handle relative to nut [m]), `force` [N] and `time` [s]."""
+    direction = np.sign(trial.speed)
+    stage = abs(trial.speed) * samples.time
+    gap = stage - direction * (samples.position - samples.position[0])
+    moving = stage <= abs(trial.end - trial.start)
+    return {"gap": gap[moving], "force": samples.force[moving], "time": samples.time[moving]}
+
+
+def crossing(trial: StageTrial, part: Part, least: float) -> Crossing:
+    """Evaluate a run reduced by `traced`; least: smaller play counts as none [m]."""
+    gap, force, time = part["gap"], part["force"], part["time"]
+    width = float(np.median(gap[-max(len(gap) // 4, 1) :]))
+    direction = float(np.sign(trial.speed))
+    sign = -1.0 if trial.upside_down else 1.0
+    nothing = Crossing(sign, direction, abs(trial.speed), width, *(float("nan"),) * 3)
+    first, last = (int(np.argmax(gap >= share * width)) for share in _INNER)
+    if width < least or last - first < _FEWEST:
+        return nothing
+    inside = slice(first, last)
+    level = force[inside]
+    half = len(level) // 2
+    error = float(level.std(ddof=1) / np.sqrt(len(level)))
+    uneven = abs(float(level[:half].mean() - level[half:].mean()))
+    if uneven > max(_UNEVEN, 6.0 * error):
+        return nothing
+    rate = float(np.polyfit(time[inside], gap[inside], 1)[0])
+    return nothing._replace(rate=rate, force=float(level.mean()), error=error)
+
+
+def weighed(crossings: list[Crossing]) -> Weight | None:
+    """Return the best fit of the weight to all crossings, None without any.
+
+    force = sign weight + direction film rate + zero, weighted least squares. If the runs do not
+    determine all three (one orientation, one speed), the fit omits the zero, which the bench has
+    subtracted, and then the film.
+    """
+    seen = [c for c in crossings if c.seen]
+    if not seen:
+        return None
+    terms = np.array([(c.sign, c.direction * c.rate, 1.0) for c in seen])
+    terms[:, 1] *= 1e3  # mm/s, so that all columns are of one size
+    force = np.array([c.force for c in seen])
+    error = np.array([c.error for c in seen])
+    used = next(n for n in (3, 2, 1) if np.linalg.matrix_rank(terms[:, :n], tol=0.1) == n)
+    matrix = terms[:, :used] / error[:, None]
+    values, *_ = np.linalg.lstsq(matrix, force / error, rcond=None)
+    spare = len(seen) - used
+    misfit = matrix @ values - force / error
+    spread = float(np.sqrt((misfit**2).sum() / spare)) if spare else 1.0
+    errors = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix))) * max(spread, 1.0)
+    values, errors = np.pad(values, (0, 3 - used)), np.pad(errors, (0, 3 - used))
+    nan = float("nan")
+    return Weight(
+        float(values[0]),
+        float(errors[0]),
+        float(values[1] * 1e3) if used > 1 else nan,
+        float(errors[1] * 1e3) if used > 1 else nan,
+        float(values[2]) if used > 2 else nan,
+        spread,
+    )
+
+
+def play_width(crossings: list[Crossing], resolution: float) -> tuple[float, float]:
+    """Return the play and its standard error [m], from the widths of the crossings.
+
+    The fit of a line over the speed removes the effect of a late start of the stage. resolution: of
+    the encoder [m]. NaN without a crossing.
+    """
+    seen = [c for c in crossings if c.seen]
+    if not seen:
+        return float("nan"), float("nan")
+    speed = np.array([c.speed for c in seen])
+    width = np.array([c.width for c in seen])
+    quantised = resolution / np.sqrt(6.0)  # of a difference of two counts
+    if len(set(speed)) < 2 or len(seen) < 4:
+        return float(width.mean()), float(np.hypot(width.std(), quantised))
+    (_, at_rest), cov = np.polyfit(speed, width, 1, cov="unscaled")
+    left = width - np.polyval(np.polyfit(speed, width, 1), speed)
+    spread = max(float(np.sqrt((left**2).sum() / (len(seen) - 2))), quantised)
+    return float(at_rest), float(spread * np.sqrt(cov[1, 1]))
 
 
 def _quantities(
@@ -158,3 +292,36 @@ def _notes(weight: Weight | None, by_maps: ByMaps | None) -> tuple[str, ...]:
     if by_maps is None:
         notes.append("There are no runs upside down, which the thesis's method needs.")
     return tuple(notes)
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return the figure of the force while the handle crosses the play (ours)."""
+    figure, axes = axes_for("handle against nut [mm]", "force, against gravity positive [N]",
+                            "Weight while the handle crosses the play")  # fmt: skip
+    speeds = sorted({float(row[2]) for row in result.data["crossings"]})
+    named = set()
+    for name, row in zip(result.data["jobs"], result.data["crossings"], strict=True):
+        sign, _, speed, _, _, force, _ = row
+        if not np.isfinite(force):
+            continue
+        gap = result.data[f"gap_{name}"] * 1e3
+        number = speeds.index(float(speed))
+        axes.plot(
+            gap, sign * result.data[f"force_{name}"], ".", markersize=2.0, alpha=0.35,
+            color=COLOURS[number % len(COLOURS)],
+            label=None if speed in named else f"{speed * 1e3:g} mm/s",
+        )  # fmt: skip
+        named.add(speed)
+    weight = result.value("gravity")
+    axes.axhline(weight, color=DESIRED, linestyle="--", label=f"weight, {weight:.2f} N")
+    thesis = THESIS["gravity"]
+    axes.axhspan(thesis.value - thesis.tolerance, thesis.value + thesis.tolerance,
+                 color="#eeeeee", zorder=0, label=f"{thesis.value:g} N of 5.2.4 and its scatter")
+    axes.legend(loc="lower right", markerscale=5.0)
+    return {"play": figure}
+
+
+EXPERIMENT = Experiment(
+    NAME, "weight of the parts that move up and down, by two methods (thesis 5.2.4)", Settings,
+    run, draw, STAGE, ("friction_map",),
+)  # fmt: skip

@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mass felt at the handle, from back-driven oscillations (thesis 5.3, figs 5-32 to 5-34).
 
-No torque is commanded. The hand swings the handle fast and far. Friction and weight come from the
-model of friction_fit; its speed factor is extrapolated beyond the fastest speed of the maps, as in
-the thesis. There are two estimates, the thesis's ratio and our regression: see `mass_estimates`.
+No torque is commanded. The hand swings the handle fast and far. Friction and weight come from
+`friction_model`; its speed factor is extrapolated beyond the fastest speed of the maps, as in the
+thesis. Force of the hand minus modelled friction and weight should equal mass times acceleration.
+
+The thesis shifts one curve against the other for the least spread of their ratio, and divides
+sample by sample. Ours is a robust regression over all samples for the mass and the errors of the
+friction model, without division and shift. The errors are a viscous part, a Coulomb part, a
+constant, and a part proportional to the load: friction depends on the load (5.2.4), and the hand
+pushes harder here than the stage.
 """
 
 from __future__ import annotations
@@ -12,23 +18,41 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
+from scipy.optimize import least_squares
+from scipy.signal import oaconvolve
 
 from ..control import modes
 from ..control.friction import FrictionModel
 from ..control.vertical_settings import VerticalSettings
+from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting, validated
-from . import friction_fit
-from .friction_form import friction_along
-from .lab import Job, Lab, Part
-from .mass_estimates import Ratio, Record, jackknife, motion, ratio, regression
-from .results import Quantity, Result
+from . import friction_model
+from .figures import CREDIT, THESIS_RATE, axes_for, filter_figure
+from .friction_model import friction_along
+from .lab import Lab, Part
+from .results import HUMAN_ARM, Experiment, Published, Quantity, Result, beside
+from .stage_runs import optimal_lowpass, zero_phase
 from .trials import Arm, MotionTrial, Samples
 
 NAME = "inertia"
+THESIS = {
+    "mass": Published(5.49, "5.3.3", 1.72, given_to_plant=True),
+    "mass_thesis": Published(5.49, "5.3.3, fig 5-34", 1.72, given_to_plant=True),
+}
 _PROJECTED = 2000.0  # the speed factor is extrapolated to this speed [mm/s]
 _REGRESSION_HZ = 100.0  # samples per second in the regression: the signals end at 30 Hz
 _SHOWN = 4  # every n-th sample is kept for the figures
 _STRICT = 1000.0  # 2.5 m/s^2 instead of the printed 2.5 mm/s^2
+CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
+CUTOFF_HZ, STOP_HZ = 30.0, 50.0  # thesis 5.3.2
+_CENTRE = np.array([0.5, 0.0, -0.5])  # (z[k+1] - z[k-1]) / 2 as a convolution
+_LEAST_S = 1.0  # of a record, several periods and the filter's ends
+_EDGE_S = 0.25  # at each end, where the filter uses mirrored samples
+_LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
+_LONG, _SHORT = 4.0, 1.2  # seconds of figs 5-32 and 5-33
+_SCALE = 0.2  # of the force in fig 5-33
+_BEGIN = 2.0  # after the record's beginning [s]
 
 
 class Settings(NamedTuple):
@@ -52,18 +76,54 @@ class Settings(NamedTuple):
     widest_shift: Annotated[float, Setting("largest shift of the curves", "s", 0.0, 0.1)] = 0.030
 
 
+class Motion(NamedTuple):
+    """A back-driven record: time [s], position [m], velocity [m/s], acceleration [m/s^2], force of
+    the hand [N] and the same filtered like the acceleration; arrays of one length."""
+
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    force: np.ndarray
+    smooth: np.ndarray
+
+
+Record = tuple[Motion, np.ndarray]
+"""A motion and the model's friction and weight along it [N]."""
+
+
+class Ratio(NamedTuple):
+    """The thesis's result of one record: shift of the acceleration, positive = delayed [s]; mass at
+    each sample [kg], NaN for excluded samples."""
+
+    shift: float
+    mass: np.ndarray
+
+
+class Regression(NamedTuple):
+    """mass [kg]; viscous [N s/m], coulomb [N], constant [N], load (share of the force beyond that
+    of the maps): errors of the friction model; rms of the residual [N]."""
+
+    mass: float
+    viscous: float
+    coulomb: float
+    constant: float
+    load: float
+    rms: float
+
+
 def run(lab: Lab, settings: Settings) -> Result:
     """Identify the mass; needs the result of friction_model.
 
     Quantity `mass` is by regression, `mass_thesis` by the thesis's ratio. Data: per record n
     `time_n`, `acceleration_n`, `inertial_n` (force minus friction and weight), `ratio_n` (0 for
     excluded samples); `shifts` [s]. Raises ValueError for inconsistent settings or a handle that
-    hardly moved, MissingResult, and the errors of `Lab.run`.
+    hardly moved, MissingResult, and the errors of `Lab.record`.
     """
-    jobs = _jobs(settings)
-    model = friction_fit.friction_model_of(lab.result(friction_fit.NAME))
-    parts = lab.run(NAME, jobs)
-    records = [_record(parts[job.name], model) for job in jobs]
+    trials = _trials(settings)
+    model = friction_model.friction_model_of(lab.result(friction_model.NAME))
+    parts = lab.record(NAME, trials, kept)
+    records = [_record(part, model) for part in parts.values()]
     every = max(round(lab.rate / _REGRESSION_HZ), 1)
     fit = regression(records, settings.least_speed, every)
     plain = regression(records, settings.least_speed, every, loaded=False)
@@ -97,11 +157,12 @@ def run(lab: Lab, settings: Settings) -> Result:
         data[f"acceleration_{number}"] = record.acceleration[::_SHOWN]
         data[f"inertial_{number}"] = (record.smooth - friction)[::_SHOWN]
         data[f"ratio_{number}"] = np.nan_to_num(found.mass)[::_SHOWN]
-    return Result(NAME, quantities, settings._asdict(), _notes(ratios, strict), data)
+    notes = _notes(ratios, strict)
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), notes, data)
 
 
 def kept(trial: MotionTrial, samples: Samples) -> Part:
-    """Reduce a record to time, position and force; for `Job`."""
+    """Reduce a record to time, position and force."""
     return {"time": samples.time, "position": samples.position, "force": samples.force}
 
 
@@ -122,7 +183,7 @@ def _shift(ratios: list[Ratio]) -> tuple[float, float]:
     return (float(np.mean(shifts)), float(np.std(shifts))) if shifts else (float("nan"),) * 2
 
 
-def _jobs(settings: Settings) -> list[Job]:
+def _trials(settings: Settings) -> dict[str, MotionTrial]:
     validated(settings)
     if len(settings.amplitudes) != len(settings.omegas) or not settings.omegas:
         raise ValueError(
@@ -132,24 +193,15 @@ def _jobs(settings: Settings) -> list[Job]:
     arm = Arm(
         float(settings.arm_mass), float(settings.arm_stiffness), float(settings.arm_damping)
     )
-    return [
-        Job(
-            f"record_{number}",
-            MotionTrial(
-                modes.OFF,
-                VerticalSettings(),
-                arm=arm,
-                centre=float(settings.centre),
-                amplitude=float(amplitude),
-                omega=float(omega),
-                duration=float(settings.duration),
-            ),
-            kept,
-        )
-        for number, (amplitude, omega) in enumerate(
-            zip(settings.amplitudes, settings.omegas, strict=True)
-        )
-    ]
+    still = MotionTrial(
+        modes.OFF, VerticalSettings(), arm=arm, centre=float(settings.centre),
+        duration=float(settings.duration),
+    )  # fmt: skip
+    swings = zip(settings.amplitudes, settings.omegas, strict=True)
+    return {
+        f"record_{number}": still._replace(amplitude=float(amplitude), omega=float(omega))
+        for number, (amplitude, omega) in enumerate(swings)
+    }
 
 
 def _record(part: Part, model: FrictionModel) -> Record:
@@ -183,3 +235,180 @@ def _notes(ratios: list[Ratio], strict: list[Ratio]) -> tuple[str, ...]:
         f"Best shifts of the strict ratio: {shifts} ms, positive for a delayed acceleration "
         "(thesis: 8 to 18 ms, regarded as an artifact; our filters have no delay).",
     )
+
+
+def motion(time: np.ndarray, position: np.ndarray, force: np.ndarray) -> Motion:
+    """Differentiate a record as in 5.3.2: centre difference, low-pass, and both again.
+
+    time [s], evenly spaced, position [m], force [N]. The result lacks the ends, where the filter
+    has only half of its samples. Raises ValueError for a record that is too short.
+    """
+    period = (time[-1] - time[0]) / (len(time) - 1)
+    taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, 1.0 / period)
+    if len(time) * period < _LEAST_S:
+        raise ValueError(
+            f"a record of {len(time) * period:.2g} s is too short: {_LEAST_S:g} s are needed"
+        )
+    velocity = zero_phase(_centre_difference(position, period), taps)
+    acceleration = zero_phase(_centre_difference(velocity, period), taps)
+    smooth = zero_phase(zero_phase(force, taps), taps)
+    edge = round(_EDGE_S / period)
+    record = Motion(time, position, velocity, acceleration, force, smooth)
+    return Motion(*(values[edge:-edge] for values in record))
+
+
+def _centre_difference(values: np.ndarray, period: float) -> np.ndarray:
+    inner = oaconvolve(values, _CENTRE / period, mode="valid")
+    return np.concatenate((inner[:1], inner, inner[-1:]))
+
+
+def usable(
+    velocity: np.ndarray, acceleration: np.ndarray, least_speed: float, least_acceleration: float
+) -> np.ndarray:
+    """Return the mask of samples fast [m/s] and accelerated [m/s^2] enough (5.3.2)."""
+    return (np.abs(velocity) >= least_speed) & (np.abs(acceleration) >= least_acceleration)
+
+
+def ratio(
+    record: Motion,
+    inertial: np.ndarray,
+    least_speed: float,
+    least_acceleration: float,
+    widest_shift: float,
+) -> Ratio:
+    """Return the thesis's mass: inertial force over acceleration, best shift of the two.
+
+    inertial: force minus friction and weight [N]. The shift, at most widest_shift [s] in either
+    direction, gives the ratio's least standard deviation; NaN without usable samples.
+    """
+    period = (record.time[-1] - record.time[0]) / (len(record.time) - 1)
+    widest = round(widest_shift / period)
+    middle = slice(widest, len(inertial) - widest)
+    best, least = Ratio(float("nan"), np.full(len(inertial), np.nan)), np.inf
+    for shift in range(-widest, widest + 1):
+        moved = record.acceleration[widest - shift : len(inertial) - widest - shift]
+        use = usable(record.velocity[middle], moved, least_speed, least_acceleration)
+        if not use.any():
+            continue
+        found = inertial[middle][use] / moved[use]
+        if found.std() < least:
+            least = float(found.std())
+            mass = np.full(len(inertial), np.nan)
+            mass[middle][use] = found
+            best = Ratio(shift * period, mass)
+    return best
+
+
+def regression(
+    records: list[Record], least_speed: float, every: int, loaded: bool = True
+) -> Regression:
+    """Fit F - F_f = M a + b v + c sign(v) + d + l (|F| - |F_f|) sign(v) over all records.
+
+    F is the filtered force. least_speed [m/s]: slower samples do not count; every: use each n-th
+    sample, as neighbours are correlated; loaded: False omits the last term, l = 0.
+    Raises ValueError without samples.
+    """
+    rows, wanted = [], []
+    for record, friction in records:
+        use = np.flatnonzero(np.abs(record.velocity) >= least_speed)[::every]
+        v = record.velocity[use]
+        force, held = record.smooth[use], friction[use]
+        load = (np.abs(force) - np.abs(held)) * np.sign(v) * loaded
+        rows.append((record.acceleration[use], v, np.sign(v), np.ones_like(v), load))
+        wanted.append(force - held)
+    terms, force = np.concatenate(rows, axis=1).T, np.concatenate(wanted)
+    if len(force) < 10 * terms.shape[1]:
+        raise ValueError("too few samples of the motion are fast enough to determine a mass")
+    start, *_ = np.linalg.lstsq(terms, force, rcond=None)
+    found = least_squares(
+        lambda x: terms @ x - force, start, jac=lambda x: terms.copy(), loss="soft_l1"
+    )
+    left = terms @ found.x - force
+    return Regression(*map(float, found.x), float(np.sqrt(np.mean(left**2))))
+
+
+def jackknife(records: list[Record], least_speed: float, every: int) -> float:
+    """Return the standard error of the mass [kg] by a jackknife over the records.
+
+    Samples of one record share the friction model's errors, so they are not independent.
+    NaN with fewer than three records.
+    """
+    n = len(records)
+    if n < 3:
+        return float("nan")
+    masses = [
+        regression(records[:out] + records[out + 1 :], least_speed, every).mass for out in range(n)
+    ]
+    return float(np.sqrt((n - 1) * np.var(masses)))
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figs 5-31 to 5-34, from the third record if there is one."""
+    record = min(2, len(result.data["shifts"]) - 1)
+    names = ("time", "acceleration", "inertial", "ratio")
+    time, acceleration, inertial, ratio = (result.data[f"{name}_{record}"] for name in names)
+    time = time - time[0] - _BEGIN
+    both = (time, acceleration, inertial)
+    taps = optimal_lowpass(CUTOFF_HZ, STOP_HZ, THESIS_RATE)
+    return {
+        "5-31": filter_figure(taps, "Fig. 5-31: low-pass of velocity and acceleration"),
+        "5-32": _curves(*both, 1.0, _LONG, "Fig. 5-32: force less friction and weight"),
+        "5-33": _curves(*both, _SCALE, _SHORT, "Fig. 5-33: the same force times 0.2"),
+        "5-34": _mass_over_time(result, time, acceleration, ratio),
+    }
+
+
+def _curves(
+    time: np.ndarray,
+    acceleration: np.ndarray,
+    inertial: np.ndarray,
+    scale: float,
+    length: float,
+    title: str,
+) -> Figure:
+    """Draw mass times acceleration, by the forces, and acceleration over time."""
+    shown = (time >= 0.0) & (time <= length)
+    factor = "" if scale == 1.0 else f", times {scale:g}"
+    figure, axes = axes_for("time [s]", "force [N] and acceleration [m/s$^2$]", title)
+    axes.plot(
+        time[shown], scale * inertial[shown], color=COLOURS[0],
+        label=f"force less friction and weight [N]{factor}",
+    )  # fmt: skip
+    axes.plot(
+        time[shown], acceleration[shown], color=COLOURS[2], linestyle="--",
+        label="acceleration [m/s$^2$]",
+    )  # fmt: skip
+    axes.set_xlim(0.0, length)
+    axes.margins(y=0.2)
+    axes.legend(loc="upper right", ncols=2)
+    return figure
+
+
+def _mass_over_time(
+    result: Result, time: np.ndarray, acceleration: np.ndarray, ratio: np.ndarray
+) -> Figure:
+    """Draw the mass at each sample, zero for excluded ones, and the acceleration (fig 5-34)."""
+    shown = (time >= 0.0) & (time <= _LONG)
+    figure, axes = axes_for(
+        "time [s]", "mass [kg] and acceleration [m/s$^2$]",
+        "Fig. 5-34: mass by the ratio, where acceleration is 2.5 m/s$^2$ and more",
+    )  # fmt: skip
+    axes.plot(
+        time[shown], acceleration[shown], color=COLOURS[2], linestyle="--",
+        label="acceleration [m/s$^2$]",
+    )  # fmt: skip
+    axes.plot(time[shown], ratio[shown], color=COLOURS[0], label="ratio [kg], 0 = left out")
+    mass, thesis = result.value("mass"), THESIS["mass"]
+    axes.axhline(mass, color=COLOURS[3], label=f"by regression, {mass:.2f} kg")
+    axes.axhline(thesis.value, color=DESIRED, linestyle=":",
+                 label=f"{thesis.value:g} kg of 5.3.3 ({CREDIT})")  # fmt: skip
+    axes.set_xlim(0.0, _LONG)
+    axes.margins(y=0.2)
+    axes.legend(loc="upper right", ncols=2)
+    return figure
+
+
+EXPERIMENT = Experiment(
+    NAME, "mass felt at the handle, from back-driven oscillations (thesis 5.3)", Settings, run,
+    draw, HUMAN_ARM, ("friction_model",),
+)  # fmt: skip

@@ -1,23 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environment of an experiment: a bench, a folder with finished trials, a progress callback.
 
-An experiment is `run(lab, settings) -> Result`. It gives the lab its jobs, each a trial and a
-function that reduces the samples, and fits the reduced parts. A repeated run reuses the jobs that
-were finished before an interruption.
+An experiment is `run(lab, settings) -> Result`. It gives the lab its trials and a function that
+reduces the samples of each, and fits the reduced parts. Finished parts are kept: who turns a module
+upside down for the second half of an experiment, or stops it, repeats only the trial that was under
+way. With a pool, the trials run in worker processes.
 """
 
 from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from .results import Result, load_result
-from .trials import Bench, Samples, Trial, duration_of
+from .trials import Bench, Samples, Trial, duration_of, require
+
+Part = dict[str, np.ndarray]
+"""The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
+Reduce = Callable[[Trial, Samples], Part]
+"""A module-level function, or a `functools.partial` of one: a worker process gets it pickled."""
+Progress = Callable[[str, float, float], None]
+"""Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
+`Cancelled`."""
 
 
 class HasName(Protocol):
@@ -27,43 +37,18 @@ class HasName(Protocol):
 
 
 Named = TypeVar("Named", bound=HasName)
-Part = dict[str, np.ndarray]
-"""The reduced samples of a trial: named arrays (scalars as arrays without dimension)."""
-
-
-class Job(NamedTuple):
-    """One trial and the function that reduces its samples.
-
-    name: unique within the experiment, valid as a file name; reduce: a module-level function, or a
-    `functools.partial` of one, so that it can be pickled for a worker process.
-    """
-
-    name: str
-    trial: Trial
-    reduce: Callable[[Trial, Samples], Part]
-
-    @property
-    def identity(self) -> str:
-        """The inputs of the part, as text."""
-        function = getattr(self.reduce, "func", self.reduce)
-        arguments = (getattr(self.reduce, "args", ()), getattr(self.reduce, "keywords", {}))
-        return repr((self.trial, function.__qualname__, arguments))
 
 
 class MissingResult(RuntimeError):
     """The result of a prerequisite experiment is missing."""
 
 
-Progress = Callable[[str, float, float], None]
-"""Called with the experiment's name and the finished and total seconds of excitation [s]; may raise
-`Cancelled`."""
-
-
 class Lab:
     """A bench, a folder, and a progress callback.
 
     folder: of parts and results; parts of another bench, fingerprint or setting are not reused.
-    Raises OSError if the folder cannot be made.
+    pool: does the trials; the bench must then be one that can be pickled. Raises OSError if the
+    folder cannot be made.
     """
 
     def __init__(
@@ -72,11 +57,13 @@ class Lab:
         folder: Path,
         progress: Progress = lambda doing, done, total: None,
         fingerprint: str = "",
+        pool: ProcessPoolExecutor | None = None,
     ):
         self.bench = bench
         self.folder = Path(folder)
         self.progress = progress
         self._fingerprint = fingerprint
+        self._pool = pool
         self.folder.mkdir(parents=True, exist_ok=True)
 
     @property
@@ -84,39 +71,37 @@ class Lab:
         """Samples per second of the bench [1/s]."""
         return self.bench.rate
 
-    def run(self, experiment: str, jobs: Sequence[Job]) -> dict[str, Part]:
-        """Do the jobs without a stored part; return the parts of all jobs by name.
+    def record(
+        self, experiment: str, trials: Mapping[str, Trial], reduce: Reduce
+    ) -> dict[str, Part]:
+        """Do the trials without a stored part; return the parts of all by the trials' names.
 
-        Raises Cancelled, NotPossible; finished parts stay stored.
+        Names are unique within the experiment and valid as file names. All trials are checked
+        before the first one runs. Raises Cancelled, NotPossible; finished parts stay stored.
         """
-        total = sum(duration_of(job.trial) for job in jobs)
-        parts: dict[str, Part] = {}
-        done = 0.0
-        waiting = []
-        for job in jobs:
-            part = self._kept(experiment, job)
-            if part is None:
-                waiting.append(job)
-            else:
-                parts[job.name] = part
-                done += duration_of(job.trial)
+        for trial in trials.values():
+            require(trial, self.bench)
+        files, parts = {}, {}
+        for name, trial in trials.items():
+            files[name] = self._file(experiment, name, trial, reduce)
+            if (part := _kept(files[name])) is not None:
+                parts[name] = part
+        waiting = {name: trial for name, trial in trials.items() if name not in parts}
+        total = sum(map(duration_of, trials.values()))
+        done = total - sum(map(duration_of, waiting.values()))
         self.progress(experiment, done, total)
-        for job, part in self._done(experiment, waiting, done, total):
-            self._keep(experiment, job, part)
-            parts[job.name] = part
-        return {job.name: parts[job.name] for job in jobs}
 
-    def _done(self, experiment: str, jobs: Sequence[Job], done: float, total: float):
-        """Yield each job with its part, one after the other."""
-        for job in jobs:
-            length = duration_of(job.trial)
+        def on_progress(seconds: float) -> None:
+            self.progress(experiment, done + seconds, total)
 
-            def on_progress(share: float, before: float = done, length: float = length) -> None:
-                self.progress(experiment, before + share * length, total)
-
-            yield job, job.reduce(job.trial, self.bench.record(job.trial, on_progress))
-            done += length
+        for name, part in (self._pooled if self._pool else self._in_turn)(
+            waiting, reduce, on_progress
+        ):
+            _keep(files[name], part)
+            parts[name] = part
+            done += duration_of(trials[name])
             self.progress(experiment, done, total)
+        return {name: parts[name] for name in trials}
 
     def result(self, experiment: str) -> Result:
         """Return the stored result of an experiment. Raises MissingResult that names it."""
@@ -127,25 +112,59 @@ class Lab:
                 f"the result of {experiment} is missing in {self.folder}: run {experiment} first"
             ) from None
 
-    def _kept(self, experiment: str, job: Job) -> Part | None:
+    def _in_turn(
+        self, trials: Mapping[str, Trial], reduce: Reduce, on_progress: Callable[[float], None]
+    ) -> Iterator[tuple[str, Part]]:
+        for name, trial in trials.items():
+
+            def on_share(share: float, length: float = duration_of(trial)) -> None:
+                on_progress(share * length)
+
+            yield name, reduce(trial, self.bench.record(trial, on_share))
+
+    def _pooled(
+        self, trials: Mapping[str, Trial], reduce: Reduce, on_progress: Any
+    ) -> Iterator[tuple[str, Part]]:
+        """Do the longest trials first; an error cancels those that wait."""
+        ordered = sorted(trials.items(), key=lambda named: -duration_of(named[1]))
+        futures: dict[Future, str] = {
+            self._pool.submit(reduced, self.bench, trial, reduce): name for name, trial in ordered
+        }
         try:
-            with np.load(self._file(experiment, job)) as arrays:
-                return dict(arrays)
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-            return None  # missing, or incomplete after an interruption
+            for future in as_completed(futures):
+                yield futures[future], future.result()
+        finally:
+            for future in futures:
+                future.cancel()
 
-    def _keep(self, experiment: str, job: Job, part: Part) -> None:
-        file = self._file(experiment, job)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = file.with_suffix(".unfinished")
-        with unfinished.open("wb") as stream:
-            np.savez(stream, **part)
-        unfinished.replace(file)
-
-    def _file(self, experiment: str, job: Job) -> Path:
-        made_of = repr((self._fingerprint, self.bench.name, self.rate, job.identity))
+    def _file(self, experiment: str, name: str, trial: Trial, reduce: Reduce) -> Path:
+        function = getattr(reduce, "func", reduce)
+        arguments = (getattr(reduce, "args", ()), getattr(reduce, "keywords", {}))
+        identity = repr((trial, function.__qualname__, arguments))
+        made_of = repr((self._fingerprint, self.bench.name, self.rate, identity))
         digest = hashlib.sha256(made_of.encode()).hexdigest()[:12]
-        return self.folder / "parts" / experiment / f"{job.name}-{digest}.npz"
+        return self.folder / "parts" / experiment / f"{name}-{digest}.npz"
+
+
+def reduced(bench: Bench, trial: Trial, reduce: Reduce) -> Part:
+    """Do a trial and reduce its samples, in a worker process."""
+    return reduce(trial, bench.record(trial, lambda share: None))
+
+
+def _kept(file: Path) -> Part | None:
+    try:
+        with np.load(file) as arrays:
+            return dict(arrays)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return None  # missing, or incomplete after an interruption
+
+
+def _keep(file: Path, part: Part) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = file.with_suffix(".unfinished")
+    with unfinished.open("wb") as stream:
+        np.savez(stream, **part)
+    unfinished.replace(file)
 
 
 def by_name(what: str, known: Sequence[Named], name: str) -> Named:

@@ -12,13 +12,15 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..control.planar_settings import PlanarSettings
 from ..settings import Setting, validated
+from .figures import error_map
 from .force_error import counted_from, wall
 from .force_metric import ErrorOf, judged
-from .lab import Job, Lab, Part, by_name
-from .results import Quantity, Result
+from .lab import Lab, Part, by_name
+from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .trials import Arm, PlanarTrial, Samples
 
 NAME = "planar_error"
@@ -99,11 +101,14 @@ def run(lab: Lab, settings: Settings) -> Result:
     if strange := set(settings.kinds) - set(KINDS):
         raise ValueError(f"kinds: {min(strange)!r} is unknown; known are {', '.join(KINDS)}")
     cases = [case_of(name) for name in settings.cases]
-    jobs = {
-        (kind, case.name): job(case, kind, settings) for kind in settings.kinds for case in cases
+    trials = {
+        (kind, case.name): case.trial._replace(settings=law_of(settings, kind))
+        for kind in settings.kinds
+        for case in cases
     }
-    parts = lab.run(NAME, list(jobs.values()))
-    found = {key: error_of(parts[one.name]) for key, one in jobs.items()}
+    named = {"_".join(key): trial for key, trial in trials.items()}
+    parts = lab.record(NAME, named, reduced)
+    found = {key: error_of(parts["_".join(key)]) for key in trials}
     quantities = [
         Quantity(f"rms_{kind}_{name}", error.rms, math.nan, "N",
                  f"rms error, compensated: {kind}, {case_of(name).text}")
@@ -113,7 +118,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         ratio = found["none", "fast_x"].rms / found["both", "fast_x"].rms
         text = "rms error in fast motion along x, not compensated over compensated"
         quantities.append(Quantity("gain_fast_x", ratio, math.nan, "", text))
-    data = {jobs[key].name: np.array(error) for key, error in found.items()}
+    data = {"_".join(key): np.array(error) for key, error in found.items()}
     return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
 
 
@@ -141,12 +146,6 @@ def case_of(name: str) -> Case:
     return by_name("cases", CASES, name)
 
 
-def job(case: Case, kind: str, settings: Settings) -> Job:
-    """Return one case with a compensation of `KINDS`."""
-    trial = case.trial._replace(settings=law_of(settings, kind))
-    return Job(f"{kind}_{case.name}", trial, reduced)
-
-
 def error_of(part: Part) -> ErrorOf:
     """Return the error of both axes together."""
     x, y = (ErrorOf(*map(float, part[axis])) for axis in ("x", "y"))
@@ -171,3 +170,18 @@ def reduced(trial: PlanarTrial, samples: Samples) -> Part:
         ))
         for column, axis in enumerate(("x", "y"))
     }  # fmt: skip
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every trial with every compensation as a map."""
+    kinds, cases = list(result.settings["kinds"]), list(result.settings["cases"])
+    rms = [[result.value(f"rms_{kind}_{case}") for case in cases] for kind in kinds]
+    labels = [f"compensated: {kind}" for kind in kinds]
+    title = "Force in the plane beyond the impedance asked for, all samples"
+    return {"planar error": error_map(np.array(rms), labels, cases, title)}
+
+
+EXPERIMENT = Experiment(
+    NAME, "force error in the plane, with and without compensation of friction and mass (2.2.4)",
+    Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip

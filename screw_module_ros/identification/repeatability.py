@@ -6,11 +6,14 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from ..figure_style import COLOURS
 from ..settings import Setting, validated
-from .friction_bins import CENTRES_MM, binned
-from .lab import Job, Lab
-from .results import Quantity, Result
+from .friction_map import FORCE, HEIGHT
+from .lab import Lab
+from .results import STAGE, Experiment, Quantity, Result
+from .stage_runs import CENTRES_MM, at_least, binned, ends_of
 from .trials import DIRECTIONS, StageTrial
 
 NAME = "repeatability"
@@ -32,16 +35,15 @@ def run(lab: Lab, settings: Settings) -> Result:
     """Compare two runs up, and two down.
 
     Data: `centres` [mm]; `up`, `down` [N], shape (2, 142), NaN for bins not measured. Raises
-    ValueError for inconsistent settings, and the errors of `Lab.run`.
+    ValueError for inconsistent settings, and the errors of `Lab.record`.
     """
     validated(settings)
-    if settings.high - settings.low < 0.03:
-        raise ValueError("high must lie above low by 0.03 m or more")
-    jobs = [
-        _job(settings, direction, sign, number)
+    at_least(settings.low, settings.high, 0.03)
+    trials = {
+        f"{direction}_{number}": _trial(settings, sign, number)
         for direction, sign in DIRECTIONS for number in (1, 2)
-    ]  # fmt: skip
-    parts = lab.run(NAME, jobs)
+    }  # fmt: skip
+    parts = lab.record(NAME, trials, binned)
     data = {"centres": CENTRES_MM}
     quantities = []
     for direction, _ in DIRECTIONS:
@@ -55,11 +57,10 @@ def run(lab: Lab, settings: Settings) -> Result:
     return Result(NAME, tuple(quantities), settings._asdict(), notes, data)
 
 
-def _job(settings: Settings, direction: str, sign: float, number: int) -> Job:
-    ends = [float(settings.low), float(settings.high)][:: int(sign)]
-    ends[0] += sign * settings.apart * (number - 1)
-    trial = StageTrial(sign * float(settings.speed), ends[0], ends[1])
-    return Job(f"{direction}_{number}", trial, binned)
+def _trial(settings: Settings, sign: float, number: int) -> StageTrial:
+    start, end = ends_of(settings.low, settings.high, sign)
+    start += sign * settings.apart * (number - 1)
+    return StageTrial(sign * float(settings.speed), start, end)
 
 
 def _compared(direction: str, first: dict, second: dict) -> list[Quantity]:
@@ -83,3 +84,28 @@ def _compared(direction: str, first: dict, second: dict) -> list[Quantity]:
             f"difference that noise makes, {direction}",
         ),
     ]  # fmt: skip
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figure 5-15, with the difference of the two runs."""
+    speed = result.settings["speed"] * 1e3
+    centres, (first, second) = result.data["centres"], result.data["up"]
+    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above.plot(centres, first, color=COLOURS[0], label="first run")
+    above.plot(centres, second, color=COLOURS[2], linestyle="--", label="second run")
+    above.set_ylabel(FORCE)
+    above.set_title(f"Fig. 5-15: two runs upward, {speed:g} mm/s", loc="left")
+    above.legend(loc="upper left")
+    below.plot(centres, second - first, color=COLOURS[0])
+    below.axhline(0.0, color="#888888", linewidth=0.6)
+    below.set_ylabel("difference [N]")
+    below.set_xlabel(HEIGHT)
+    below.set_xlim(0.0, 355.0)
+    return {"5-15": figure}
+
+
+EXPERIMENT = Experiment(
+    NAME, "repeatability of two runs of the stage at one speed, bin by bin (thesis 5.2.4)",
+    Settings, run, draw, STAGE,
+)  # fmt: skip

@@ -1,23 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of an experiment: values with units and uncertainties, and the data of the figures."""
+"""Results of an experiment: values with uncertainties, the thesis's beside them, data of figures.
+
+An experiment is one file with its settings, `run`, `draw` and the entry `EXPERIMENT`.
+"""
 
 from __future__ import annotations
 
 import math
 import zipfile
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from matplotlib.figure import Figure
 
-from ..settings import parse, plain
+from ..settings import SettingError, parse, plain, read
+
+MEASURED, DERIVED, GIVEN = "measured", "derived", "given"
+"""Kinds of a quantity: found from the samples of trials; arithmetic on printed values; a printed
+value passed on."""
+
+
+class Published(NamedTuple):
+    """The thesis's figure beside a quantity.
+
+    value: in the quantity's unit; where: section or figure; tolerance: largest difference that
+    counts as agreement: the thesis's own scatter if printed, else the reading accuracy of a plot,
+    or the effect of a deliberate difference of the plant; why: explanation of a larger difference;
+    given_to_plant: the value stands in the plant's own file, so that finding it shows that the
+    method works, and nothing about the thesis's module.
+    """
+
+    value: float
+    where: str
+    tolerance: float
+    why: str = ""
+    given_to_plant: bool = False
 
 
 class Quantity(NamedTuple):
     """One value. uncertainty: one standard deviation in the same unit, NaN = not estimated.
 
-    unit: SI symbol, empty for a pure number; text: description for a table.
+    unit: SI symbol, empty for a pure number; text: description for a table; kind: MEASURED, DERIVED
+    or GIVEN; thesis: its figure, None = not printed.
     """
 
     name: str
@@ -25,13 +52,15 @@ class Quantity(NamedTuple):
     uncertainty: float
     unit: str
     text: str
+    kind: str = MEASURED
+    thesis: Published | None = None
 
 
 class Result(NamedTuple):
     """Result of one experiment.
 
-    experiment: its name in the catalogue; quantities; settings: their plain values; notes:
-    sentences for the report; data: arrays for figures and for later experiments.
+    experiment: its name; quantities; settings: their plain values; notes: sentences for the report;
+    data: arrays for figures and for later experiments.
     """
 
     experiment: str
@@ -54,24 +83,13 @@ class Result(NamedTuple):
 
     def as_yaml(self) -> str:
         """Return the result without the data as YAML."""
-        return yaml.safe_dump(
-            {
-                "experiment": self.experiment,
-                "quantities": {
-                    q.name: {
-                        "value": plain(q.value),
-                        "uncertainty": None if math.isnan(q.uncertainty) else plain(q.uncertainty),
-                        "unit": q.unit,
-                        "text": q.text,
-                    }
-                    for q in self.quantities
-                },
-                "notes": list(self.notes),
-                "settings": plain(self.settings),
-            },
-            sort_keys=False,
-            allow_unicode=True,
-        )
+        content = {
+            "experiment": self.experiment,
+            "quantities": {q.name: _plain(q) for q in self.quantities},
+            "notes": list(self.notes),
+            "settings": plain(self.settings),
+        }
+        return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
     def save(self, folder: Path) -> list[Path]:
         """Write NAME.yaml and NAME.npz into a folder; return the two paths. Raises OSError."""
@@ -81,28 +99,80 @@ class Result(NamedTuple):
         return [text, arrays]
 
 
+class Experiment(NamedTuple):
+    """One experiment.
+
+    text: one-line description; settings: NamedTuple of its settings; run: (lab, settings) ->
+    Result; draw: result -> figures by title; fixture: required mounting of handle or rotor; needs:
+    experiments whose results it reads.
+    """
+
+    name: str
+    text: str
+    settings: type
+    run: Callable[[Any, Any], Result]
+    draw: Callable[[Result], dict[str, Figure]]
+    fixture: str
+    needs: tuple[str, ...] = ()
+
+
+LOCKED_ROTOR, STAGE, HUMAN_ARM, ANALYZER, NOTHING = (
+    "locked_rotor", "stage", "human_arm", "analyzer", "nothing",
+)  # fmt: skip
+
+
+def no_figures(result: Result) -> dict[str, Figure]:
+    """Draw nothing."""
+    return {}
+
+
+def _plain(q: Quantity) -> dict[str, Any]:
+    found = {
+        "value": plain(q.value),
+        "uncertainty": None if math.isnan(q.uncertainty) else plain(q.uncertainty),
+        "unit": q.unit,
+        "text": q.text,
+    }
+    if q.kind != MEASURED:
+        found["kind"] = q.kind
+    if q.thesis:
+        found["thesis"] = q.thesis._asdict()
+    return found
+
+
+def _quantity(name: str, content: dict[str, Any]) -> Quantity:
+    thesis = content.get("thesis")
+    return Quantity(
+        name,
+        float(content["value"]),
+        math.nan if content["uncertainty"] is None else float(content["uncertainty"]),
+        content["unit"],
+        content["text"],
+        content.get("kind", MEASURED),
+        read(Published, thesis, "thesis") if thesis else None,
+    )
+
+
 def load_result(folder: Path, experiment: str) -> Result:
     """Read a result from the files of `Result.save`. Raises OSError, ValueError if damaged."""
-    text = folder / f"{experiment}.yaml"
+    text, file = (folder / f"{experiment}{end}" for end in (".yaml", ".npz"))
     content = parse(text.read_bytes().decode(), str(text))
     try:
-        quantities = tuple(
-            Quantity(
-                name,
-                float(q["value"]),
-                math.nan if q["uncertainty"] is None else float(q["uncertainty"]),
-                q["unit"],
-                q["text"],
-            )
-            for name, q in content["quantities"].items()
-        )
+        found = content["quantities"].items()
+        quantities = tuple(_quantity(name, quantity) for name, quantity in found)
         notes, settings = tuple(content["notes"]), content["settings"]
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, SettingError) as error:
         raise ValueError(f"{text}: not the result of an experiment: {error}") from error
-    file = folder / f"{experiment}.npz"
     try:
         with np.load(file) as arrays:
             data = dict(arrays)
     except (EOFError, zipfile.BadZipFile) as error:  # cut off by a full disk or a kill
         raise ValueError(f"{file}: damaged: {error}") from error
     return Result(experiment, quantities, settings, notes, data)
+
+
+def beside(
+    thesis: Mapping[str, Published], quantities: Iterable[Quantity], kind: str = MEASURED
+) -> tuple[Quantity, ...]:
+    """Return the quantities with the thesis's figures beside them; kind: of all of them."""
+    return tuple(q._replace(thesis=thesis.get(q.name), kind=kind) for q in quantities)

@@ -12,12 +12,16 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
 from ..settings import Setting, validated
-from . import force_error, friction_fit, gravity, inertia, static_torque
-from .lab import Job, Lab
-from .results import Result
+from . import force_error, friction_model, gravity, inertia, static_torque
+from .figures import error_map
+from .lab import Lab
+from .results import HUMAN_ARM, Experiment, Result
 
 NAME = "robustness"
 STATES = {
@@ -57,41 +61,31 @@ def run(lab: Lab, settings: Settings) -> Result:
         raise ValueError(f"modes: {min(unknown)} is unknown; known are {list(modes.MODE_NAMES)}")
     if strange := set(settings.states) - set(STATES):
         raise ValueError(f"states: {min(strange)!r} is unknown; known are {', '.join(STATES)}")
-    models = {
-        "friction": friction_fit.friction_model_of(lab.result(friction_fit.NAME)),
-        "linearization": static_torque.linearization_of(lab.result(static_torque.NAME)),
-    }
     plain = VerticalSettings()
     own = plain.calibrated(
         lab.result(gravity.NAME).value("gravity"), lab.result(inertia.NAME).value("mass")
     )
-    jobs = {}
+    models = {
+        "friction": friction_model.friction_model_of(lab.result(friction_model.NAME)),
+        "linearization": static_torque.measured_linearization(lab),
+    }
+    laws = {
+        "uncalibrated": (plain, {}),
+        "calibrated": (own, models),
+        "changed": (own, {**models, "changed": settings.change}),
+    }
+    trials, where = {}, {}
     for mode in settings.modes:
-        for name in settings.cases:
-            case = force_error.pressed(force_error.case_of(name), settings.side_force)
+        for case_name in settings.cases:
+            case = force_error.pressed(force_error.case_of(case_name), settings.side_force)
             for state in settings.states:
-                law = plain if state == "uncalibrated" else own
-                more = {} if state == "uncalibrated" else models
-                if state == "changed":
-                    more = {**models, "changed": settings.change}
+                law, more = laws[state]
+                name = f"{force_error.name_of(mode, case_name)}_{state}"
                 law = force_error.with_damping(law, mode)
-                one = force_error.job(case, mode, law, **more)
-                jobs[mode, name, state] = one._replace(name=f"{one.name}_{state}")
-    parts = lab.run(NAME, list(jobs.values()))
-    return _result(settings, jobs, parts)
-
-
-def _result(
-    settings: Settings, jobs: dict[tuple[int, str, str], Job], parts: dict[str, dict]
-) -> Result:
-    quantities, data = [], {}
-    for (mode, name, state), one in jobs.items():
-        where = f"{force_error.where_of(mode, name)}, {STATES[state]}"
-        rms, data[one.name] = force_error.figures(one, parts[one.name], where)
-        quantities.append(rms)
-    return Result(NAME, tuple(quantities), settings._asdict(), _NOTES, data)
-
-
+                trials[name] = force_error.trial_of(case, mode, law, **more)
+                where[name] = f"{force_error.where_of(mode, case_name)}, {STATES[state]}"
+    quantities, data = force_error.figures_of(lab.record(NAME, trials, force_error.reduced), where)
+    return Result(NAME, quantities, settings._asdict(), _NOTES, data)
 _NOTES = (
     "Not calibrated: the thesis's friction and dead zone, 10 N of weight, 5.5 kg. Calibrated: "
     "friction, dead zone, weight and mass identified on this rig.",
@@ -105,3 +99,24 @@ def rms_of(result: Result, mode: int, case: str) -> tuple[float, float, float]:
     name = f"rms_{modes.MODE_NAMES[mode].lower()}_{case}"
     uncalibrated, calibrated, changed = (result.value(f"{name}_{state}") for state in STATES)
     return uncalibrated, calibrated, changed
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw the rms error of every mode and state in every trial as a map."""
+    cases = list(result.settings["cases"])
+    rows = {
+        f"{modes.MODE_NAMES[mode].lower().replace('_', ' ')}, {state}": [
+            result.value(f"rms_{force_error.name_of(mode, case)}_{state}") for case in cases
+        ]
+        for mode in result.settings["modes"]
+        for state in result.settings["states"]
+    }
+    title = "Force error without a calibration, with it, after a change"
+    return {"robustness": error_map(np.array(list(rows.values())), list(rows), cases, title)}
+
+
+EXPERIMENT = Experiment(
+    NAME, "force error without a calibration, with it, and after a change of the calibrated rig",
+    Settings, run, draw, HUMAN_ARM,
+    ("static_torque", "gravity", "friction_model", "inertia"),
+)  # fmt: skip

@@ -14,17 +14,19 @@ from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from ..calibration.certificate import conditions_of
 from ..control import modes
 from ..control.vertical_settings import VerticalSettings
+from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting, validated
 from . import gravity, inertia
 from .force_gain import onset, reduced, rows_of
-from .lab import Job, Lab, MissingResult
-from .results import Quantity, Result
+from .lab import Lab, MissingResult
+from .results import HUMAN_ARM, Experiment, Quantity, Result
 from .sampled_loop import Environment, Feedback, Mechanism, Observer, Sampling, largest_gain
-from .trials import Arm, MotionTrial
+from .trials import TRUTH, Arm, MotionTrial
 
 NAME = "stability"
 ENVIRONMENTS = {
@@ -44,7 +46,9 @@ _RAISED = (0.3, 0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0, 3.0)  # of the predicted gai
 _MOST = 50.0  # what the law allows
 _GRAVITY = 9.81  # [m/s^2]
 _LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
+_LEAST_NUT, _LEAST_HANDLE = 0.1, 0.05  # [kg]
 _CHATTER = 0.2  # [N] rms above 30 Hz, as in force_gain
+_WIDTHS = (1.1, 1.1, 4.0)  # the last line lies under the one before, where they are equal
 
 
 class Settings(NamedTuple):
@@ -90,7 +94,7 @@ def run(lab: Lab, settings: Settings) -> Result:
             notes.append(f"{law_name}, {text}: limited by {worst}; {_costs_text(costs)}.")
         predicted = quantities[-2].value
         quantities += _by_hand(name, text, mechanism, environment, sampling, settings.cutoff)
-        if settings.simulated and hasattr(lab.bench, "world") and environment.mass > 0.0:
+        if settings.simulated and TRUTH in lab.bench.offers and environment.mass > 0.0:
             low, high = _onset(lab, name, environment, predicted, settings.cutoff)
             quantities.append(_found(name, text, low, high))
     observer, _ = _observers(usual)
@@ -197,8 +201,7 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
 
     A simulated module has its own. Raises ValueError for identified masses out of range.
     """
-    world, loop = (getattr(lab.bench, name, None) for name in ("world", "loop"))
-    if world is None or loop is None:
+    if TRUTH not in lab.bench.offers:
         settings = _weighed(lab, settings)
         return (
             Mechanism(settings.nut_mass, settings.handle_mass, settings.contact_stiffness,
@@ -206,6 +209,7 @@ def _of(lab: Lab, settings: Settings) -> tuple[Mechanism, Sampling, float]:
             Sampling(settings.rate, settings.delay),
             settings.velocity_cutoff,
         )  # fmt: skip
+    world, loop = lab.bench.world, lab.bench.loop
     v, a = world.vertical, world.amplifier
     return (
         Mechanism(v.turning_mass, v.moving_mass, v.contact_stiffness, v.contact_damping,
@@ -262,19 +266,15 @@ def _onset(
 ) -> tuple[float, float]:
     """Return the largest tested gain without chatter and the smallest with it, inf for none."""
     gains = [share * predicted for share in _RAISED if share * predicted <= _MOST]
-    jobs = [
-        Job(
-            f"{name}_{gain:.3g}",
-            MotionTrial(
-                modes.FORCE_FEEDBACK,
-                VerticalSettings(force_gain=gain, force_cutoff=cutoff, chatter_limit=_MOST),
-                arm=Arm(*environment), amplitude=0.05, duration=8.0, preloaded=True,
-            ),
-            reduced,
+    trials = {
+        f"{name}_{gain:.3g}": MotionTrial(
+            modes.FORCE_FEEDBACK,
+            VerticalSettings(force_gain=gain, force_cutoff=cutoff, chatter_limit=_MOST),
+            arm=Arm(*environment), amplitude=0.05, duration=8.0, preloaded=True,
         )
         for gain in gains
-    ]  # fmt: skip
-    return onset(rows_of(lab.run(NAME, jobs), gains, jobs), _CHATTER)
+    }  # fmt: skip
+    return onset(rows_of(lab.record(NAME, trials, reduced), trials), _CHATTER)
 
 
 def _found(name: str, text: str, low: float, high: float) -> Quantity:
@@ -304,3 +304,42 @@ def _curves(
             [largest_gain(mechanism, hand._replace(mass=m), sampling, law) for m in masses]
         )
     return found
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Draw the largest stable gain over the delay and over the mass of the arm at the handle."""
+    data = result.data
+    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for number, (name, label) in enumerate(CURVES.items()):
+        style = {"color": COLOURS[number], "label": label, "marker": "o", "markersize": 2.5,
+                 "zorder": 2.5 - 0.1 * number, "linewidth": _WIDTHS[number]}
+        left.plot(1e3 * data["delays"], _stable(data[f"delay_{name}"]), **style)
+        right.plot(data["masses"], _stable(data[f"mass_{name}"]), **style)
+    for number, axes in enumerate((left, right)):
+        axes.axhline(5.0, color=DESIRED, linewidth=0.8, linestyle="--")
+        axes.set_yscale("log")
+        axes.set_xlabel(
+            ("delay from sample to current [ms]", "mass of the arm at the handle [kg]")[number]
+        )
+    right.set_xscale("log")
+    left.set_ylim(bottom=1.0)
+    left.set_ylabel("largest stable force gain")
+    left.set_title("A hand of 3 kg", loc="left")
+    right.set_title("The loop's own delay", loc="left")
+    figure.suptitle(
+        "Largest force gain of the linear loop (7.1); dashed: the thesis's 5", x=0.01, ha="left"
+    )
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return {"stability": figure}
+
+
+def _stable(gains: np.ndarray) -> np.ndarray:
+    """Return the gains, NaN where none is stable."""
+    return np.where(gains > 0.0, gains, np.nan)
+
+
+EXPERIMENT = Experiment(
+    NAME, "predicted largest stable force gain, its limiting factor, and the onset in simulation",
+    Settings, run, draw, HUMAN_ARM,
+)  # fmt: skip

@@ -11,18 +11,31 @@ import math
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.optimize import least_squares
 from scipy.signal import butter, sosfiltfilt
 
-from ..control.linearization import Line, Linearization
+from ..control.linearization import SMALLEST_JOINT, Line, Linearization, torque_command
+from ..figure_style import COLOURS
 from ..geometry import torque_to_force
 from ..settings import Setting, validated
-from .lab import Job, Lab, Part
-from .linearization_fit import Pieces, commands, desired_torque, fit_pieces
-from .results import Quantity, Result
+from .figures import axes_for, printed
+from .lab import Lab, Part
+from .results import LOCKED_ROTOR, Experiment, Published, Quantity, Result, beside
 from .trials import Samples, TorqueTrial
 
 NAME = "static_torque"
+THESIS = {
+    "correlation": Published(0.99996, "4.1.1, fig 4-4", 1e-4),
+    "dead_zone": Published(0.025, "4.1.1, fig 4-2", 0.005, given_to_plant=True),
+    "torque_constant": Published(0.16, "3.1.6", 0.005, given_to_plant=True),
+}
 _ORDER = 4
+_GRID = np.linspace(0.01, 0.06, 11)  # initial values of the joints [Nm]
+_REACH = (SMALLEST_JOINT, 0.5)  # smallest joint [Nm], largest as a share of the torque reached
+_EVERY = 5  # samples to one dot
+_FIRST, _SECOND, _THIRD = COLOURS[:3]
 
 
 class Settings(NamedTuple):
@@ -44,6 +57,16 @@ class Settings(NamedTuple):
     ] = 0.16
 
 
+class Pieces(NamedTuple):
+    """The fit: the map, and standard errors of (lower value and slope, upper value and slope at
+    the joints) and of the two joints; residual: standard deviation of the command [Nm]."""
+
+    linearization: Linearization
+    errors: np.ndarray
+    joint_errors: np.ndarray
+    residual: float
+
+
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure, fit, and measure again through the fit. Raises ValueError, Cancelled, NotPossible.
 
@@ -55,11 +78,11 @@ def run(lab: Lab, settings: Settings) -> Result:
             f"{2.0 * math.pi / settings.omega:.3g} s"
         )
     trial = TorqueTrial(settings.omega / (2.0 * math.pi), settings.amplitude, settings.duration)
-    raw = lab.run(NAME, [Job("raw", trial, reduced)])["raw"]
+    raw = lab.record(NAME, {"raw": trial}, reduced)["raw"]
     torque, command = _smoothed(raw, settings)
     fit = _fit(torque, command, _fewer(raw, settings))
     again = trial._replace(linearization=fit.linearization)
-    linear = lab.run(NAME, [Job("linearized", again, reduced)])["linearized"]
+    linear = lab.record(NAME, {"linearized": again}, reduced)["linearized"]
     desired = desired_torque(fit.linearization, linear["command"])
     curve = np.linspace(raw["torque"].min(), raw["torque"].max(), 401)
     data = {
@@ -76,7 +99,7 @@ def run(lab: Lab, settings: Settings) -> Result:
         + _check(raw, desired, linear["torque"])
         + _found(fit)
     )
-    return Result(NAME, quantities, settings._asdict(), _notes(fit, settings), data)
+    return Result(NAME, beside(THESIS, quantities), settings._asdict(), _notes(fit, settings), data)
 
 
 def reduced(trial: TorqueTrial, samples: Samples) -> Part:
@@ -185,7 +208,7 @@ def _check(raw: Part, desired: np.ndarray, torque: np.ndarray) -> tuple[Quantity
     count = math.sqrt(len(desired))
     return (
         Quantity("correlation", after, (1.0 - after**2) / count, "",
-                 "of torque with desired torque, linearized (thesis 0.99996)"),
+                 "of torque with desired torque, linearized"),
         Quantity("correlation_raw", before, (1.0 - before**2) / count, "",
                  "of torque with command, as it is"),
         Quantity("slope", float(slope), error, "", "torque per desired torque, linearized"),
@@ -221,3 +244,145 @@ def _notes(fit: Pieces, settings: Settings) -> tuple[str, ...]:
         "Standard errors come from the scatter about the fit, which includes the misfit of the "
         f"three pieces to the dead zone: {1000.0 * fit.residual:.2g} mNm of command.",
     )
+
+
+def fit_pieces(torque: np.ndarray, command: np.ndarray) -> Pieces:
+    """Fit line, cubic, line of command [Nm] over torque [Nm], continuous, by least squares.
+
+    For fixed joints the problem is linear: values and slopes of both lines at their joints, and the
+    cubic as the chord between them plus (T - low)(T - high)(p + q T). An outer optimisation finds
+    the joints. Raises ValueError if the torques do not determine the fit or the command does not
+    increase.
+    """
+    reach = min(-float(torque.min()), float(torque.max()))
+    if reach < 3.0 * _GRID[0]:
+        raise ValueError(
+            f"torque reached {torque.min():.3g} to {torque.max():.3g} Nm: too little on one side "
+            "for a fit in three pieces; is the rotor locked and the drive enabled?"
+        )
+
+    def left(joints: np.ndarray) -> np.ndarray:
+        return _linear_part(joints, torque, command)[1]
+
+    grid = [np.array([-joint, joint]) for joint in _GRID if joint < _REACH[1] * reach]
+    start = min(grid, key=lambda joints: float(np.sum(left(joints) ** 2)))
+    low, high = _REACH[0], _REACH[1] * reach
+    found = least_squares(
+        left, start, bounds=([-high, low], [-low, high]), x_scale=0.01, diff_step=1e-3
+    )
+    numbers, residual, basis = _linear_part(found.x, torque, command)
+    spread = float(np.std(residual))
+    return Pieces(
+        validated(_map(found.x, numbers)),
+        spread * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))[:4],
+        spread * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac))),
+        spread,
+    )
+
+
+def _linear_part(
+    joints: np.ndarray, torque: np.ndarray, command: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the six coefficients for fixed joints, the residual and the basis."""
+    low, high = joints
+    share = np.clip((torque - low) / (high - low), 0.0, 1.0)
+    inside = (torque > low) & (torque < high)
+    bow = np.where(inside, (torque - low) * (torque - high), 0.0)
+    basis = np.column_stack(
+        [
+            1.0 - share,
+            np.minimum(torque - low, 0.0),
+            share,
+            np.maximum(torque - high, 0.0),
+            bow,
+            bow * torque,
+        ]
+    )
+    numbers = np.linalg.lstsq(basis, command, rcond=None)[0]
+    return numbers, basis @ numbers - command, basis
+
+
+def desired_torque(linearization: Linearization | None, command: np.ndarray) -> np.ndarray:
+    """Return the desired torque [Nm] that the linearization maps to `command` [Nm]."""
+    if linearization is None:
+        return command
+    far = 2.0 + float(np.abs(command).max())
+    torques = np.concatenate([[-far], np.linspace(*linearization.joints_Nm, 2001), [far]])
+    return np.interp(command, commands(linearization, torques), torques)
+
+
+def commands(linearization: Linearization, torques: np.ndarray) -> np.ndarray:
+    """Return the commands [Nm] for torques [Nm]."""
+    return np.array([torque_command(linearization, float(torque)) for torque in torques])
+
+
+def _map(joints: np.ndarray, numbers: np.ndarray) -> Linearization:
+    low, high = map(float, joints)
+    lower, lower_slope, upper, upper_slope, p, q = map(float, numbers)
+    chord = (upper - lower) / (high - low)
+    cubic = np.polyadd(
+        np.polymul(np.poly([low, high]), [q, p]), [chord, lower - chord * low]
+    )
+    return Linearization(
+        (low, high),
+        Line(lower_slope, lower - lower_slope * low),
+        tuple(map(float, cubic)),
+        Line(upper_slope, upper - upper_slope * high),
+    )
+
+
+def measured_linearization(lab: Lab) -> Linearization:
+    """Return the linearization measured in this lab. Raises MissingResult."""
+    return linearization_of(lab.result(NAME))
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figs 4-2 to 4-4."""
+    d = result.data
+    raw = f"correlation {result.value('correlation_raw'):.5f}"
+    after = f"correlation {result.value('correlation'):.5f}"
+    first, axes = axes_for("commanded current [A]", "torque [Nm]",
+                           "Fig. 4-2: torque against commanded current")  # fmt: skip
+    _dots(axes, d["command"], d["torque"], f"measured, {raw}")
+    zone = THESIS["dead_zone"].value / THESIS["torque_constant"].value
+    printed(axes, [-zone, zone], [0.0, 0.0], "dead zone, 4.1.1")
+    axes.legend()
+    second, axes = axes_for("desired torque [Nm]", "commanded current [A]",
+                            "Fig. 4-3: commanded current against desired torque")  # fmt: skip
+    _dots(axes, d["torque"], d["command"], "measured")
+    axes.plot(d["fit_torque"], d["fit_command"], color=_THIRD, lw=1.6, label="line, cubic, line")
+    joints = [result.value("lower_joint"), result.value("upper_joint")]
+    at = np.interp(joints, d["fit_torque"], d["fit_command"])
+    axes.plot(joints, at, "o", color=_THIRD, mfc="white", label="joints", zorder=4)
+    axes.legend()
+    _closeup(axes, d)
+    third, axes = axes_for("desired current [A]", "torque [Nm]",
+                           "Fig. 4-4: torque against current, using the linearization")  # fmt: skip
+    _dots(axes, d["linear_desired"], d["linear_torque"], f"measured, {after}")
+    ends = np.array([d["linear_desired"].min(), d["linear_desired"].max()])
+    line = result.value("slope") * result.settings["torque_constant"] * ends
+    axes.plot(ends, line, color=_THIRD, label="straight line")
+    axes.legend()
+    return {"4-2": first, "4-3": second, "4-4": third}
+
+
+def _closeup(axes: Axes, data: dict[str, np.ndarray]) -> None:
+    inner = axes.inset_axes((0.62, 0.1, 0.36, 0.4))
+    _dots(inner, data["torque"], data["command"], "")
+    inner.plot(data["fit_torque"], data["fit_command"], color=_THIRD, lw=1.6)
+    inner.set_xlim(-0.04, 0.04)
+    inner.set_ylim(-0.45, 0.45)
+    inner.tick_params(labelsize=8)
+    inner.set_title("near zero", fontsize=9)
+
+
+def _dots(axes: Axes, x: np.ndarray, y: np.ndarray, label: str) -> None:
+    axes.plot(x[::_EVERY], y[::_EVERY], ".", ms=1.5, color=_FIRST, alpha=0.6)
+    if label:
+        axes.plot([], [], ".", ms=6, color=_FIRST, label=label)
+
+
+EXPERIMENT = Experiment(
+    NAME, "dead zone, torque constant and linearization of the amplifier (thesis 4.1.1)", Settings,
+    run, draw, LOCKED_ROTOR,
+)  # fmt: skip

@@ -12,34 +12,54 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from ..figure_style import COLOURS, DESIRED
 from ..settings import Setting
-from .delay_limit import misfit_profile, wire_profile
+from .current_response import DELAY_WHY
+from .figures import axes_for, bode, phase_degrees
 from .lab import Lab
-from .results import Quantity, Result
-from .sampled_models import (
+from .results import (
+    DERIVED,
+    LOCKED_ROTOR,
+    MEASURED,
+    Experiment,
+    Published,
+    Quantity,
+    Result,
+    beside,
+)
+from .sampled import (
+    WIRE,
+    Amplifier,
     Fit,
+    Sweep,
     continuous_response,
     first_order,
     fit_response,
     held_twice_response,
+    known_amplifier,
     sampled_response,
     second_order,
     series,
-)
-from .swept_sine import (
-    Amplifier,
-    Sweep,
-    known_amplifier,
-    measured_linearization,
     sweep_of,
-    torque_jobs,
+    torque_part,
+    torque_sweep,
 )
+from .static_torque import measured_linearization
 from .trials import TorqueTrial
 
 NAME = "torque_response"
+THESIS = {
+    "damping": Published(7.2, "4.1.3, C.3", 0.7, given_to_plant=True),
+    "delay": Published(400e-6, "4.1.3, fig 4-10", 250e-6, DELAY_WHY, given_to_plant=True),
+    "resonance": Published(3600.0, "4.1.3", 50.0),
+    "resonance_seen": Published(400.0, "4.1.3, eq 4.2", 50.0),
+}
+_FIRST, _SECOND, _THIRD = COLOURS[:3]
 _STARTS = (0.3, 3.0, 10.0)  # initial damping [Nm s/rad]: the misfit can have several minima
 _LIGHT = 0.005  # damping with a visible resonance [Nm s/rad]
+_LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
 _LOW, _HIGH = np.array([0.3, 0.01, 0.0]), np.array([3.0, 100.0, 4e-3])
 _PROFILE = np.linspace(0.0, 1e-3, 101)
 
@@ -65,6 +85,21 @@ class Settings(NamedTuple):
     ] = 60e-6
 
 
+class Held(NamedTuple):
+    """A sine through a hold, a wire with a delay and a sampler, as curves.
+
+    time, sample_time [sample periods]; input, answer: input and output of the wire over `time`;
+    samples: at `sample_time`; rebuilt: the samples held again, over `time`.
+    """
+
+    time: np.ndarray
+    input: np.ndarray
+    answer: np.ndarray
+    sample_time: np.ndarray
+    samples: np.ndarray
+    rebuilt: np.ndarray
+
+
 def run(lab: Lab, settings: Settings) -> Result:
     """Measure through the measured linearization, at both rates, and fit.
 
@@ -76,15 +111,16 @@ def run(lab: Lab, settings: Settings) -> Result:
     rates = [(lab.rate, 0.0, "")]
     if settings.slow_rate and settings.slow_rate != lab.rate:
         rates.append((settings.slow_rate, settings.slow_rate, "_slow"))
-    jobs = [
-        torque_jobs(frequencies, trial._replace(rate=asked), settings.cycles, "torque")
+    sweeps = [
+        torque_sweep(frequencies, trial._replace(rate=asked), settings.cycles, "torque")
         for _, asked, _ in rates
     ]
-    parts = lab.run(NAME, sum(jobs, []))
+    together = {name: trial for sweep in sweeps for name, trial in sweep.items()}
+    parts = lab.record(NAME, together, torque_part)
     quantities: tuple[Quantity, ...] = ()
     data: dict[str, np.ndarray] = {}
-    for (rate, _, end), own in zip(rates, jobs, strict=True):
-        sweep = sweep_of({job.name: parts[job.name] for job in own})
+    for (rate, _, end), own in zip(rates, sweeps, strict=True):
+        sweep = sweep_of({name: parts[name] for name in own})
         model = _model(sampled_response, settings, amplifier, frequencies, rate)
         fit = _fit(model, sweep)
         quantities += _found(fit, rate, end)
@@ -101,10 +137,10 @@ def run(lab: Lab, settings: Settings) -> Result:
             data |= _folded(settings, amplifier, fit, rate)
     resonance = math.sqrt(settings.stiffness / settings.inertia) / (2.0 * math.pi)
     seen = abs(resonance - round(resonance / lab.rate) * lab.rate)
-    quantities += (
-        Quantity("resonance", resonance, math.nan, "Hz", "undamped, from K and J (thesis 3600 Hz)"),
-        Quantity("resonance_seen", seen, math.nan, "Hz", "where it folds to (thesis 400 Hz)"),
-    )
+    quantities = beside(THESIS, quantities, MEASURED) + beside(THESIS, (
+        Quantity("resonance", resonance, math.nan, "Hz", "undamped, from K and J"),
+        Quantity("resonance_seen", seen, math.nan, "Hz", "where it folds to"),
+    ), DERIVED)  # fmt: skip
     notes = _notes(settings, amplifier, quantities, lab.rate)
     return Result(NAME, quantities, settings._asdict(), notes, data)
 
@@ -139,9 +175,9 @@ def _found(fit: Fit, rate: float, end: str) -> tuple[Quantity, ...]:
     at = f"at {rate:g} Hz"
     return (
         Quantity(f"damping{end}", damping, damping_error, "Nm s/rad",
-                 f"B of C.3, {at} (thesis 7.2)"),
+                 f"B of C.3, {at}"),
         Quantity(f"delay{end}", delay, delay_error, "s",
-                 f"software delay, {at} (thesis 400 us, direct study 200 to 450 us)"),
+                 f"software delay, {at} (direct study 200 to 450 us)"),
         Quantity(f"gain{end}", gain, gain_error, "", f"torque per desired torque, {at}"),
         Quantity(f"misfit{end}", fit.misfit, math.nan, "",
                  f"rms of model over measured, less 1, {at}"),
@@ -195,6 +231,63 @@ def _folded(
     }
 
 
+def held_wire(delay: float, periods: int = 20, per_period: int = 100) -> Held:
+    """Return fig 4-13 (delay = 0) or 4-14; times and delay are in sample periods.
+
+    periods: of one sine; per_period: points to draw.
+    """
+    time = np.arange(periods * per_period) / per_period
+    first = time[::per_period]
+    frequency = 1.0 / periods
+    samples = _held(first - delay, frequency)
+    return Held(
+        time,
+        _held(time, frequency),
+        _held(time - delay, frequency),
+        first,
+        samples,
+        np.repeat(samples, per_period),
+    )
+
+
+def _held(time: np.ndarray, frequency: float) -> np.ndarray:
+    """Return a sine that begins at time 0, held from each whole number to the next."""
+    return np.sin(2.0 * np.pi * frequency * np.maximum(np.floor(time), 0.0))
+
+
+def misfit_profile(
+    model: Callable[[np.ndarray], np.ndarray],
+    measured: np.ndarray,
+    delays: np.ndarray,
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Return the least misfit for each delay [s], with all other parameters fitted.
+
+    model: function of the other parameters and, last, the delay; start, low, high: initial values
+    and bounds of the other parameters.
+    """
+    found = []
+    for delay in delays:
+        fit = fit_response(lambda x, d=delay: model(np.append(x, d)), measured, start, low, high)
+        found.append(fit.misfit)
+        start = np.clip(fit.values, 1.001 * low, 0.999 * high)
+    return np.array(found)
+
+
+def wire_profile(
+    frequencies: np.ndarray, rate: float, delay: float, delays: np.ndarray
+) -> np.ndarray:
+    """Return the misfit of a wire with each of `delays` [s] to a wire with `delay`, both sampled.
+
+    It is 0 for all delays with the same number of periods after rounding up.
+    """
+    truth = sampled_response(WIRE, frequencies, rate, delay)
+    off = [sampled_response(WIRE, frequencies, rate, float(d)) / truth - 1.0 for d in delays]
+    return np.sqrt(np.mean(np.abs(off) ** 2, axis=1))
+
+
 def _notes(
     settings: Settings, amplifier: Amplifier, quantities: tuple[Quantity, ...], rate: float
 ) -> tuple[str, ...]:
@@ -220,3 +313,107 @@ def _notes(
         f"With a second hold for the A/D card (fig C-1) the model lags {1e6 * half:.0f} us more, "
         "and the fitted delay is shorter.",
     )
+
+
+def draw(result: Result) -> dict[str, Figure]:
+    """Return figs 4-9 to 4-14, the folded resonance and the misfit of each delay."""
+    d = result.data
+    measured = (d["frequency"], d["measured"])
+    model = {_name(result, ""): d["model"]}
+    figures = {
+        "4-9": bode("Fig. 4-9: torque / commanded torque, 2 kHz", *measured),
+        "4-10": bode("Fig. 4-10: torque / commanded torque, 2 kHz, with model", *measured, model),
+        "4-11": _linear_phase(result),
+    }
+    if "model_slow" in d:
+        figures["4-12"] = bode(
+            "Fig. 4-12: torque / commanded torque, 1 kHz, with model",
+            d["frequency_slow"], d["measured_slow"], {_name(result, "_slow"): d["model_slow"]},
+        )  # fmt: skip
+    figures["4-13"] = _wire("Fig. 4-13: unity gain, read and written at once", 0.0)
+    figures["4-14"] = _wire("Fig. 4-14: unity gain with a delay of 0.4 samples", 0.4)
+    figures["resonance"] = _resonance(result)
+    figures["delay"] = _delay(result)
+    return figures
+
+
+def _name(result: Result, end: str) -> str:
+    return (
+        f"model: B = {result.value('damping' + end):.3g} Nm s/rad, "
+        f"delay {1e6 * result.value('delay' + end):.0f} us"
+    )
+
+
+def _linear_phase(result: Result) -> Figure:
+    d = result.data
+    figure, axes = axes_for("", "", "Fig. 4-11: phase of torque / commanded torque, linear scale")
+    axes.plot(
+        d["frequency"], phase_degrees(d["measured"]), "o", color=_FIRST, ms=4, label="measured"
+    )
+    axes.plot(d["frequency"], phase_degrees(d["model"]), color=_THIRD, label=_name(result, ""))
+    axes.set(xlabel="frequency [Hz]", ylabel="phase [degrees]")
+    axes.legend()
+    return figure
+
+
+def _wire(title: str, delay: float) -> Figure:
+    held = held_wire(delay, periods=16)
+    figure, axes = axes_for("time [sample periods]", "signal", title)
+    axes.plot(held.time, held.input, color=_FIRST, lw=1.4, label="input, held")
+    if delay:
+        axes.plot(held.time, held.answer, color=_SECOND, lw=1.4, ls="--", label="output")
+    axes.plot(held.sample_time, held.samples, "x", color=DESIRED, ms=6, label="read")
+    axes.plot(held.time, held.rebuilt, color=DESIRED, ls=":", lw=1.8, label="read, held again")
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _resonance(result: Result) -> Figure:
+    """Draw responses of a lightly damped rotor, sampled and not, and of the measured one."""
+    d = result.data
+    light = f"B = {float(d['light_damping']):g} Nm s/rad"
+    figure, axes = axes_for("", "", "The resonance at 3600 Hz, and its alias at 2 kHz (4.1.3)")
+    axes.plot(d["wide_frequency"], _decibels(d["wide_light"]), color=_SECOND,
+              label=f"{light}, not sampled")  # fmt: skip
+    axes.plot(d["folded_frequency"], _decibels(d["folded_light"]), color=_FIRST,
+              label=f"{light}, sampled")  # fmt: skip
+    axes.plot(d["folded_frequency"], _decibels(d["folded_found"]), color=_THIRD,
+              label=f"B = {result.value('damping'):.3g} Nm s/rad as found, sampled")  # fmt: skip
+    axes.plot(d["frequency"], _decibels(d["measured"]), "o", color=DESIRED, ms=3.5,
+              label="measured")  # fmt: skip
+    for name in ("resonance_seen", "resonance"):
+        at = result.value(name)
+        axes.axvline(at, color="#888888", lw=0.7, ls="--", zorder=1)
+        axes.annotate(f" {at:.0f} Hz", (at, 0.985), xycoords=("data", "axes fraction"), va="top",
+                      fontsize=9)  # fmt: skip
+    axes.set_ylim(-40.0, 30.0)
+    axes.set(xlabel="frequency [Hz]", ylabel="torque / commanded torque [dB]")
+    axes.legend(loc="lower right")
+    return figure
+
+
+def _delay(result: Result) -> Figure:
+    d = result.data
+    figure, axes = axes_for("", "", "What sampled data tell of the software delay (4.1.4)")
+    delay = 1e6 * d["limit_delay"]
+    axes.plot(delay, 100.0 * d["limit_rotor"], color=_THIRD,
+              label="this rotor: amplifier, J and K known, B fitted anew")  # fmt: skip
+    axes.plot(delay, 100.0 * d["limit_wire"], color=_FIRST, drawstyle="steps-post",
+              label="a wire behind the amplifier's delay: nothing within a sample")  # fmt: skip
+    found = 1e6 * result.value("delay")
+    axes.axvline(found, color="#888888", lw=0.7, ls="--", zorder=1)
+    axes.annotate(f" {found:.0f} us", (found, 0.6), xycoords=("data", "axes fraction"), fontsize=9)
+    axes.set_ylim(-1.0, 1.25 * axes.get_ylim()[1])
+    axes.set(xlabel="software delay of the model [us]", ylabel="misfit, rms [%]")
+    axes.legend(loc="upper left")
+    return figure
+
+
+def _decibels(values: np.ndarray) -> np.ndarray:
+    return 20.0 * np.log10(np.abs(values))
+
+
+EXPERIMENT = Experiment(
+    NAME, "damping and delay of the locked rotor, and resolution of the delay (thesis 4.1.3)",
+    Settings, run, draw, LOCKED_ROTOR, ("static_torque",),
+)  # fmt: skip

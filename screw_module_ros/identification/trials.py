@@ -3,7 +3,8 @@
 
 An experiment is a list of trials and a fit. A trial is data, so the same excitation runs on the
 live graph and on the simulated module in process; a bench (`InProcessBench`, or the live one of the
-node `characterize`) turns it into samples.
+node `characterize`) turns it into samples. A trial says what it `needs` of a bench, a bench what it
+`offers`; `require` refuses what is missing, with the way out.
 
 Every bench measures the zero of the transducer before and after a trial, without load on handle or
 rotor, and subtracts the straight line between the two, so that drift does not appear as friction.
@@ -25,6 +26,28 @@ from ..control.vertical_settings import VerticalSettings
 DIRECTIONS = (("up", 1.0), ("down", -1.0))
 """Name and sign of both directions along the screw."""
 WAY_S = 1.0  # in which a hand goes to where the trial wants it
+
+TORQUE, ANALYSER, STAGE, MOTION, PLANE = "torque", "analyser", "stage", "motion", "plane"
+RELEASE, ONLY_IN_PROCESS, PRELOADED, TRUTH = "release", "only_in_process", "preloaded", "truth"
+WAYS_OUT = {
+    TORQUE: "a sine of torque on the locked rotor is not offered by this bench: mount the rotor's "
+    "lock, or run this experiment with `make reproduce`",
+    ANALYSER: "this trial needs a signal analyser on the servo amplifier, which the graph does not "
+    "have: run the experiment in process",
+    STAGE: "this bench has no positioning stage: run this experiment with `make reproduce`",
+    MOTION: "no hand moves the handle on this bench: run this experiment with `make reproduce`",
+    PLANE: "trials of the plane are only there in process: run this experiment with "
+    "`make reproduce`",
+    ONLY_IN_PROCESS: "a hand that presses sideways or trembles and a rig that changed are only "
+    "there in process: run this experiment with `make reproduce`, or choose other cases and "
+    "states, with side_force: 0.0",
+    PRELOADED: "a nut without backlash is only there in process: leave it out with the goal's "
+    "settings '{preloaded: false}', or run this experiment with `make reproduce`",
+    RELEASE: "a hand that holds off the centre or lets go needs the simulated rig: choose cases in "
+    "which the hand moves",
+}
+"""What a trial may need of a bench, and the way out where the bench lacks it. A bench that offers
+TRUTH is a simulated module: it has the attributes `world` and `loop`, and true samples."""
 
 OnProgress = Callable[[float], None]
 """Called with the share of a trial that is done, 0 to 1; may raise `Cancelled`."""
@@ -52,6 +75,11 @@ class TorqueTrial(NamedTuple):
     linearization: Linearization | None = None
     rate: float = 0.0
 
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a bench must offer."""
+        return frozenset({TORQUE})
+
 
 class AnalyzerTrial(NamedTuple):
     """A signal analyser on the servo amplifier alone (thesis 4.1.2): one sine of its swept sine.
@@ -63,6 +91,11 @@ class AnalyzerTrial(NamedTuple):
     amplitude: float
     duration: float
     rate: float = 256_000.0
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a bench must offer."""
+        return frozenset({ANALYSER})
 
 
 class StageTrial(NamedTuple):
@@ -76,6 +109,11 @@ class StageTrial(NamedTuple):
     start: float
     end: float
     upside_down: bool = False
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a bench must offer."""
+        return frozenset({STAGE})
 
 
 class Arm(NamedTuple):
@@ -117,6 +155,16 @@ class MotionTrial(NamedTuple):
     released_after: float = math.inf
     changed: int = 0
 
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a bench must offer."""
+        wanted = {
+            ONLY_IN_PROCESS: self.side_force or self.tremor or self.changed,
+            PRELOADED: self.preloaded,
+            RELEASE: self.way or math.isfinite(self.released_after),
+        }
+        return frozenset({MOTION, *(need for need, there in wanted.items() if there)})
+
 
 class PlanarTrial(NamedTuple):
     """The hand moves the handle in the plane while the planar law runs; in process only.
@@ -136,6 +184,11 @@ class PlanarTrial(NamedTuple):
     way: float = 0.0
     tremor: float = 0.0
     released_after: float = math.inf
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """What a bench must offer."""
+        return frozenset({PLANE})
 
 
 Trial = TorqueTrial | AnalyzerTrial | StageTrial | MotionTrial | PlanarTrial
@@ -169,10 +222,12 @@ class Samples(NamedTuple):
 
 
 class Bench(Protocol):
-    """Interface of a bench. rate: samples per second [1/s]; name: for reports."""
+    """Interface of a bench. rate: samples per second [1/s]; name: for reports; offers: what trials
+    may need, of `WAYS_OUT` and TRUTH."""
 
     rate: float
     name: str
+    offers: frozenset[str]
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises Cancelled, NotPossible; afterwards the torque is zero."""
@@ -186,3 +241,10 @@ def duration_of(trial: Trial) -> float:
     if isinstance(trial, StageTrial):
         return abs(trial.end - trial.start) / abs(trial.speed)
     return trial.duration
+
+
+def require(trial: Trial, bench: Bench) -> None:
+    """Raise NotPossible with the way out if the bench lacks what a trial needs."""
+    for need, way_out in WAYS_OUT.items():
+        if need in trial.needs - bench.offers:
+            raise NotPossible(way_out)

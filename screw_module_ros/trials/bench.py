@@ -35,7 +35,7 @@ from screw_module_ros import graph as topics
 from screw_module_ros.bridge.tokens import tokens_in
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification.in_process import InProcessBench
+from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.pool import worker_pool
 from screw_module_ros.identification.trials import MotionTrial, StageTrial, Trial
 from screw_module_ros.nodes.support.states import histogram_key

@@ -23,8 +23,8 @@ from screw_module_msgs.msg import ForceCommand
 
 from screw_module_ros import graph
 from screw_module_ros.identification import figures
-from screw_module_ros.identification.figures.force_position import Path3D, Trace
-from screw_module_ros.identification.force_position import (
+from screw_module_ros.identification.figures import Path3D, Trace
+from screw_module_ros.identification.force_metric import (
     MOTION_THRESHOLD,
     Offsets,
     Spring,

@@ -22,7 +22,7 @@ from screw_module_ros.calibration.module import (
     write_calibration,
 )
 from screw_module_ros.control.linearization import default_linearization
-from screw_module_ros.identification.catalogue import EXPERIMENTS, settings_from_yaml
+from screw_module_ros.identification.experiments import EXPERIMENTS, settings_from_yaml
 from screw_module_ros.nodes.bringup import plan
 from screw_module_ros.nodes.support.arguments import arguments, overrides, sections
 from screw_module_ros.plant.settings import load_world

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from screw_module_ros.identification.in_process import InProcessBench
+from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.plant.settings import load_world
 
 

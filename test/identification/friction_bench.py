@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from screw_module_ros.identification.trials import MotionTrial, Samples, StageTrial
+from screw_module_ros.identification.trials import WAYS_OUT, MotionTrial, Samples, StageTrial
 
 COUNT = 0.01905 / 20_000
 TURN = 2.0 * np.pi / 0.01905
@@ -34,8 +34,7 @@ class Module(NamedTuple):
 class FakeBench:
     """Samples of `Module`, made by formulas."""
 
-    rate = 2000.0
-    name = "made by formulas"
+    rate, name, offers = 2000.0, "made by formulas", frozenset(WAYS_OUT)
 
     def __init__(self, module: Module | None = None):
         self.module = module or Module()

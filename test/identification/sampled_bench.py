@@ -6,9 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from screw_module_ros.control.linearization import IDENTITY
-from screw_module_ros.identification import sampled_models as models
+from screw_module_ros.identification import sampled as models
 from screw_module_ros.identification.results import Quantity, Result
-from screw_module_ros.identification.trials import Samples
+from screw_module_ros.identification.trials import WAYS_OUT, Samples
 
 KNOWN_DELAY = 60e-6
 
@@ -16,8 +16,7 @@ KNOWN_DELAY = 60e-6
 class SampledBench:
     """Answers a TorqueTrial with the exact sines of its models, and noise."""
 
-    rate = 2000.0
-    name = "fake"
+    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
 
     def __init__(self, damping=5.0, delay=280e-6, noise=0.0012):
         self.delay, self.noise = delay + KNOWN_DELAY, noise

@@ -9,9 +9,8 @@ import pytest
 from screw_module_ros.identification import amplifier_response
 from screw_module_ros.identification.amplifier_response import Settings
 from screw_module_ros.identification.lab import Lab
-from screw_module_ros.identification.sampled_models import first_order, sampled_response
-from screw_module_ros.identification.trials import Samples
-from screw_module_ros.plant.instruments import analyzed
+from screw_module_ros.identification.sampled import first_order, sampled_response
+from screw_module_ros.identification.trials import WAYS_OUT, Samples
 
 FEW = Settings(low=100.0, per_decade=8, shortest=0.02)
 
@@ -19,8 +18,7 @@ FEW = Settings(low=100.0, per_decade=8, shortest=0.02)
 class FakeBench:
     """An amplifier without a dead zone, with a pole and a delay of its own, and noise."""
 
-    rate = 2000.0
-    name = "fake"
+    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
 
     def __init__(self, pole=800.0, delay=85e-6, noise=0.02):
         self.pole, self.delay, self.noise = pole, delay, noise
@@ -40,37 +38,12 @@ class FakeBench:
         return Samples(time, nothing, nothing, nothing, nothing, command, current)
 
 
-class SimulatedBench(FakeBench):
-    """The plant's amplifier, with its dead zone."""
-
-    def __init__(self, amplifier):
-        super().__init__()
-        self.amplifier = amplifier
-
-    def record(self, trial, told):
-        command, current = analyzed(self.amplifier, *trial)
-        time = np.arange(len(command)) / trial.rate
-        nothing = np.full_like(time, np.nan)
-        return Samples(time, nothing, nothing, nothing, nothing, command, current)
-
-
 def test_pole_and_delay_with_honest_errors(tmp_path):
     result = amplifier_response.run(Lab(FakeBench(), tmp_path), FEW)
     for name, truth in (("pole", 800.0), ("delay", 85e-6), ("gain", 1.0)):
         found = result.quantity(name)
         assert found.value == pytest.approx(truth, rel=0.01)
         assert abs(found.value - truth) < 4.0 * found.uncertainty
-
-
-def test_the_plants_amplifier(tmp_path):
-    from screw_module_ros.plant.settings import load_world
-
-    bench = SimulatedBench(load_world().amplifier)
-    result = amplifier_response.run(Lab(bench, tmp_path), FEW)
-    assert result.value("pole") == pytest.approx(1000.0, rel=0.01)
-    assert result.value("delay") == pytest.approx(60e-6, rel=0.01)
-    assert result.value("gain") == pytest.approx(0.91, abs=0.01)  # the dead zone
-    assert result.value("misfit") < 0.01
 
 
 def test_forty_frequencies_a_decade_of_whole_cycles(tmp_path):
@@ -81,8 +54,3 @@ def test_forty_frequencies_a_decade_of_whole_cycles(tmp_path):
     assert cycles == pytest.approx(np.round(cycles), abs=1e-6)
     assert np.abs(result.data["model"] / result.data["measured"] - 1.0).max() < 0.05
     assert result.data["frequency"][[0, -1]] == pytest.approx([1000.0, 10_000.0])
-
-
-def test_range_upside_down_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="high = 50 Hz is not above low = 100 Hz"):
-        amplifier_response.run(Lab(FakeBench(), tmp_path), Settings(low=100.0, high=50.0))

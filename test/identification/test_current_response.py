@@ -9,7 +9,7 @@ from sampled_bench import SampledBench, keep_linearization
 
 from screw_module_ros.identification import current_response
 from screw_module_ros.identification.current_response import Settings
-from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Quantity, Result
 
 FEW = Settings(count=8, low=5.0)
@@ -43,17 +43,3 @@ def test_the_measured_amplifier_is_used(lab):
     result = current_response.run(lab, FEW)
     assert result.value("delay") == pytest.approx(230e-6, abs=5e-6)
     assert "as measured" in result.notes[0]
-
-
-def test_linearization_is_wanted_first(tmp_path):
-    with pytest.raises(MissingResult, match="static_torque"):
-        current_response.run(Lab(SampledBench(), tmp_path), FEW)
-
-
-def test_forty_sines_at_the_benchs_rate(lab):
-    current_response.run(lab, Settings(cycles=1))
-    asked = lab.bench.asked
-    assert len(asked) == 40
-    assert {trial.rate for trial in asked} == {0.0}
-    assert asked[0].frequency == pytest.approx(1.0)
-    assert asked[-1].frequency == pytest.approx(200.0)

@@ -11,6 +11,7 @@ import yaml
 from screw_module_ros.control import modes
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import delivered_impedance
+from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.certificate import FILE
 from screw_module_ros.identification.delivered_impedance import (
     Settings,
@@ -18,12 +19,14 @@ from screw_module_ros.identification.delivered_impedance import (
     friction_felt,
     reduced,
 )
-from screw_module_ros.identification.figures.certificate import certificate_figures
-from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Quantity, Result
-from screw_module_ros.identification.trials import MotionTrial, NotPossible, Samples
+from screw_module_ros.identification.trials import WAYS_OUT, MotionTrial, NotPossible, Samples
 from screw_module_ros.plant.settings import load_world
+
+
+def sine(frequency):
+    return MotionTrial(modes.OFF, VerticalSettings(), omega=2.0 * math.pi * frequency)
 
 
 @pytest.mark.parametrize("frequency", [0.5, 4.0, 30.0])
@@ -35,7 +38,7 @@ def test_spring_damper_and_mass_are_found(frequency):
     nothing = np.zeros_like(time)
     samples = Samples(time, nothing, nothing, nothing, nothing, nothing, nothing,
                       position, velocity, force)  # fmt: skip
-    found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, frequency)["impedance"]
+    found = reduced(sine(frequency), samples)["impedance"]
     assert complex(found) == pytest.approx(7.0 + 1j * (2.0 * omega - 100.0 / omega), rel=0.01)
 
 
@@ -45,7 +48,7 @@ def test_a_hand_that_cannot_follow_the_sine_is_told():
     slow = 0.002 * np.sin(2.0 * math.pi * 1.3 * time)
     for position in (slow, np.zeros_like(time)):
         samples = Samples(time, position, *([np.ones_like(time)] * 5))
-        found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 30.0)
+        found = reduced(sine(30.0), samples)
         assert np.isnan(found["impedance"])
 
 
@@ -82,9 +85,7 @@ def test_observer_is_lighter_than_feedback_and_feedback_than_nothing(tmp_path):
     assert release[2] < 0.3 < release[0]
     assert wall[0] > wall[1] > wall[2] and wall[2] < 0.3
     assert certificate["delivered"]["hold_travel_observer"]["value"] < 0.2e-3
-    left, right = certificate_figures(result)["certificate"].axes
-    assert len(left.lines) == 6, "five modes and the spring"
-    assert len(right.patches) == 20, "friction, hold, release and wall in five modes"
+    assert set(delivered_impedance.draw(result)) == {"impedance", "at rest"}
 
 
 def test_coulomb_friction_is_found_beside_a_damper():
@@ -94,7 +95,7 @@ def test_coulomb_friction_is_found_beside_a_damper():
     nothing = np.zeros_like(time)
     samples = Samples(time, nothing, nothing, nothing, nothing, nothing, nothing,
                       0.04 * np.sin(omega * time), velocity, force)  # fmt: skip
-    found = reduced(MotionTrial(modes.OFF, VerticalSettings()), samples, 0.5)["impedance"]
+    found = reduced(sine(0.5), samples)["impedance"]
     assert friction_felt(complex(found).real, 5.0, 0.04 * omega) == pytest.approx(6.0, rel=0.01)
 
 
@@ -102,7 +103,7 @@ def test_it_is_of_the_law_that_the_calibration_makes(tmp_path):
     """Beside gains for the identified mass stood the impedance of the default law."""
 
     class Asked:
-        rate, name = 1000.0, "asked"
+        rate, name, offers = 1000.0, "asked", frozenset(WAYS_OUT)
 
         def record(self, trial, told):
             assert (trial.settings.gravity, trial.settings.mass) == (8.7, 5.1)

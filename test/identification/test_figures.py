@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Shared figures, and one look at those of every experiment."""
+
 import numpy as np
 import pytest
+from friction_bench import FakeBench
+from sampled_bench import SampledBench, keep_linearization
 
 from screw_module_ros.identification import figures
-from screw_module_ros.identification.figures.force_position import Path3D, Trace
-from screw_module_ros.identification.force_position import Spring
+from screw_module_ros.identification.experiments import EXPERIMENTS
+from screw_module_ros.identification.figures import Path3D, Trace
+from screw_module_ros.identification.force_metric import Spring
+from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.results import load_result, no_figures
 
 SPRING = Spring(100.0, 0.18)
 
@@ -46,24 +53,15 @@ def test_arrows_point_the_way_the_handle_goes():
         assert upward == above  # friction: the patient pushes more on the way up
 
 
-def test_long_records_are_thinned():
-    axes = figures.force_position([loop("plain", 10.0, 200_000)], SPRING).axes[0]
-    assert len(axes.lines[0].get_xdata()) < 10_000
-
-
-def test_a_handle_at_rest_can_be_drawn():
-    still = Trace("still", np.full(50, 0.18), np.zeros(50), np.zeros(50))
-    figures.force_position([still], SPRING)
-
-
 def test_paths_are_seen_from_above_and_from_the_front():
     way = np.linspace(0.0, 0.1, 50)
     points = np.column_stack([way, 2.0 * way, 3.0 * way])
-    figure = figures.path_views([Path3D("all", points)], targets=np.array([[0.1, 0.0], [0.0, 0.1]]))
-    above, front = figure.axes
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["targets", "all"]
+    figure = figures.path_views([Path3D("one", points), Path3D("two", -points)],
+                                targets=np.array([[0.1, 0.0], [0.0, 0.1]]))  # fmt: skip
+    titles = [axes.get_title("left") for axes in figure.axes]
+    assert titles[:2] == ["one", "two"], "no path is drawn over another"
+    above, _, front, _ = figure.axes
     for axes, upward in ((above, 2), (front, 3)):
-        assert axes.get_xlabel().endswith("[m]")
         assert axes.get_ylabel().endswith("[m]")
         assert axes.lines[0].get_ydata()[-1] == pytest.approx(0.1 * upward)
 
@@ -76,11 +74,48 @@ def test_nothing_to_draw_is_refused(draw):
         draw()
 
 
-def test_saved_as_png(tmp_path):
-    file = figures.save(figures.force_position([loop("plain", 1.0)], SPRING), tmp_path / "a.png")
-    assert file.read_bytes().startswith(b"\x89PNG")
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory, bench):
+    """Results of every experiment with figures, on benches by formulas or for a short time."""
+    folder = tmp_path_factory.mktemp("kept")
+    keep_linearization(folder)
+    formulas, sampled = Lab(FakeBench(), folder), Lab(SampledBench(), folder)
+    simulated = Lab(bench, folder)
+    speeds = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
+    changes = {
+        "static_torque": (simulated, {}),
+        "amplifier_response": (simulated, {"low": 500.0, "per_decade": 4}),
+        "current_response": (sampled, {"count": 6}),
+        "torque_response": (sampled, {"count": 6}),
+        "friction_map": (formulas, {"speeds": speeds, "inverted_speeds": speeds[::3]}),
+        "force_position": (simulated, {"cycles": 1.0}),
+        "force_gain": (simulated, {"gains": (0.0, 20.0), "resolution": 5.0, "duration": 4.0}),
+        "force_error": (simulated, {"cases": ("small",)}),
+        "planar_error": (simulated, {"cases": ("small",)}),
+        "stability": (simulated, {"simulated": False}),
+        "delivered_impedance": (simulated, {"frequencies": (1.0, 8.0)}),
+        "compensation": (simulated, {"cycles": 1.0}),
+        "robustness": (simulated, {"cases": ("small",)}),
+    }
+    results = {}
+    for experiment in EXPERIMENTS.values():
+        lab, settings = changes.get(experiment.name, (formulas, {}))
+        if experiment.draw is not no_figures:
+            result = experiment.run(lab, experiment.settings()._replace(**settings))
+            result.save(folder)
+            results[experiment.name] = load_result(folder, experiment.name)
+    return results
 
 
-def test_an_unwritable_place_is_an_os_error(tmp_path):
-    with pytest.raises(OSError, match="nowhere"):
-        figures.save(figures.force_position([loop("p", 1.0)], SPRING), tmp_path / "nowhere/a.png")
+def test_every_experiment_draws_what_it_kept(kept, tmp_path):
+    """From the files alone; each figure has a title, units, and something in it."""
+    assert len(kept) > 15
+    for name, result in kept.items():
+        drawn = EXPERIMENTS[name].draw(result)
+        assert drawn, name
+        for title, figure in drawn.items():
+            assert figure.axes[0].get_title("left"), (name, title)
+            for axes in figure.axes:
+                assert axes.has_data() or axes.patches, (name, title)
+            file = figures.save(figure, tmp_path / f"{name}-{title.replace(' ', '_')}.png")
+            assert file.stat().st_size > 5000, (name, title)

@@ -8,8 +8,7 @@ import pytest
 from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_map
-from screw_module_ros.identification.figures.friction_maps import friction_map_figures
-from screw_module_ros.identification.friction_map import Settings, stribeck_velocity
+from screw_module_ros.identification.friction_map import Settings
 from screw_module_ros.identification.lab import Lab
 
 SPEEDS = (0.005, 0.010, 0.020, 0.030, 0.050, 0.100, 0.150)
@@ -46,40 +45,12 @@ def test_friction_is_least_where_the_module_has_its_stribeck_velocity(result):
     assert result.value("filled_up") > 0.97
 
 
-def test_stribeck_velocity_of_a_curve_without_a_minimum_is_not_a_number():
-    assert np.isnan(stribeck_velocity(np.array(SPEEDS), np.arange(7.0))).all()
-
-
-def test_every_figure_is_drawn_with_units(result):
-    figures = friction_map_figures(result)
-    assert {"5-10", "5-11", "5-12", "5-13", "5-14", "5-18", "5-19", "5-23"} <= figures.keys()
-    for number, figure in figures.items():
-        axes = figure.axes[0]
-        assert axes.get_title("left").startswith(f"Fig. {number}:")
-        assert "[" in axes.get_xlabel()
-
-
 def test_without_runs_upside_down_their_figures_are_left_out(result):
     data = {**result.data, "up_inverted": np.full((7, 142), np.nan)}
-    assert "5-20" not in friction_map_figures(result._replace(data=data))
+    assert "5-20" not in friction_map.draw(result._replace(data=data))
 
 
 def test_the_default_is_the_thesis_s_plan():
-    jobs = friction_map._jobs(Settings())
-    assert len(jobs) == 14 * 2 * 2
-    assert sum(job.trial.upside_down for job in jobs) == 28
-    assert len({job.name for job in jobs}) == len(jobs)
-
-
-@pytest.mark.parametrize(
-    ("settings", "told"),
-    [
-        (Settings(speeds=(0.02, 0.01), inverted_speeds=()), "ascending"),
-        (Settings(inverted_speeds=(0.033,)), "not among the speeds"),
-        (Settings(low=0.2, high=0.21), "0.03 m or more"),
-        (Settings(speeds=(5.0,), inverted_speeds=()), "above the largest"),
-    ],
-)
-def test_settings_that_do_not_fit_are_refused(tmp_path, settings, told):
-    with pytest.raises(ValueError, match=told):
-        friction_map.run(Lab(FakeBench(), tmp_path), settings)
+    trials = friction_map._trials(Settings())
+    assert len(trials) == 14 * 2 * 2
+    assert sum(trial.upside_down for trial in trials.values()) == 28

@@ -8,7 +8,6 @@ import pytest
 from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_spectrum
-from screw_module_ros.identification.figures.friction_spectrum import spectrum_figures
 from screw_module_ros.identification.friction_spectrum import Settings, modes, nearest
 from screw_module_ros.identification.lab import Lab
 
@@ -47,16 +46,3 @@ def test_a_module_without_rollers_is_told_of(tmp_path):
     result = friction_spectrum.run(Lab(FakeBench(Smooth()), tmp_path), Settings())
     assert np.isnan(result.value("rollers_up"))
     assert any("rollers" in note for note in result.notes)
-    assert len(spectrum_figures(result)) == 2
-
-
-def test_figures_name_the_lines(result):
-    axes = spectrum_figures(result)["5-8"].axes[0]
-    words = " ".join(text.get_text() for text in axes.texts)
-    assert "rollers, 4.1" in words
-    assert axes.get_xlabel().endswith("[Hz]")
-
-
-def test_too_short_a_run_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="four turns"):
-        friction_spectrum.run(Lab(FakeBench(), tmp_path), Settings(low=0.1, high=0.15))

@@ -10,11 +10,9 @@ import pytest
 from friction_bench import FakeBench, Module
 
 from screw_module_ros.identification import friction_map, gravity
-from screw_module_ros.identification.figures.friction_model import gravity_figures
 from screw_module_ros.identification.friction_map import MAPS
-from screw_module_ros.identification.gravity import Settings
+from screw_module_ros.identification.gravity import Crossing, Settings, weighed
 from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.play_crossing import Crossing, weighed
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import NotPossible
 from screw_module_ros.plant.settings import load_world
@@ -106,5 +104,3 @@ def test_the_simulated_module_is_weighed(tmp_path, bench):
     # rests: no run of this kind tells the two apart.
     assert result.value("gravity") == pytest.approx(truth + vertical.rail_friction, abs=0.05)
     assert result.value("play") == pytest.approx(vertical.play, abs=2e-6)
-    axes = gravity_figures(result)["play"].axes[0]
-    assert axes.get_ylabel().endswith("[N]")

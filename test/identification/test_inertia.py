@@ -10,12 +10,10 @@ import pytest
 from friction_bench import FakeBench, Module
 
 from screw_module_ros.calibration.module import thesis_friction
-from screw_module_ros.identification import friction_fit, inertia
-from screw_module_ros.identification.figures.inertia import inertia_figures
-from screw_module_ros.identification.friction_form import friction_along
-from screw_module_ros.identification.inertia import Settings
-from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.mass_estimates import motion, ratio, regression, usable
+from screw_module_ros.identification import friction_model, inertia
+from screw_module_ros.identification.friction_model import friction_along
+from screw_module_ros.identification.inertia import Settings, motion, ratio, usable
+from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Result
 
 THESIS = thesis_friction()
@@ -38,8 +36,8 @@ class Thesis(FakeBench):
 
 
 def keep_model(folder: Path) -> None:
-    data = friction_fit._as_data(THESIS)
-    Result(friction_fit.NAME, (), {}, (), data).save(folder)
+    data = friction_model._as_data(THESIS)
+    Result(friction_model.NAME, (), {}, (), data).save(folder)
 
 
 def identified(folder, settings=SHORT, mass=5.49, share=1.0):
@@ -96,27 +94,7 @@ def test_slow_and_unaccelerated_samples_are_left_out():
     assert usable(velocity, acceleration, 0.02, 0.0025).tolist() == [False, True, True, False]
 
 
-def test_figures_carry_the_thesis_s_numbers(tmp_path):
-    result = identified(tmp_path, Settings(duration=7.0, amplitudes=(0.1,), omegas=(6.0,)))
-    assert np.isnan(result.quantity("mass").uncertainty)  # one record says nothing of its error
-    figures = inertia_figures(result)
-    assert set(figures) == {"5-31", "5-32", "5-33", "5-34"}
-
-
 def test_a_handle_that_hardly_moves_tells_no_mass(tmp_path):
     settings = SHORT._replace(amplitudes=(0.005,), omegas=(1.0,))
     with pytest.raises(ValueError, match="fast enough"):
         identified(tmp_path, settings)
-
-
-def test_regression_without_samples_is_refused():
-    record = motion(np.arange(4000) / 2000.0, np.full(4000, 0.1), np.zeros(4000))
-    with pytest.raises(ValueError, match="fast enough"):
-        regression([(record, np.zeros_like(record.time))], 0.02, 10)
-
-
-def test_lists_of_different_length_and_no_model_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="one length"):
-        inertia.run(Lab(Thesis(), tmp_path), Settings(omegas=(4.0,)))
-    with pytest.raises(MissingResult, match="friction_model"):
-        inertia.run(Lab(Thesis(), tmp_path), Settings())

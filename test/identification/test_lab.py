@@ -6,12 +6,27 @@ import functools
 import numpy as np
 import pytest
 
-from screw_module_ros.identification.friction_bins import binned
-from screw_module_ros.identification.in_process import InProcessBench
-from screw_module_ros.identification.lab import Job, Lab, MissingResult
-from screw_module_ros.identification.pool import PoolLab, worker_pool
-from screw_module_ros.identification.results import Quantity, Result, load_result
-from screw_module_ros.identification.trials import Cancelled, Samples, StageTrial
+from screw_module_ros.control.planar_settings import PlanarSettings
+from screw_module_ros.identification.bench import InProcessBench
+from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.pool import worker_pool
+from screw_module_ros.identification.results import (
+    DERIVED,
+    MEASURED,
+    Published,
+    Quantity,
+    Result,
+    load_result,
+)
+from screw_module_ros.identification.stage_runs import binned
+from screw_module_ros.identification.trials import (
+    STAGE,
+    Cancelled,
+    NotPossible,
+    PlanarTrial,
+    Samples,
+    StageTrial,
+)
 
 pytestmark = pytest.mark.long
 
@@ -21,7 +36,7 @@ SPEEDS = (0.01, 0.02, 0.05)
 class CountingBench:
     """Gives a sample per trial and counts."""
 
-    rate, name = 1000.0, "counting"
+    rate, name, offers = 1000.0, "counting", frozenset({STAGE})
 
     def __init__(self):
         self.done = []
@@ -40,8 +55,7 @@ def mean_force(trial, samples, scale=1.0):
     return {"force": np.array(scale * samples.force.mean())}
 
 
-def jobs(reduce=mean_force):
-    return [Job(f"speed_{v:g}", StageTrial(v, 0.1, 0.12), reduce) for v in SPEEDS]
+TRIALS = {f"speed_{v:g}": StageTrial(v, 0.1, 0.12) for v in SPEEDS}
 
 
 def test_interrupted_run_resumes_where_it_was(tmp_path):
@@ -52,10 +66,10 @@ def test_interrupted_run_resumes_where_it_was(tmp_path):
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        Lab(bench, tmp_path, stop_in_the_third).run("friction", jobs())
+        Lab(bench, tmp_path, stop_in_the_third).record("friction", TRIALS, mean_force)
     finished = list(bench.done)
     assert 0 < len(finished) < len(SPEEDS)
-    parts = Lab(bench, tmp_path).run("friction", jobs())
+    parts = Lab(bench, tmp_path).record("friction", TRIALS, mean_force)
     assert bench.done == list(SPEEDS), "what was finished was not done again"
     assert [float(parts[f"speed_{v:g}"]["force"]) for v in SPEEDS] == pytest.approx(SPEEDS)
 
@@ -63,43 +77,53 @@ def test_interrupted_run_resumes_where_it_was(tmp_path):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda lab: lab.run("friction", jobs(functools.partial(mean_force, scale=2.0))),
-        lambda lab: lab.run("other", jobs()),
-        lambda lab: Lab(lab.bench, lab.folder, fingerprint="newer").run("friction", jobs()),
+        lambda lab: lab.record("friction", TRIALS, functools.partial(mean_force, scale=2.0)),
+        lambda lab: lab.record("other", TRIALS, mean_force),
+        lambda lab: Lab(lab.bench, lab.folder, fingerprint="new").record(
+            "friction", TRIALS, mean_force
+        ),
     ],
 )
 def test_parts_of_something_else_are_not_taken(tmp_path, change):
     bench = CountingBench()
     lab = Lab(bench, tmp_path)
-    lab.run("friction", jobs())
+    lab.record("friction", TRIALS, mean_force)
     change(lab)
     assert len(bench.done) == 2 * len(SPEEDS)
 
 
 def test_part_cut_off_by_a_crash_is_done_again(tmp_path):
     bench = CountingBench()
-    Lab(bench, tmp_path).run("friction", jobs())
+    Lab(bench, tmp_path).record("friction", TRIALS, mean_force)
     for file in tmp_path.rglob("*.npz"):
         file.write_bytes(file.read_bytes()[:40])
-    Lab(bench, tmp_path).run("friction", jobs())
+    Lab(bench, tmp_path).record("friction", TRIALS, mean_force)
     assert len(bench.done) == 2 * len(SPEEDS)
+
+
+def test_what_the_bench_lacks_is_refused_before_the_first_trial(tmp_path):
+    """A live bench did an hour of trials, and refused the others then."""
+    bench = CountingBench()
+    with pytest.raises(NotPossible, match="plane are only there in process"):
+        Lab(bench, tmp_path).record("x", {**TRIALS, "p": PlanarTrial(PlanarSettings())}, mean_force)
+    assert bench.done == []
 
 
 def test_progress_counts_what_was_kept(tmp_path):
     bench, told = CountingBench(), []
     lab = Lab(bench, tmp_path, lambda doing, done, total: told.append(done / total))
-    lab.run("friction", jobs())
+    lab.record("friction", TRIALS, mean_force)
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1.0)
     told.clear()
-    lab.run("friction", jobs())
+    lab.record("friction", TRIALS, mean_force)
     assert told == [pytest.approx(1.0)]
 
 
 def test_pool_gives_what_one_process_gives(tmp_path, bench):
-    alone = Lab(bench, tmp_path / "alone").run("friction", jobs(binned))
+    alone = Lab(bench, tmp_path / "alone").record("friction", TRIALS, binned)
     with worker_pool(2) as pool:
-        shared = PoolLab(bench, tmp_path / "shared", pool).run("friction", jobs(binned))
+        shared = Lab(bench, tmp_path / "shared", pool=pool).record("friction", TRIALS, binned)
     assert list(alone) == list(shared)
     for name in alone:
         assert np.isfinite(alone[name]["force"]).any()
@@ -107,15 +131,18 @@ def test_pool_gives_what_one_process_gives(tmp_path, bench):
 
 
 def test_error_in_a_worker_reaches_the_caller(tmp_path, bench):
-    too_short = [Job("short", StageTrial(0.5, 0.1, 0.1005), binned)]
+    too_short = {"short": StageTrial(0.5, 0.1, 0.1005)}
     with worker_pool(1) as pool, pytest.raises(ValueError, match="samples|deviates"):
-        PoolLab(bench, tmp_path, pool).run("friction", too_short)
+        Lab(bench, tmp_path, pool=pool).record("friction", too_short, binned)
 
 
 def test_result_comes_back(tmp_path):
     result = Result(
         "weighing",
-        (Quantity("gravity", 10.04, 0.1, "N", "weight"), Quantity("n", 3.0, float("nan"), "", "n")),
+        (
+            Quantity("gravity", 10.04, 0.1, "N", "weight", thesis=Published(10.0, "5.2", 0.5, "x")),
+            Quantity("n", 3.0, float("nan"), "", "n", DERIVED),
+        ),
         {"speeds": (0.1, 0.2), "count": np.int64(3)},
         ("a note",),
         {"curve": np.arange(4.0)},
@@ -125,7 +152,9 @@ def test_result_comes_back(tmp_path):
     assert back.value("gravity") == 10.04
     assert back.settings == {"speeds": [0.1, 0.2], "count": 3}
     assert back.notes == ("a note",)
+    assert back.quantity("gravity") == result.quantity("gravity")
     assert np.isnan(back.quantity("n").uncertainty)
+    assert (back.quantity("n").kind, back.quantity("gravity").kind) == (DERIVED, MEASURED)
     assert np.array_equal(back.data["curve"], result.data["curve"])
     with pytest.raises(KeyError, match="weighing has no 'mass'; there are gravity, n"):
         back.value("mass")

@@ -5,22 +5,19 @@ import math
 
 import pytest
 
-from screw_module_ros.identification.figures.planar import planar_error_figures
-from screw_module_ros.identification.in_process import InProcessBench
-from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.bench import InProcessBench
 from screw_module_ros.identification.planar_error import (
-    CASES,
     Settings,
     case_of,
     error_of,
-    job,
-    run,
+    law_of,
+    reduced,
 )
 
 
 def found(bench, kind, case, settings=None):
-    one = job(case_of(case), kind, settings or Settings())
-    return error_of(one.reduce(one.trial, bench.record(one.trial, lambda share: None)))
+    trial = case_of(case).trial._replace(settings=law_of(settings or Settings(), kind))
+    return error_of(reduced(trial, bench.record(trial, lambda share: None)))
 
 
 def other_arm(module, friction, mass):
@@ -60,31 +57,10 @@ def test_a_trembling_hand_keeps_the_compensation(bench):
     assert error.rms <= found(bench, "none", "tremor").rms
 
 
-def test_experiment_reports_each_case_and_draws_it(bench, tmp_path):
-    chosen = Settings(kinds=("none", "both"), cases=("fast_x", "holding"))
-    result = run(Lab(bench, tmp_path), chosen)
-    assert {q.name for q in result.quantities} == {
-        "rms_none_fast_x", "rms_both_fast_x", "rms_none_holding", "rms_both_holding",
-        "gain_fast_x",
-    }  # fmt: skip
-    ratio = result.value("rms_none_fast_x") / result.value("rms_both_fast_x")
-    assert result.value("gain_fast_x") == pytest.approx(ratio)
-    figure = planar_error_figures(result)["planar error"]
-    assert len(figure.axes[0].patches) == 4
-
-
-def test_what_is_unknown_is_named(bench, tmp_path):
-    with pytest.raises(ValueError, match="'fst' is unknown; known are slow_x"):
-        case_of("fst")
-    with pytest.raises(ValueError, match="kinds: 'all' is unknown; known are none"):
-        run(Lab(bench, tmp_path), Settings(kinds=("all",)))
-    assert len({case.name for case in CASES}) == len(CASES)
-
-
 def test_samples_have_two_columns_and_the_hand_lets_go(bench):
-    one = job(case_of("released"), "none", Settings())
-    samples = bench.record(one.trial, lambda share: None)
+    trial = case_of("released").trial._replace(settings=law_of(Settings(), "none"))
+    samples = bench.record(trial, lambda share: None)
     assert samples.handle.shape == (len(samples.time), 2)
-    held = round(one.trial.released_after / (samples.time[1] - samples.time[0]))
+    held = round(trial.released_after / (samples.time[1] - samples.time[0]))
     assert math.hypot(*samples.true_force[held - 5]) > 1.0
     assert abs(samples.true_force[held + 1 :]).max() == 0.0

@@ -7,17 +7,21 @@ from screw_module_ros.calibration.module import thesis_friction
 from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.identification import (
-    friction_fit,
+    friction_model,
     gravity,
     inertia,
     robustness,
     static_torque,
 )
-from screw_module_ros.identification.friction_fit import _as_data
-from screw_module_ros.identification.in_process import LoopSettings
-from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.report.study import Module, Outcome
-from screw_module_ros.identification.report.tables import robustness_head, robustness_rows
+from screw_module_ros.identification.bench import LoopSettings
+from screw_module_ros.identification.friction_model import _as_data
+from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.report import (
+    Module,
+    Outcome,
+    robustness_head,
+    robustness_rows,
+)
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.trials import MotionTrial
 from screw_module_ros.plant.settings import load_world
@@ -37,7 +41,7 @@ def lab(bench, tmp_path):
     line = default_linearization(bench.world.amplifier.dead_zone)
     cubic = {f"cubic_{3 - n}": v for n, v in enumerate(line.middle)}
     found = (
-        result(friction_fit.NAME,
+        result(friction_model.NAME,
                _as_data(thesis_friction())),
         result(static_torque.NAME, lower_joint=line.joints_Nm[0], upper_joint=line.joints_Nm[1],
                lower_slope=line.lower.slope, lower_offset=line.lower.offset_Nm,
@@ -77,21 +81,6 @@ def test_report_has_a_row_for_each_module_and_mode(lab):
     shown = [float(number) for number in cell.split(" / ")]
     assert shown == pytest.approx(robustness.rms_of(found, modes.OBSERVER, "fast"), abs=0.005)
     assert robustness_rows([module._replace(outcomes={})]) == []
-
-
-def test_calibration_is_needed_and_modes_are_checked(lab, tmp_path):
-    with pytest.raises(MissingResult, match="friction_model is missing"):
-        robustness.run(Lab(lab.bench, tmp_path / "empty"), OBSERVER_FAST)
-    with pytest.raises(ValueError, match="modes: 9 is unknown"):
-        robustness.run(lab, OBSERVER_FAST._replace(modes=(9,)))
-    with pytest.raises(ValueError, match="states: 'new' is unknown; known are uncalibrated"):
-        robustness.run(lab, OBSERVER_FAST._replace(states=("new",)))
-
-
-def test_one_state_alone_is_measured_without_a_force_sideways(lab):
-    """What the live graph can do, which has no such force."""
-    found = robustness.run(lab, OBSERVER_FAST._replace(states=("calibrated",), side_force=0.0))
-    assert [q.name for q in found.quantities] == ["rms_observer_fast_calibrated"]
 
 
 def test_change_is_the_rig_s_own(bench):

@@ -17,7 +17,6 @@ from screw_module_ros.calibration.certificate import (
 )
 from screw_module_ros.control.vertical_settings import KNOWN_SHARE, VerticalSettings
 from screw_module_ros.identification import certificate, stability
-from screw_module_ros.identification.figures.stability import stability_figures
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.identification.sampled_loop import (
@@ -32,6 +31,7 @@ from screw_module_ros.identification.sampled_loop import (
     largest_gain,
     sampled,
 )
+from screw_module_ros.identification.trials import WAYS_OUT
 
 pytestmark = pytest.mark.long
 
@@ -161,7 +161,7 @@ def test_what_limits_is_what_helps_most_when_taken_away():
 class Nothing:
     """A bench without a module."""
 
-    rate, name = 1000.0, "no module"
+    rate, name, offers = 1000.0, "no module", frozenset(WAYS_OUT)
 
 
 def test_experiment_predicts_without_a_simulated_module(tmp_path):
@@ -172,7 +172,7 @@ def test_experiment_predicts_without_a_simulated_module(tmp_path):
     with pytest.raises(KeyError):
         result.quantity("formula_wall")
     assert any("limited by" in note for note in result.notes)
-    assert stability_figures(result)["stability"].axes
+    assert stability.draw(result)["stability"].axes
     assert_certified(result, tmp_path)
 
 

@@ -11,14 +11,15 @@ import pytest
 from screw_module_ros.control.linearization import IDENTITY, default_linearization, torque_command
 from screw_module_ros.identification import static_torque
 from screw_module_ros.identification.lab import Lab
-from screw_module_ros.identification.linearization_fit import (
+from screw_module_ros.identification.results import load_result
+from screw_module_ros.identification.static_torque import (
+    Settings,
     commands,
     desired_torque,
     fit_pieces,
+    linearization_of,
 )
-from screw_module_ros.identification.results import load_result
-from screw_module_ros.identification.static_torque import Settings, linearization_of
-from screw_module_ros.identification.trials import Samples
+from screw_module_ros.identification.trials import WAYS_OUT, Samples
 
 DEAD, SHARPNESS = 0.03, 0.8
 LAG = 3  # samples from command to torque
@@ -27,8 +28,7 @@ LAG = 3  # samples from command to torque
 class FakeBench:
     """A motor with `gain` Nm of torque for a Nm of command beyond a soft dead zone, and noise."""
 
-    rate = 2000.0
-    name = "fake"
+    rate, name, offers = 2000.0, "fake", frozenset(WAYS_OUT)
 
     def __init__(self, gain=0.95, noise=0.0012):
         self.gain, self.noise = gain, noise
@@ -97,13 +97,3 @@ def test_desired_torque_is_the_inverse_of_the_map():
     torque = np.linspace(-0.4, 0.4, 1001)
     truth = default_linearization()
     assert desired_torque(truth, commands(truth, torque)) == pytest.approx(torque, abs=1e-6)
-
-
-def test_no_torque_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="rotor locked and the drive enabled"):
-        static_torque.run(Lab(FakeBench(gain=0.0), tmp_path), Settings())
-
-
-def test_less_than_a_period_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="less than one period"):
-        static_torque.run(Lab(FakeBench(), tmp_path), Settings(duration=5.0))

@@ -8,9 +8,8 @@ import pytest
 from sampled_bench import SampledBench, keep_linearization
 
 from screw_module_ros.identification import torque_response
-from screw_module_ros.identification.delay_limit import held_wire, wire_profile
-from screw_module_ros.identification.lab import Lab, MissingResult
-from screw_module_ros.identification.torque_response import Settings
+from screw_module_ros.identification.lab import Lab
+from screw_module_ros.identification.torque_response import Settings, held_wire
 
 FEW = Settings(count=12, low=5.0)
 
@@ -46,13 +45,6 @@ def test_resonance_folds_to_405_hz(result):
     assert result.data["folded_frequency"][light.argmax()] == pytest.approx(405.0, abs=10.0)
 
 
-def test_both_rates_are_asked(tmp_path):
-    keep_linearization(tmp_path)
-    bench = SampledBench()
-    torque_response.run(Lab(bench, tmp_path), FEW)
-    assert [trial.rate for trial in bench.asked] == [0.0] * 12 + [1000.0] * 12
-
-
 def test_known_dynamics_tell_the_delay_and_a_wire_does_not(result):
     delays, rotor, wire = (result.data[f"limit_{name}"] for name in ("delay", "rotor", "wire"))
     assert delays[rotor.argmin()] == pytest.approx(280e-6, abs=6e-6)
@@ -62,24 +54,9 @@ def test_known_dynamics_tell_the_delay_and_a_wire_does_not(result):
     assert wire[delays > 450e-6].min() > 0.1
 
 
-def test_wire_profile_is_flat_within_a_sample():
-    frequencies, delays = np.array([10.0, 100.0]), np.array([1e-6, 499e-6, 501e-6, 999e-6])
-    off = wire_profile(frequencies, 2000.0, 250e-6, delays)
-    assert off[:2] == pytest.approx(0.0, abs=1e-12)
-    assert off[2] == pytest.approx(off[3])
-    assert off[2] > 0.2
-
-
 @pytest.mark.parametrize(("delay", "late"), [(0.0, 0), (0.2, 1), (0.9, 1), (1.4, 2)])
 def test_rebuilt_output_is_whole_samples_late(delay, late):
     """Figures 4-13 and 4-14."""
     held = held_wire(delay, periods=20, per_period=10)
     shifted = held.input[: len(held.input) - 10 * late]
     assert held.rebuilt[10 * late :] == pytest.approx(shifted)
-
-
-def test_linearization_is_wanted_first(tmp_path):
-    with pytest.raises(MissingResult, match="static_torque"):
-        torque_response.run(Lab(SampledBench(), tmp_path), FEW)
-
-

@@ -18,14 +18,16 @@ from typing import Any
 from screw_module_msgs.msg import AmplifierState, ImpedanceState
 
 from screw_module_ros.identification.trials import (
-    MotionTrial,
-    NotPossible,
+    MOTION,
+    RELEASE,
+    STAGE,
+    TORQUE,
     OnProgress,
-    PlanarTrial,
     Samples,
     StageTrial,
     TorqueTrial,
     Trial,
+    require,
 )
 from screw_module_ros.operator.client import RobotError
 from screw_module_ros.operator.robot import Robot
@@ -79,6 +81,7 @@ class LiveBench:
         self._takeover = Takeover(robot, loop)
         self._motion = Motion(self._experiment)
         self.rate = self._experiment.rate
+        self.offers = frozenset({TORQUE, STAGE, MOTION, *([RELEASE] if fixture.simulated else [])})
         self.name = f"live graph, {'simulated rig' if fixture.simulated else 'hardware'}"
         loop.wake()
 
@@ -99,6 +102,7 @@ class LiveBench:
     @_in_time
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible, Cancelled, RobotError, SamplesLost."""
+        require(trial, self)
         on_progress(0.0)
         try:
             return self._record(trial, on_progress)
@@ -111,17 +115,7 @@ class LiveBench:
         self._give_back()  # restores the controller after a torque trial
         if isinstance(trial, StageTrial):
             return stage_trial(self._experiment, trial, on_progress)
-        if isinstance(trial, MotionTrial):
-            return self._motion.trial(trial, on_progress)
-        if isinstance(trial, PlanarTrial):
-            raise NotPossible(
-                "trials of the plane are only there in process: run this experiment with "
-                "`make reproduce`"
-            )
-        raise NotPossible(
-            "this trial needs a signal analyser on the servo amplifier, which the graph does not "
-            "have: run the experiment in process"
-        )
+        return self._motion.trial(trial, on_progress)
 
     @_in_time
     def zero(self) -> tuple[float, float, float, float, float, float]:

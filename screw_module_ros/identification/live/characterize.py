@@ -23,7 +23,7 @@ from screw_module_ros import graph
 from screw_module_ros.can_io.bus import BusSettings
 from screw_module_ros.clock import TimeStandsStill, WallClock
 from screw_module_ros.identification import calibration, certificate, delivered_impedance
-from screw_module_ros.identification.catalogue import EXPERIMENTS, listing, settings_from_yaml
+from screw_module_ros.identification.experiments import EXPERIMENTS, listing, settings_from_yaml
 from screw_module_ros.identification.lab import Lab, MissingResult
 from screw_module_ros.identification.results import Result
 from screw_module_ros.identification.trials import Cancelled, NotPossible

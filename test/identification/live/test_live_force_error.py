@@ -12,8 +12,8 @@ from screw_module_msgs.action import RunExperiment
 
 from screw_module_ros.control import modes
 from screw_module_ros.identification import force_error
+from screw_module_ros.identification.bench import InProcessBench, LoopSettings
 from screw_module_ros.identification.force_metric import ErrorOf
-from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
 from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import load_result
 from screw_module_ros.plant.settings import load_world

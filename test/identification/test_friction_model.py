@@ -15,12 +15,15 @@ from screw_module_ros.calibration.module import (
     thesis_friction,
 )
 from screw_module_ros.control.friction import friction_force
-from screw_module_ros.identification import friction_fit, friction_map, gravity
-from screw_module_ros.identification.figures.friction_model import friction_model_figures
-from screw_module_ros.identification.friction_fit import Settings, friction_model_of
-from screw_module_ros.identification.friction_form import friction_along, held_force
+from screw_module_ros.identification import friction_map, friction_model, gravity
 from screw_module_ros.identification.friction_map import SPEEDS
-from screw_module_ros.identification.lab import Lab, MissingResult
+from screw_module_ros.identification.friction_model import (
+    Settings,
+    friction_along,
+    friction_model_of,
+    held_force,
+)
+from screw_module_ros.identification.lab import Lab
 from screw_module_ros.identification.results import Quantity, Result
 from screw_module_ros.settings import plain
 
@@ -63,7 +66,7 @@ def keep_maps(folder, model, noise: float = 0.1, missing: bool = True) -> None:
 
 def fitted(folder, model, **keep):
     keep_maps(folder, model, **keep)
-    return friction_fit.run(Lab(None, folder), Settings())
+    return friction_model.run(Lab(None, folder), Settings())
 
 
 @pytest.mark.parametrize(("phase", "flip"), [(0.385, 212.5), (-2.6, -1.0)])
@@ -113,27 +116,6 @@ def test_the_arrays_agree_with_the_controller_s_function():
     assert friction_along(THESIS, np.full(3, 0.2), slow) == pytest.approx(wanted, abs=1e-9)
 
 
-def test_the_ramp_of_the_controller_costs_the_slowest_speeds(tmp_path):
-    result = fitted(tmp_path, THESIS)
-    assert result.value("within_ramped") < result.value("within")
-
-
-def test_figures_carry_the_thesis_s_numbers(tmp_path):
-    figures = friction_model_figures(fitted(tmp_path, THESIS))
-    assert set(figures) == {"5-24", "5-25", "5-26", "5-27", "5-28", "5-29", "5-30"}
-    for number, figure in figures.items():
-        assert figure.axes[0].get_title("left").startswith(f"Fig. {number}:")
-
-
-def test_maps_with_too_little_in_them_are_refused(tmp_path):
-    keep_maps(tmp_path, THESIS)
-    maps = Lab(None, tmp_path).result(friction_map.NAME)
-    maps.data["down"][3:] = np.nan
-    maps.save(tmp_path)
-    with pytest.raises(ValueError, match="map down has too few cells"):
-        friction_fit.run(Lab(None, tmp_path), Settings())
-
-
 def cut(folder, **kept) -> None:
     """Empty the bins of the maps, by name, whose height is not kept."""
     maps = Lab(None, folder).result(friction_map.NAME)
@@ -152,20 +134,15 @@ def test_heights_that_do_not_determine_the_polynomials_are_refused(tmp_path, the
     keep_maps(tmp_path, THESIS)
     cut(tmp_path, up=there, down=there)
     with pytest.raises(ValueError, match="the map up does not determine the model's form"):
-        friction_fit.run(Lab(None, tmp_path), Settings())
+        friction_model.run(Lab(None, tmp_path), Settings())
 
 
 def test_no_direction_is_extrapolated_to_heights_of_the_other(tmp_path):
     """Above the highest bin of one direction its polynomial gave 4 to 750 N."""
     keep_maps(tmp_path, THESIS)
     cut(tmp_path, up=Z < 300.0)
-    model = friction_model_of(friction_fit.run(Lab(None, tmp_path), Settings()))
+    model = friction_model_of(friction_model.run(Lab(None, tmp_path), Settings()))
     assert (model.low_mm, model.high_mm) == (0.0, 300.0)
     for z in np.linspace(0.0, 0.3, 301):
         there = friction_force(model, z, 0.02)
         assert there == pytest.approx(friction_force(THESIS, z, 0.02), abs=0.5)
-
-
-def test_what_it_needs_must_be_there(tmp_path):
-    with pytest.raises(MissingResult, match="friction_map"):
-        friction_fit.run(Lab(None, tmp_path), Settings())

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The in-process bench agrees with the rig's world, in any chunks, with the zero subtracted."""
 
-import itertools
-import math
 
 import numpy as np
 import pytest
@@ -12,19 +10,15 @@ from screw_module_ros.control import modes
 from screw_module_ros.control.linearization import default_linearization
 from screw_module_ros.control.vertical import initial_state
 from screw_module_ros.control.vertical_settings import VerticalSettings
-from screw_module_ros.identification.force_position import Spring, offsets
-from screw_module_ros.identification.in_process import InProcessBench, LoopSettings
-from screw_module_ros.identification.loop import COLUMNS, run_ticks
+from screw_module_ros.identification.bench import InProcessBench, LoopSettings
+from screw_module_ros.identification.force_metric import Spring, offsets
 from screw_module_ros.identification.trials import (
-    AnalyzerTrial,
-    Arm,
     Cancelled,
     MotionTrial,
-    NotPossible,
     StageTrial,
     TorqueTrial,
-    duration_of,
 )
+from screw_module_ros.identification.vertical_loop import COLUMNS, run_ticks
 from screw_module_ros.plant.world import World
 
 
@@ -79,23 +73,10 @@ def test_a_delay_of_whole_periods_is_kept_whole(module, periods):
     assert shifted == pytest.approx(prompt.current[: len(shifted)], abs=1e-9)
 
 
-def test_longer_delays_make_other_motion(module):
-    """1.0, 1.2, 2 and 10 ms: the thesis asks how much the delay costs, so each must count."""
-    trial = MotionTrial(modes.FORCE_FEEDBACK, VerticalSettings(), duration=0.5)
-    found = [
-        InProcessBench(module, LoopSettings(rate=1000.0, command_delay=delay))
-        .record(trial, quietly)
-        .force
-        for delay in (1.0e-3, 1.2e-3, 2e-3, 10e-3)
-    ]
-    for one, other in itertools.pairwise(found):
-        assert np.abs(one - other).max() > 0.01
-
-
 def test_chunks_do_not_matter(bench, monkeypatch):
     trial = StageTrial(0.1, 0.1, 0.14)
     whole = bench.record(trial, quietly)
-    monkeypatch.setattr("screw_module_ros.identification.in_process._CHUNK", 137)
+    monkeypatch.setattr("screw_module_ros.identification.bench._CHUNK", 137)
     pieces = bench.record(trial, quietly)
     assert np.array_equal(whole.force, pieces.force)
 
@@ -138,14 +119,6 @@ def test_offsets_of_the_modes(bench, mode, low, high):
     assert found.samples_down > 5000
 
 
-def test_mode_off_commands_nothing(bench):
-    samples = bench.record(
-        MotionTrial(modes.OFF, VerticalSettings(), arm=Arm(stiffness=1000.0), duration=2.0), quietly
-    )
-    assert not samples.command.any()
-    assert np.abs(samples.velocity).max() > 0.02
-
-
 def test_preloaded_nut_has_no_play_to_cross(module):
     perfect = InProcessBench(without_noise(module))
     force = {}
@@ -174,21 +147,6 @@ def test_other_rates(bench, rate):
     assert len(samples.time) == round(0.4 * rate)
 
 
-def test_rate_that_does_not_fit_is_refused(bench):
-    with pytest.raises(NotPossible, match="3000 samples per second: the period"):
-        bench.record(TorqueTrial(5.0, 0.1, 0.1, rate=3000.0), quietly)
-
-
-def test_loop_settings_are_checked(module):
-    with pytest.raises(ValueError, match="rate = 1000000.0 Hz: above"):
-        InProcessBench(module, LoopSettings(rate=1e6))
-
-
-def test_whole_numbers_will_do(bench):
-    samples = bench.record(StageTrial(0.1, 0, 0.02), quietly)
-    assert len(samples.time) > 100
-
-
 def test_trials_have_noise_of_their_own(bench):
     first, second = (bench.record(StageTrial(0.1, 0.1, end), quietly) for end in (0.12, 0.13))
     same = (first.force[:200] - second.force[:200]).std()
@@ -202,13 +160,3 @@ def test_cancel_ends_a_trial(bench):
 
     with pytest.raises(Cancelled):
         bench.record(StageTrial(0.001, 0.0, 0.355), stop)
-
-
-def test_zero_of_the_transducer(bench):
-    assert all(map(math.isfinite, bench.zero()))
-    assert len(bench.zero()) == 6
-
-
-def test_duration_of_trials():
-    assert duration_of(StageTrial(-0.05, 0.3, 0.1)) == pytest.approx(4.0)
-    assert duration_of(AnalyzerTrial(10.0, 1.0, 0.5)) == 0.5

@@ -32,6 +32,7 @@ _LOWEST_CUTOFF_HZ = 2.0  # narrower pass bands make the design singular, without
 _RIPPLE = 1e-3  # largest gain error of a design in its bands
 _COUNT = counts_to_height(1)  # [m]
 _LEAST_SHARE = 0.3  # of a bin's nominal samples; a bin with fewer counts as not measured
+LOWER_HALF = CENTRES_MM < 0.5 * RANGE_MM
 
 
 class Steady(NamedTuple):
@@ -130,7 +131,7 @@ def period_of(samples: Samples) -> float:
 
 
 def binned(trial: StageTrial, samples: Samples) -> Part:
-    """Reduce a stage run to its bins; for `Job`.
+    """Reduce a stage run to its bins; for `Lab.record`.
 
     Returns arrays of 142: `force` mean along z [N], NaN in a bin that was not measured; `count` of
     samples; `error` standard error of the mean from the sensor's noise [N]; and `cutoff` [Hz].
@@ -154,3 +155,14 @@ def binned(trial: StageTrial, samples: Samples) -> Part:
         "count": np.where(enough, count, 0),
         "error": error,
     }
+
+
+def ends_of(low: float, high: float, sign: float) -> tuple[float, float]:
+    """Return start and end of a run between two heights [m]; sign: +1 up, -1 down."""
+    return (float(low), float(high)) if sign > 0.0 else (float(high), float(low))
+
+
+def at_least(low: float, high: float, apart: float, why: str = "") -> None:
+    """Raise ValueError unless `high` lies above `low` by `apart` [m]."""
+    if high - low < apart:
+        raise ValueError(f"high must lie above low by {apart:g} m or more{why}")

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from screw_module_ros.identification import mounting
-from screw_module_ros.identification.figures.analysis import mounting_figures
-from screw_module_ros.identification.mounting import (
+from screw_module_ros.identification import compliant_mounting as mounting
+from screw_module_ros.identification.compliant_mounting import (
     Settings,
     absorber,
     antiresonances,
@@ -16,8 +15,7 @@ from screw_module_ros.identification.mounting import (
     resonances,
     response,
 )
-from screw_module_ros.identification.results import load_result
-from screw_module_ros.identification.screw_geometry import Bar, candidates
+from screw_module_ros.identification.screw_geometry import Bar
 
 DEFAULT = Settings()
 THIN = Bar(0.6, 0.5, 0.0)
@@ -35,29 +33,9 @@ def test_a_thin_bar_on_equal_springs_has_the_textbook_frequencies():
     assert found == pytest.approx(np.array([centre, end]) / (2 * math.pi))
 
 
-def test_the_mass_on_top_weighs_most_with_the_nut_at_the_bottom(result):
-    inertia = result.data["case1_inertia"]
-    assert (np.diff(inertia, axis=1) < 0).all()
-    assert result.value("case1_inertia_greatest") == pytest.approx(inertia[0, 0])
-
-
 def test_case_1_reaches_the_wanted_frequency_with_little_to_spare(result):
     assert 500.0 <= result.value("case1_frequency_least") < 520.0
     assert 0.0 < result.value("case1_worst_position") < 0.18
-
-
-def test_the_default_screw_is_the_one_with_least_to_spare(result):
-    least = {
-        name: result.value(f"case1_frequency_least_{name}") for name in result.data["screws"]
-    }
-    enough = {name: value for name, value in least.items() if value >= DEFAULT.wanted}
-    assert min(enough, key=enough.get) == DEFAULT.screw
-
-
-def test_case_2_is_symmetric_and_highest_at_the_centre(result):
-    frequency = result.data["case2_frequency"]
-    assert frequency == pytest.approx(frequency[:, ::-1])
-    assert (frequency.argmax(1) == frequency.shape[1] // 2).all()
 
 
 def test_the_softest_springs_of_case_2_give_the_wanted_frequency(result):
@@ -112,35 +90,4 @@ def test_the_response_is_that_of_the_state_space():
 def test_damping_beyond_critical_leaves_no_dip():
     result = mounting.run(None, DEFAULT._replace(damping_top=1e5, damping_ground=1e5))
     assert math.isnan(result.value("case3_antiresonance"))
-    mounting_figures(result)
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"screw": "wooden"}, "one of 'grooved'"),
-        ({"top_mass": -1.0}, "top_mass"),
-        ({"wanted": 5e4}, "no screw of this inertia"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(change, said):
-    with pytest.raises(ValueError, match=said):
-        mounting.run(None, DEFAULT._replace(**change))
-
-
-def test_result_is_kept(result, tmp_path):
-    result.save(tmp_path)
-    kept = load_result(tmp_path, mounting.NAME)
-    assert [q.value for q in kept.quantities] == [q.value for q in result.quantities]
-    assert set(mounting_figures(kept)) == {"A-2", "A-3", "A-4", "A-7"}
-
-
-def test_figures_name_axes_with_units(result):
-    for name, figure in mounting_figures(result).items():
-        assert name in figure.axes[0].get_title("left")
-        assert all(axes.get_ylabel().endswith("]") for axes in figure.axes)
-        assert figure.axes[-1].get_xlabel().endswith("]")
-
-
-def test_all_candidates_are_told(result):
-    assert all(any(f"'{name}'" in note for note in result.notes) for name in candidates())
+    assert result.data["case3_response"].shape == result.data["omega"].shape

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from screw_module_ros.identification import sampled_models as models
+from screw_module_ros.identification import sampled as models
+from screw_module_ros.identification.sampled import fit_sine, response
 from screw_module_ros.plant.instruments import (
     CurrentSensorState,
     Transducer,
@@ -53,12 +55,6 @@ def test_no_delay_is_scipys_hold_equivalent():
     _, expected = signal.freqz(numerator[0], denominator, FREQUENCIES, fs=2000.0)
     found = models.sampled_response(AMPLIFIER, FREQUENCIES, 2000.0, 0.0)
     assert found == pytest.approx(expected, rel=1e-9)
-
-
-def test_high_rate_is_the_continuous_response():
-    found = models.sampled_response(CHAINS["rotor"], FREQUENCIES, 1e6, 400e-6)
-    expected = models.continuous_response(CHAINS["rotor"], FREQUENCIES, 400e-6)
-    assert np.abs(found / expected - 1.0).max() < 0.002
 
 
 def test_rotor_on_the_plants_transducer():
@@ -128,11 +124,45 @@ def test_fit_finds_the_numbers_and_their_scatter():
     assert fits[0].errors == pytest.approx(values.std(axis=0), rel=0.4)
 
 
-def test_too_few_frequencies_are_refused():
-    with pytest.raises(ValueError, match="1 frequencies do not determine 2 numbers"):
-        models.fit_response(lambda x: x, np.ones(1), [1.0, 1.0], [0, 0], [2, 2])
+TIME = np.arange(2000) / 2000.0
 
 
-def test_negative_delay_is_refused():
-    with pytest.raises(ValueError, match="delay"):
-        models.sampled_response(AMPLIFIER, FREQUENCIES, 2000.0, -1e-6)
+def test_amplitude_phase_and_offset():
+    found = fit_sine(TIME, 3.0 * np.cos(2.0 * np.pi * 7.3 * TIME + 0.4) - 2.0, 7.3)
+    assert found.amplitude == pytest.approx(3.0 * cmath.exp(0.4j), abs=1e-12)
+    assert found.offset == pytest.approx(-2.0, abs=1e-12)
+    assert found.residual < 1e-12
+
+
+def test_drift_is_taken_out():
+    values = np.sin(2.0 * np.pi * 1.3 * TIME) + 0.5 * TIME
+    assert abs(fit_sine(TIME, values, 1.3).amplitude - -1j) > 0.02
+    assert fit_sine(TIME, values, 1.3, drift=True).amplitude == pytest.approx(-1j, abs=1e-12)
+
+
+def test_standard_error_is_the_scatter_of_repeated_fits():
+    draw = np.random.default_rng(1)
+    clean = np.cos(2.0 * np.pi * 20.0 * TIME)
+    fits = [fit_sine(TIME, clean + draw.normal(0.0, 0.3, TIME.size), 20.0) for _ in range(300)]
+    scatter = np.std([fit.amplitude.real for fit in fits])
+    assert np.mean([fit.error for fit in fits]) == pytest.approx(scatter, rel=0.15)
+
+
+def test_response_is_answer_over_input():
+    phase = 2.0 * np.pi * 12.0 * TIME
+    found = response(TIME, 2.2 * np.sin(phase), 1.1 * np.sin(phase - 0.7), 12.0)
+    assert found.value == pytest.approx(0.5 * cmath.exp(-0.7j), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("time", "frequency", "words"),
+    [
+        (TIME[:3], 10.0, "3 samples do not determine"),
+        (TIME, 1000.0, "do not determine"),  # Nyquist: sampled at its zeros
+        (TIME, 0.0, "cannot be fitted"),
+        (TIME[:20], 1e-3, "do not determine"),  # 1e-5 of a cycle
+    ],
+)
+def test_what_cannot_be_determined_is_refused(time, frequency, words):
+    with pytest.raises(ValueError, match=words):
+        fit_sine(time, np.cos(time), frequency)

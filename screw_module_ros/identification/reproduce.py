@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,12 +16,34 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ...settings import SettingError
-from ..catalogue import EXPERIMENTS
-from ..pool import worker_pool
+from ..calibration.module import THESIS_FILE
+from ..plant.settings import load_world
+from ..resources import resource_path
+from ..settings import SettingError
+from .bench import InProcessBench, LoopSettings
+from .experiments import EXPERIMENTS
+from .lab import Lab, MissingResult
 from .page import write_page
-from .study import ON_EVERY_MODULE, OnProgress, examine
+from .pool import worker_pool
+from .report import Module, Outcome
+from .trials import NotPossible
 
+ON_EVERY_MODULE = (
+    "static_torque",
+    "friction_map",
+    "gravity",
+    "friction_model",
+    "inertia",
+    "compensation",
+    "robustness",
+    "calibration",
+)
+"""Experiments on each perturbed module; the thesis's module gets all experiments."""
+OnProgress = Callable[[str, str, float], None]
+"""Called with the module, the experiment, and the share of it that is done."""
+_SOURCES = Path(__file__).resolve().parents[1]
+_MADE_OF = ("plant", "control", "identification", "calibration", ".")
+_ONLY_SHOWN = ("page.py", "report.py", "reproduce.py", "figures.py", "figure_style.py")
 _NARROWEST = 110  # columns where the output goes into a file
 
 
@@ -64,7 +88,7 @@ def command(
                 for seed in (None, *range(first_seed, first_seed + seeds))
             ]
         with console.status("drawing and writing the page"):
-            report = write_page(folder, modules, time.monotonic() - begun)
+            page, report = write_page(folder, modules, time.monotonic() - begun)
     except KeyboardInterrupt:
         console.print(f"[bold red]stopped[/]; finished results are in {folder}: run it again")
         sys.exit(130)
@@ -72,9 +96,67 @@ def command(
         console.print(f"[bold red]reproduce failed: {error}[/]", soft_wrap=True)
         sys.exit(1)
     console.print(*report.tables(), sep="\n")
-    console.print(f"All in {time.monotonic() - begun:.0f} s. The report: {report.page}")
+    console.print(f"All in {time.monotonic() - begun:.0f} s. The report: {page}")
     if strict and any(miss.serious for miss in report.misses):
         sys.exit(3)
+
+
+def examine(
+    seed: int | None,
+    folder: Path,
+    pool: ProcessPoolExecutor,
+    on_progress: OnProgress,
+    experiments: Sequence[str] = (),
+    plant: Path | None = None,
+) -> Module:
+    """Run experiments on one module, reusing finished trials of an earlier run.
+
+    experiments: by name; none = all for the thesis's module, those of `ON_EVERY_MODULE` for
+    another. After a failed experiment the others continue. Raises Cancelled, SettingError.
+    """
+    world, loop = load_world(plant, seed), LoopSettings()
+    name = "thesis" if seed is None else f"seed_{seed}"
+    wanted = experiments or (EXPERIMENTS if seed is None else ON_EVERY_MODULE)
+    bench = InProcessBench(world, loop, seed=1 if seed is None else seed)
+
+    def progress(doing: str, done: float, total: float) -> None:
+        on_progress(name, doing, done / total if total else 1.0)
+
+    lab = Lab(bench, folder / name, progress, _fingerprint(), pool)
+    outcomes = {}
+    for experiment in EXPERIMENTS:
+        if experiment in wanted:
+            on_progress(name, experiment, 0.0)
+            outcomes[experiment] = _outcome(lab, experiment, name)
+            on_progress(name, experiment, 1.0)
+    return Module(seed, world, loop, folder / name, outcomes)
+
+
+def _outcome(lab: Lab, experiment: str, module: str) -> Outcome:
+    begun = time.monotonic()
+    entry = EXPERIMENTS[experiment]
+    settings = entry.settings()
+    if "serial" in settings._fields:
+        serial = "SIM-0001" if module == "thesis" else f"SIM-{module}"
+        settings = settings._replace(serial=serial)
+    for end in (".yaml", ".npz"):  # of an earlier run: a failure must not leave it to the others
+        (lab.folder / f"{experiment}{end}").unlink(missing_ok=True)
+    try:
+        result = entry.run(lab, settings)
+        result.save(lab.folder)
+    except (ValueError, NotPossible, MissingResult) as error:
+        return Outcome(None, str(error), time.monotonic() - begun)
+    return Outcome(result, "", time.monotonic() - begun)
+
+
+def _fingerprint() -> str:
+    """Return a digest of all sources and files that determine an experiment's result."""
+    digest = hashlib.sha256(Path(resource_path(THESIS_FILE)).read_bytes())
+    for folder in _MADE_OF:
+        for file in sorted((_SOURCES / folder).glob("*.py")):
+            if file.name not in _ONLY_SHOWN:
+                digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _remove_own(folder: Path) -> None:
@@ -87,8 +169,7 @@ def _remove_own(folder: Path) -> None:
 @contextmanager
 def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnProgress]:
     """Show progress bars of the current experiment and of the whole run."""
-    first = len(only or EXPERIMENTS)
-    total = first + seeds * len(only or ON_EVERY_MODULE)
+    total = len(only or EXPERIMENTS) + seeds * len(only or ON_EVERY_MODULE)
     columns = (
         TextColumn("{task.description:38}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
     )  # fmt: skip
@@ -111,5 +192,3 @@ def _shown(console: Console, only: tuple[str, ...], seeds: int) -> Iterator[OnPr
 def main() -> None:
     """Console entry point."""
     command()
-
-

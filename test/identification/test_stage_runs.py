@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from screw_module_ros.identification.friction_bins import (
+from screw_module_ros.identification.stage_runs import (
     BINS,
     CENTRES_MM,
     binned,
@@ -83,11 +83,6 @@ def test_the_filter_passes_a_decade_and_stops_30_hz_above(speed, rate):
     assert gain == pytest.approx([1.0, 1.0, 0.0, 0.0], abs=1e-3)
 
 
-def test_the_cutoff_of_25_mm_per_second_is_that_of_fig_5_9():
-    assert cutoff_hz(0.025) == pytest.approx(13.1, abs=0.1)
-    assert cutoff_hz(0.15) == pytest.approx(78.7, abs=0.1)
-
-
 def test_the_filter_does_not_delay():
     time = np.arange(8000) / RATE
     slow = np.sin(2.0 * np.pi * 3.0 * time)
@@ -95,18 +90,7 @@ def test_the_filter_does_not_delay():
     assert smooth[300:-300] == pytest.approx(slow[300:-300], abs=1e-4)
 
 
-def test_a_rate_too_low_for_the_speed_is_refused():
-    with pytest.raises(ValueError, match="samples per second are too few"):
-        lowpass_taps(0.15, 200.0)
-
-
 def test_a_nut_that_does_not_follow_the_stage_is_refused():
     trial, samples = stage_run(0.05)
     with pytest.raises(ValueError, match="is the stage coupled"):
         binned(trial, samples._replace(position=0.5 * samples.position))
-
-
-def test_a_run_too_short_is_refused():
-    trial, samples = stage_run(0.05)
-    with pytest.raises(ValueError, match="samples"):
-        binned(trial, Samples(*(None if each is None else each[:300] for each in samples)))

@@ -7,6 +7,7 @@ the thesis's 2 kHz with the plant's finer substeps, without buses and processes.
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import math
 import zlib
@@ -17,38 +18,25 @@ import numpy as np
 from ..calibration.module import thesis_friction
 from ..compiled import compiled, packed
 from ..control import modes
+from ..control.friction import FrictionModel
 from ..control.limits import CommandLimits
+from ..control.linearization import IDENTITY, default_linearization
 from ..control.torque_chain import TorqueChain
 from ..control.vertical import initial_state
 from ..control.vertical_settings import VerticalSettings
 from ..filters import lowpass_coefficients, velocity_settled
-from ..plant.instruments import CurrentSensorState, current_sensor_params
-from ..plant.module import FREE, LOCKED_ROTOR, resting_state, vertical_params
-from ..plant.patient import HumanArm, arm_force, resting
+from ..geometry import COUNTS_PER_TURN, SCREW, counts_to_height
+from ..plant.instruments import CurrentSensorState, analyzed, current_sensor_params
+from ..plant.module import FREE, HUMAN_ARM, LOCKED_ROTOR, STAGE, resting_state, vertical_params
+from ..plant.patient import HandPath, HumanArm, arm_force, resting
 from ..plant.sensor import measured_wrench, seeded, sensor_params
 from ..plant.settings import WorldSettings, changed_later
 from ..settings import Setting, validated
-from .in_process_trials import (
-    ZERO_S,
-    analyzer_samples,
-    asked_for,
-    counted,
-    hand_path,
-    length_of,
-    samples_of,
-    tared,
-)
-from .loop import (
-    COLUMNS,
-    REST,
-    LoopParams,
-    LoopState,
-    Transducer,
-    nothing_under_way,
-    run_ticks,
-)
-from .planar_loop import plane_samples
+from .plane_loop import plane_samples
 from .trials import (
+    TRUTH,
+    WAY_S,
+    WAYS_OUT,
     AnalyzerTrial,
     MotionTrial,
     NotPossible,
@@ -59,7 +47,20 @@ from .trials import (
     TorqueTrial,
     Trial,
 )
+from .vertical_loop import (
+    COLUMNS,
+    LAW,
+    REST,
+    SINE,
+    LoopParams,
+    LoopState,
+    Transducer,
+    nothing_under_way,
+    run_ticks,
+)
 
+ZERO_S = 0.5  # over which the transducer's zero is averaged
+_SIDE_OMEGA = 2.0  # of the sideways force [rad/s]
 _CHUNK = 100_000  # ticks between two reports of progress
 _HUNG_AT = 0.25  # height at which friction holds the free handle [m]
 _SETTLE_S = 3.0  # for the spring to fade in
@@ -90,6 +91,8 @@ class InProcessBench:
     substeps: the delay is rounded up. Torque trials have half the substep, so that it is exact.
     """
 
+    offers = frozenset({*WAYS_OUT, TRUTH})
+
     def __init__(self, world: WorldSettings, loop: LoopSettings | None = None, seed: int = 1):
         self.world = world
         self.loop = validated(loop or LoopSettings())
@@ -98,6 +101,10 @@ class InProcessBench:
         self.seed = seed
         self._thesis = thesis_friction()
         self._run = compiled(run_ticks)
+
+    def __reduce__(self):
+        """Let worker processes have one bench each for many trials."""
+        return _bench_of_process, (self.world, self.loop, self.seed)
 
     def record(self, trial: Trial, on_progress: OnProgress) -> Samples:
         """Do a trial. Raises NotPossible for an impossible rate, and errors of `on_progress`."""
@@ -245,8 +252,93 @@ class InProcessBench:
         return rows, state
 
 
+@functools.lru_cache(maxsize=1)
+def _bench_of_process(world: WorldSettings, loop: LoopSettings, seed: int) -> InProcessBench:
+    return InProcessBench(world, loop, seed)
+
+
 def hash_of(*settings: tuple) -> str:
     """Return a short digest of settings, which identifies a module or loop."""
     return hashlib.sha256(repr(settings).encode()).hexdigest()[:10]
 
 
+def asked_for(quiet: LoopParams, trial: Trial, thesis: FrictionModel) -> LoopParams:
+    """Return the parameters `quiet` with those of the trial; thesis: default friction model."""
+    if isinstance(trial, TorqueTrial):
+        return quiet._replace(
+            kind=SINE,
+            fixture=LOCKED_ROTOR,
+            amplitude=float(trial.amplitude),
+            omega=2.0 * math.pi * trial.frequency,
+            chain=quiet.chain._replace(linearization=trial.linearization or IDENTITY),
+        )
+    if isinstance(trial, StageTrial):
+        return quiet._replace(
+            fixture=STAGE,
+            upright=-1.0 if trial.upside_down else 1.0,
+            stage_speed=abs(float(trial.speed)),
+            stage_target=float(trial.end),
+        )
+    return quiet._replace(
+        kind=LAW,
+        fixture=HUMAN_ARM,
+        mode=trial.mode,
+        law=trial.settings.validated(),
+        friction=trial.friction or thesis,
+        chain=quiet.chain._replace(linearization=trial.linearization or default_linearization()),
+        centre=float(trial.centre),
+        path=resting(float(trial.centre)),
+        side_force=float(trial.side_force),
+        side_omega=_SIDE_OMEGA,
+    )
+
+
+def hand_path(trial: MotionTrial) -> HandPath:
+    """Return the path of the virtual hand during the excitation."""
+    c, way = float(trial.centre), float(trial.way)
+    amplitude, omega, tremor = map(float, (trial.amplitude, trial.omega, trial.tremor))
+    return HandPath(c, c + way, 0.0, WAY_S if way else 0.0, amplitude, omega, tremor)
+
+
+def length_of(trial: Trial) -> float:
+    """Return the duration of the samples [s], with a stage's acceleration and braking."""
+    if isinstance(trial, StageTrial):
+        return abs(trial.end - trial.start) / abs(trial.speed) + 0.05
+    return trial.duration
+
+
+def counted(height: float) -> float:
+    """Return a height [m] rounded to the encoder's counts."""
+    return counts_to_height(math.floor(height / SCREW.lead * COUNTS_PER_TURN))
+
+
+def tared(params: LoopParams, force: float, torque: float) -> LoopParams:
+    """Return the parameters with this force [N] and torque [Nm] as the transducer's zero."""
+    t = params.transducer
+    tared = t._replace(force_zero=t.force_zero - force, torque_zero=t.torque_zero - torque)
+    return params._replace(transducer=tared)
+
+
+def samples_of(rows: np.ndarray, params: LoopParams, force: float, torque: float) -> Samples:
+    """Return the rows as samples, without the zeros' drift to `force` [N] and `torque` [Nm]."""
+    time = np.arange(len(rows)) * params.period
+    drifted = (time + 0.5 * ZERO_S) / (len(rows) * params.period + ZERO_S)
+    return Samples(
+        time,
+        rows[:, 0],
+        rows[:, 1],
+        rows[:, 2] - drifted * force,
+        rows[:, 3] - drifted * torque,
+        rows[:, 4],
+        *rows[:, 5:].T,
+    )
+
+
+def analyzer_samples(world: WorldSettings, trial: AnalyzerTrial) -> Samples:
+    """Return command and current of an amplifier on an analyser; all other samples are zero."""
+    command, current = analyzed(
+        world.amplifier, trial.frequency, trial.amplitude, trial.duration, trial.rate
+    )
+    nothing = np.zeros_like(command)
+    time = np.arange(len(command)) / trial.rate
+    return Samples(time, nothing, nothing, nothing, nothing, command, current)

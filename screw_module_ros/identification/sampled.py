@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frequency responses: sines by least squares, and chains between D/A and A/D (appendix C).
+
+The command is held over a sample period and passes, with a `delay`, through a chain of poles; the
+chain's output is sampled. The response at w is the sum over all aliases v = w + n ws (thesis
+eq 4.2): (1/Ts) sum over n of G(j v) exp(-j v delay) (1 - exp(-j v Ts)) / (j v).
+`sampled_response` computes it in closed form. A stepped sine (`torque_sweep`) measures it.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .lab import Lab, MissingResult, Part
+from .static_torque import desired_torque
+from .trials import Samples, TorqueTrial
+
+_WORST_CONDITION = 1e5  # of the fit: above it two parameters are not distinguishable
+_APART = 1e-6  # poles closer than this, relatively, are moved apart
+SETTLE_S = 0.05
+"""Excluded start of each sine [s]: many time constants of the slowest pole, 221 Hz."""
+
+
+class Sine(NamedTuple):
+    """Part of a signal at one frequency: Re(amplitude exp(j w t)).
+
+    error: standard error of the real and of the imaginary part; offset: mean of the signal;
+    residual: standard deviation of the residual. Units are the signal's.
+    """
+
+    amplitude: complex
+    error: float
+    offset: float
+    residual: float
+
+
+class Response(NamedTuple):
+    """Output over input at one frequency.
+
+    error: standard error of the real and of the imaginary part; it is also that of the magnitude
+    and, divided by the magnitude, of the phase [rad].
+    """
+
+    value: complex
+    error: float
+
+
+class Chain(NamedTuple):
+    """Poles in series: G(s) = gain x product of -p / (s - p); gain is that at zero frequency.
+
+    poles [1/s], complex ones with their conjugates; none at all = a wire.
+    """
+
+    gain: float
+    poles: tuple[complex, ...]
+
+
+class Fit(NamedTuple):
+    """values and their standard errors; misfit: root mean square of |model / measured - 1|."""
+
+    values: np.ndarray
+    errors: np.ndarray
+    misfit: float
+
+
+class Sweep(NamedTuple):
+    """Result of a swept sine: frequencies [Hz], response, standard error of real and imaginary."""
+
+    frequencies: np.ndarray
+    values: np.ndarray
+    errors: np.ndarray
+
+
+class Amplifier(NamedTuple):
+    """Assumed amplifier: pole [Hz], delay [s], and a note about their source."""
+
+    pole: float
+    delay: float
+    note: str
+
+
+WIRE = Chain(1.0, ())
+
+
+def fit_sine(
+    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool = False
+) -> Sine:
+    """Fit a sine with an offset to samples.
+
+    time [s]; frequency [Hz]; drift: the offset may follow a straight line.
+    Raises ValueError when the samples do not determine the sine.
+    """
+    time, values = np.asarray(time, float), np.asarray(values, float)
+    columns = _columns(time, values, frequency, drift)
+    normal = columns.T @ columns
+    if np.linalg.cond(normal) > _WORST_CONDITION**2:
+        raise ValueError(_undetermined(frequency, len(time)))
+    inverse = np.linalg.inv(normal)
+    found = inverse @ (columns.T @ values)
+    left = values - columns @ found
+    variance = float(left @ left) / (len(values) - len(found))
+    errors = np.sqrt(variance * np.diag(inverse))
+    return Sine(
+        complex(found[0], -found[1]),
+        float(math.hypot(errors[0], errors[1]) / math.sqrt(2.0)),
+        float(found[2]),
+        math.sqrt(variance),
+    )
+
+
+def response(
+    time: np.ndarray,
+    excitation: np.ndarray,
+    answer: np.ndarray,
+    frequency: float,
+    drift: bool = False,
+) -> Response:
+    """Return output over input from samples of both at the same times; arguments as `fit_sine`.
+
+    The input counts as exact: its deviation from a sine is not measurement noise. Raises ValueError
+    without an input at that frequency.
+    """
+    source = fit_sine(time, excitation, frequency, drift).amplitude
+    found = fit_sine(time, answer, frequency, drift)
+    if abs(source) <= 1e-9 * float(np.max(np.abs(excitation))) or source == 0.0:
+        raise ValueError(f"the input has no sine of {frequency:g} Hz")
+    return Response(found.amplitude / source, found.error / abs(source))
+
+
+def _columns(
+    time: np.ndarray, values: np.ndarray, frequency: float, drift: bool
+) -> np.ndarray:
+    """Return the unknowns' columns: cosine, sine, offset, drift."""
+    if not frequency > 0.0:
+        raise ValueError(f"a sine of {frequency:g} Hz cannot be fitted")
+    if time.ndim != 1 or time.shape != values.shape:
+        raise ValueError(f"times of shape {time.shape} for values of shape {values.shape}")
+    if len(time) <= 3 + drift:
+        raise ValueError(_undetermined(frequency, len(time)))
+    if not np.all(np.isfinite(values)):
+        raise ValueError("the samples are not all finite numbers")
+    phase = 2.0 * math.pi * frequency * time
+    columns = [np.cos(phase), np.sin(phase), np.ones_like(time)]
+    if drift:
+        columns.append((time - time.mean()) / max(float(np.ptp(time)), 1e-300))
+    return np.column_stack(columns)
+
+
+def _undetermined(frequency: float, count: int) -> str:
+    return f"{count} samples do not determine a sine of {frequency:g} Hz: record for longer"
+
+
+def first_order(bandwidth: float) -> Chain:
+    """Return a first-order low pass of a bandwidth [Hz] (C.1)."""
+    return Chain(1.0, (complex(-2.0 * math.pi * bandwidth),))
+
+
+def second_order(inertia: float, damping: float, stiffness: float) -> Chain:
+    """Return K / (J s^2 + B s + K) (C.3): torque at the transducer that locks the rotor.
+
+    inertia J [kg m^2], damping B [Nm s/rad], stiffness K [Nm/rad].
+    """
+    half, square = 0.5 * damping / inertia, stiffness / inertia
+    fast = -half - cmath.sqrt(half * half - square)
+    return Chain(1.0, (square / fast, fast))
+
+
+def current_sensor() -> Chain:
+    """Return the current sensor's circuit of C.2, volts per ampere."""
+    gain = 0.1 * (1.0 + 33_200.0 / 1_000.0)
+    square = 1.0 / (19_600.0 * 20_000.0 * 5e-9 * 1.5e-8)
+    return second_order(1.0, (19_600.0 + 20_000.0) * 5e-9 * square, square)._replace(gain=gain)
+
+
+def series(*chains: Chain) -> Chain:
+    """Return chains one after the other."""
+    return Chain(
+        math.prod(chain.gain for chain in chains), sum((chain.poles for chain in chains), ())
+    )
+
+
+def continuous_response(chain: Chain, frequencies: np.ndarray, delay: float = 0.0) -> np.ndarray:
+    """Return G(jw) exp(-jw delay) at frequencies [Hz]; delay [s]."""
+    s = 2j * math.pi * np.asarray(frequencies, float)
+    answer = chain.gain * np.exp(-s * delay)
+    for pole in chain.poles:
+        answer = answer * (-pole / (s - pole))
+    return answer
+
+
+def sampled_response(
+    chain: Chain, frequencies: np.ndarray, rate: float, delay: float
+) -> np.ndarray:
+    """Return the exact response between held commands and samples, frequencies [Hz].
+
+    rate: samples per second [1/s]; delay: from a sample to its command, plus the delay of the chain
+    [s]. Sample k is taken just before a command without delay acts. Raises ValueError for a
+    negative delay.
+    """
+    if not delay >= 0.0:
+        raise ValueError(f"delay = {delay!r} s: zero or more is wanted")
+    period = 1.0 / rate
+    z = np.exp(2j * math.pi * np.asarray(frequencies, float) * period)
+    if not chain.poles:
+        return chain.gain * z ** -math.ceil(delay / period * (1.0 - 1e-12))
+    whole = math.floor(delay / period * (1.0 + 1e-12))
+    early = max(delay - whole * period, 0.0)  # of a period, before the delayed command changes
+    late = period - early
+    poles = _apart(chain.poles)
+    answer = np.zeros_like(z)
+    for number, pole in enumerate(poles):
+        others = poles[:number] + poles[number + 1 :]
+        share = -pole * math.prod(-other / (pole - other) for other in others)
+        newer = np.expm1(pole * late) / pole
+        older = cmath.exp(pole * late) * np.expm1(pole * early) / pole
+        answer += share * (newer + older / z) / (z - cmath.exp(pole * period))
+    return chain.gain * answer / z**whole
+
+
+def held_twice_response(
+    chain: Chain, frequencies: np.ndarray, rate: float, delay: float
+) -> np.ndarray:
+    """Return the response of the thesis's block diagram as drawn (fig C-1), without aliasing.
+
+    It has a hold for the D/A and another for the A/D: half a period more lag than in the samples.
+    """
+    frequencies = np.asarray(frequencies, float)
+    return continuous_response(chain, frequencies, delay) * _hold(frequencies, rate) ** 2
+
+
+def fit_response(
+    model: Callable[[np.ndarray], np.ndarray],
+    measured: np.ndarray,
+    start: Sequence[float],
+    low: Sequence[float],
+    high: Sequence[float],
+) -> Fit:
+    """Fit a model's parameters to a measured response, with equal weights of the frequencies.
+
+    model: parameters -> complex response; start, low, high: initial values and bounds of the
+    parameters. The standard errors come from the scatter of the measurement about the model. Raises
+    ValueError for too few frequencies.
+    """
+    count = len(start)
+    unknowns = 2 * len(measured) - count
+    if unknowns <= 0:
+        raise ValueError(f"{len(measured)} frequencies do not determine {count} numbers")
+
+    def relative(numbers: np.ndarray) -> np.ndarray:
+        off = model(numbers) / measured - 1.0
+        return np.concatenate([off.real, off.imag])
+
+    size = np.abs(start)
+    found = least_squares(
+        relative, start, bounds=(low, high), x_scale=size, xtol=1e-12, ftol=1e-12
+    )
+    square = 2.0 * found.cost
+    slopes = found.jac * size  # alike in size, so that the inverse is a good one
+    covariance = np.linalg.pinv(slopes.T @ slopes) * square / unknowns
+    errors = size * np.sqrt(np.diag(covariance))
+    return Fit(found.x, errors, math.sqrt(square / len(measured)))
+
+
+def _hold(frequencies: np.ndarray, rate: float) -> np.ndarray:
+    """Return the zero-order hold (1 - exp(-j w T)) / (j w T) at frequencies [Hz]."""
+    return np.sinc(frequencies / rate) * np.exp(-1j * math.pi * frequencies / rate)
+
+
+def _apart(poles: tuple[complex, ...]) -> tuple[complex, ...]:
+    """Return the poles with equal ones slightly separated, as the partial fractions require."""
+    kept: list[complex] = []
+    for pole in poles:
+        while any(abs(pole - other) < _APART * abs(pole) for other in kept):
+            pole *= 1.0 + 2.0 * _APART
+        kept.append(pole)
+    return tuple(kept)
+
+
+def whole_cycles(frequency: float, cycles: int, shortest: float) -> float:
+    """Return the time of at least `cycles` whole cycles that last at least `shortest` [s]."""
+    return max(cycles, math.ceil(shortest * frequency - 1e-9)) / frequency
+
+
+def torque_sweep(
+    frequencies: Sequence[float], trial: TorqueTrial, cycles: int, channel: str
+) -> dict[str, TorqueTrial]:
+    """Return a trial for each frequency [Hz], at the amplitude, linearization and rate of `trial`.
+
+    channel: part of the trials' names.
+    """
+    rate = f"-{trial.rate:g}" if trial.rate else ""
+    return {
+        f"{channel}{rate}-{number:02d}": trial._replace(
+            frequency=float(frequency),
+            duration=SETTLE_S + whole_cycles(frequency, cycles, 1.0),
+        )
+        for number, frequency in enumerate(frequencies)
+    }
+
+
+def torque_part(trial: TorqueTrial, samples: Samples) -> Part:
+    """Return the response of torque to desired torque."""
+    return _part(trial, samples, samples.torque)
+
+
+def current_part(trial: TorqueTrial, samples: Samples) -> Part:
+    """Return the response of the current sensor to desired torque [V/Nm]."""
+    return _part(trial, samples, samples.current)
+
+
+def _part(trial: TorqueTrial, samples: Samples, answer: np.ndarray) -> Part:
+    kept = samples.time >= SETTLE_S
+    commanded = desired_torque(trial.linearization, samples.command)
+    found = response(samples.time[kept], commanded[kept], answer[kept], trial.frequency, drift=True)
+    return {
+        "frequency": np.array(trial.frequency),
+        "value": np.array(found.value),
+        "error": np.array(found.error),
+    }
+
+
+def sweep_of(parts: Mapping[str, Part]) -> Sweep:
+    """Return the parts of a sweep as arrays, in the order of the trials."""
+    columns = ("frequency", "value", "error")
+    return Sweep(*(np.array([part[name] for part in parts.values()]) for name in columns))
+
+
+def known_amplifier(lab: Lab, pole: float, delay: float) -> Amplifier:
+    """Return the amplifier as measured in this lab, else with this pole [Hz] and delay [s]."""
+    try:
+        found = lab.result("amplifier_response")
+    except MissingResult:
+        return Amplifier(
+            pole, delay, f"Amplifier as in the settings: {pole:g} Hz, {1e6 * delay:g} us."
+        )
+    pole, delay = found.value("pole"), found.value("delay")
+    return Amplifier(
+        pole, delay, f"Amplifier as measured by {found.experiment}: {pole:.4g} Hz, "
+        f"{1e6 * delay:.3g} us.",
+    )  # fmt: skip
